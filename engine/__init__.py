@@ -1,7 +1,7 @@
-"""The domain library; knows nothing of MCP.
+"""The domain library; it does not depend on MCP.
 
-Its packages stand in an order that import-linter holds (``pyproject.toml``): each imports only those below it, and of
-them only the names on their *face*, which is the ``__init__.py``. ``criticality`` is a package of one file.
+import-linter enforces the order of its packages (``pyproject.toml``): each imports only those below it, and only the
+names on their *face*, which is the ``__init__.py``. ``criticality`` is a package of one file.
 """
 
 import ast
@@ -12,10 +12,10 @@ from pathlib import Path
 
 
 def lazy_face(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
-    """``__getattr__`` and ``__dir__`` of a package that imports a name's module when the name is first asked for.
+    """Return ``__getattr__`` and ``__dir__`` for a package that imports a name's module on first use of the name.
 
-    The names are those that the package imports by relative paths under ``TYPE_CHECKING``, where type checkers,
-    editors and import graphs read them too. The server's process imports many faces and must not load numpy for it.
+    The names are those that the package imports by relative paths under ``TYPE_CHECKING``, where type checkers, editors
+    and import graphs read them too. The server's process imports many faces and must not load numpy for this.
 
     Args:
         package: the package's ``__name__``.
@@ -34,7 +34,7 @@ def lazy_face(package: str, file: str) -> tuple[Callable[[str], object], Callabl
 
 
 def _names_on_face(file: Path) -> dict[str, str]:
-    """The relative module of each name that a face imports."""
+    """Return the relative module of each name that a face imports."""
     checked = (node for node in ast.parse(file.read_bytes()).body if isinstance(node, ast.If))
     imports = (node for block in checked for node in block.body if isinstance(node, ast.ImportFrom) and node.level)
     return {alias.name: "." * node.level + (node.module or "") for node in imports for alias in node.names}

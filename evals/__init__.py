@@ -1,1 +1,1 @@
-"""Evaluation of agents: a corpus of requests, an agent that carries them out with the server's tools, and its score."""
+"""Evaluation of agents: a corpus of requests, an agent that fulfils them with the server's tools, and its score."""

@@ -1,7 +1,7 @@
-"""What an evaluated agent is given and what it did: the values that corpora, agents, scorers and tables share.
+"""The input and output of an evaluated agent: values shared by corpora, agents, scorers and tables.
 
-A corpus gives ``EvalRequest``; an ``EvaluatedAgent`` carries one out with a ``ToolSession`` and gives an ``Attempt``;
-a scorer looks at both, and at what stands in the workspace, and gives a ``Score``.
+A corpus provides ``EvalRequest``. An ``EvaluatedAgent`` handles one with a ``ToolSession`` and returns an ``Attempt``.
+A scorer examines both, and the content of the workspace, and returns a ``Score``.
 """
 
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ Expectation = Literal["ok", "empty", "refuse", "clarify"]
 Condition = Literal["baseline", "cp", "cp_cot", "cp_icl", "cp_icl_cot"]
 """The paper's five prompt conditions."""
 Ending = Literal["answered", "asked", "refused", "failed"]
-"""How an attempt ended: with an answer, with a question back, with a refusal of the agent itself, or broken off."""
+"""The end of an attempt: an answer, a question back, a refusal by the agent itself, or a failure."""
 
 
 @dataclass(frozen=True)
 class EvalTurn:
-    """A turn of a conversation: what is said, what has to come out, and of which kind it is (``e2e`` corpora)."""
+    """A turn of a conversation: its text, the expected result, and its kind (``e2e`` corpora)."""
 
     text: str
     action: str
@@ -30,8 +30,9 @@ class EvalTurn:
 class EvalRequest:
     """A line of a corpus.
 
-    ``corpus`` is the name of the file's task as written there (``modification_T``), ``history`` earlier turns as
-    (role, text), ``context`` what is in force before (tuning), ``scenario`` and ``map_file`` names of files to work on.
+    ``corpus`` is the name of the file's task as written there (``modification_T``). ``history`` lists earlier turns as
+    (role, text). ``context`` is the state before the request (tuning). ``scenario`` and ``map_file`` are names of files
+    to work on.
     """
 
     request_id: str
@@ -50,7 +51,7 @@ class EvalRequest:
 
 @dataclass(frozen=True)
 class MadeCall:
-    """A call as it was made and answered; ``turn`` counts the turns of a conversation from 0."""
+    """A call with its answer; ``turn`` counts the turns of a conversation from 0."""
 
     tool: str
     arguments: Mapping[str, Any]
@@ -63,10 +64,10 @@ class MadeCall:
 
 @dataclass(frozen=True)
 class Attempt:
-    """What an agent did with a request.
+    """An agent's handling of a request.
 
-    Tokens are those that the model's server counted, or 0 for agents without a model; ``rounds`` how often the model
-    was asked; ``answers`` the last words of each turn; ``failure`` says why an attempt was broken off.
+    Tokens are as counted by the model's server, or 0 for agents without a model. ``rounds`` counts requests to the
+    model; ``answers`` are the last texts of each turn; ``failure`` states why an attempt failed.
     """
 
     request_id: str
@@ -82,10 +83,10 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Score:
-    """Verdicts on an attempt by column of the paper's table; None where a column does not apply.
+    """Verdicts on an attempt by column of the paper's table; None if a column does not apply.
 
-    ``done`` is the headline: what was asked for is there, in the world and not in the arguments alone; ``misses`` say
-    in words why a column failed.
+    ``done`` is the main result: the request is fulfilled in the workspace, not only in the arguments. ``misses``
+    explain failed columns.
     """
 
     request_id: str
@@ -98,15 +99,15 @@ class ToolSession(Protocol):
     """A connection to the server under evaluation."""
 
     async def call(self, tool: str, arguments: Mapping[str, Any], turn: int = 0) -> MadeCall:
-        """Make a call and wait for its answer; of work that becomes a job, for its end."""
+        """Make a call and wait for its answer; if it becomes a job, wait for the job's end."""
 
 
 class EvaluatedAgent(Protocol):
-    """Whatever turns a request into calls: a language model, the ground truth, a floor, a journal."""
+    """Turns a request into calls: a language model, the ground truth, a floor, a journal."""
 
     @property
     def name(self) -> str:
-        """The name by which ``--agent`` finds it, such as ``oracle`` or ``ollama:qwen3:8b``."""
+        """Return the name for ``--agent``, such as ``oracle`` or ``ollama:qwen3:8b``."""
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Carry a request out. What goes wrong with a model or a call is in the attempt, never raised."""
+        """Handle a request. Failures of a model or a call are recorded in the attempt, never raised."""

@@ -1,6 +1,6 @@
-"""An evaluation: requests through an agent and a server, scored one by one, several at a time; it can be broken off.
+"""Runs an evaluation: sends requests through an agent and a server, and scores each; several at a time, resumable.
 
-What is there of an earlier run with the same settings is kept: only requests without a row are carried out.
+Results of an earlier run with the same settings are kept: only requests without a row run.
 """
 
 import hashlib
@@ -21,27 +21,27 @@ from .results.rows import AGENT_FAILED, JUDGE_FAILED, Row, RowFile, row_of
 
 
 class WorkspaceSession(ToolSession, Protocol):
-    """A session whose server's workspace can be looked at."""
+    """A session with access to the server's workspace."""
 
     @property
     def workspace(self) -> Path:
-        """The folder in which what was made is stored."""
+        """The folder of the server's artifacts."""
 
 
 Scorer = Callable[[EvalRequest, Attempt, Path], Score]
-"""Scores an attempt at a request; the path is the workspace of the server that the agent used."""
+"""Scores an attempt at a request; the path is the workspace of the agent's server."""
 OpenSession = Callable[[int, EvalRequest], AbstractAsyncContextManager[WorkspaceSession]]
-"""A session with the server of a worker, by its number from 0 and its first request; no two workers share one."""
+"""Opens a session with the server of a worker, by its number from 0 and its first request; workers share none."""
 OnRow = Callable[[Row, int, int], None]
-"""Is told of every row, of how many are there, and of how many there will be."""
+"""Receives each row, the number of finished rows, and the total."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What is evaluated: an agent under a condition, the scorer, and the seed of what the agent draws.
+    """The subject of an evaluation: an agent under a condition, the scorer, and the seed of the agent.
 
-    ``fresh``: every request gets a session of its own, so that nothing is left of the request before; agents that name
-    every id themselves need none and have one for each corpus.
+    ``fresh``: every request gets its own session, so that nothing remains of the previous one. Agents that state every
+    id themselves do not need this, and have one session per corpus.
     """
 
     agent: EvaluatedAgent
@@ -51,20 +51,20 @@ class Evaluation:
     fresh: bool = False
 
     def is_fresh(self, request: EvalRequest) -> bool:
-        """Whether a request gets a session of its own: conversations do in any case, which say "the last one"."""
+        """Return whether a request gets its own session; conversations do, because they refer to "the last one"."""
         return self.fresh or bool(request.turns)
 
 
 def rows_path(folder: Path, corpus: str) -> Path:
-    """The file of a corpus' rows in the folder of an evaluation."""
+    """Return the file of a corpus's rows in the folder of an evaluation."""
     return folder / f"{corpus}.rows.jsonl"
 
 
 def settle(folder: Path, evaluation: Evaluation, corpora: Sequence[Path]) -> None:
-    """Note in the folder what is evaluated there, or see that it is the same as what was noted.
+    """Record the evaluation's settings in the folder, or check that they equal the recorded ones.
 
     Raises:
-        InvalidRequest: the folder holds an evaluation with other settings; it names them.
+        InvalidRequest: the folder has an evaluation with other settings; the error lists them.
     """
     digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in corpora}
     wanted = _Settings(evaluation.agent.name, evaluation.condition, evaluation.seed, __version__)
@@ -77,8 +77,8 @@ def settle(folder: Path, evaluation: Evaluation, corpora: Sequence[Path]) -> Non
     ]
     if differing:
         raise InvalidRequest(
-            f"{folder} holds an evaluation with another {', '.join(differing)}",
-            next_step="name another --out folder, or delete this one",
+            f"{folder} has an evaluation with another {', '.join(differing)}",
+            next_step="use another --out folder, or delete this one",
         )
     merged = {**(known if isinstance(known, dict) else {}), **digests}
     folder.mkdir(parents=True, exist_ok=True)
@@ -102,12 +102,12 @@ async def evaluate(
     workers: int = 1,
     on_row: OnRow | None = None,
 ) -> list[Row]:
-    """Carry out the requests that have no row yet; the rows of all of them, in the order of the requests.
+    """Run the requests that have no row yet; return the rows of all of them, in the order of the requests.
 
     Raises:
         ResourceFailure: another evaluation writes to the folder.
         ToolServerGone: a server cannot be started.
-        ModelFailure: the model of the agent is gone.
+        ModelFailure: the agent's model is gone.
     """
     with ExitStack() as stack:
         corpora = dict.fromkeys(request.corpus for request in requests)
@@ -150,35 +150,35 @@ async def _work(
     open_session: OpenSession,
     keep: Callable[[Row], None],
 ) -> None:
-    """Take requests until none is left."""
+    """Take requests until there are no more."""
     request = next(waiting, None)
     while request is not None:
         async with open_session(number, request) as session:
             first = request
-            while request is not None and (request is first or _goes_on(first, request, evaluation)):
+            while request is not None and (request is first or _may_share_session(first, request, evaluation)):
                 keep(await _carried_out(request, evaluation, session))
                 request = next(waiting, None)
 
 
-def _goes_on(first: EvalRequest, request: EvalRequest, evaluation: Evaluation) -> bool:
-    """Whether a request may use the session that was opened for another one."""
+def _may_share_session(first: EvalRequest, request: EvalRequest, evaluation: Evaluation) -> bool:
+    """Return whether a request may use the session that was opened for another one."""
     return request.corpus == first.corpus and not evaluation.is_fresh(request)
 
 
 async def _carried_out(request: EvalRequest, evaluation: Evaluation, session: WorkspaceSession) -> Row:
     try:
         attempt = await evaluation.agent.attempt(request, session)
-    except AgentError:  # its model is gone: what is left would be failures of the model server's alone
+    except AgentError:  # the model is gone: all further failures would be the model server's
         raise
-    except Exception as error:  # noqa: BLE001 - the boundary of an agent: it costs its row and not the evaluation
+    except Exception as error:  # noqa: BLE001 - the boundary of an agent: an error costs its row, not the evaluation
         attempt = Attempt(request.request_id, (), (), "failed", failure=f"{AGENT_FAILED}: {error!r}")
     score = await anyio.to_thread.run_sync(_scored, evaluation.score, request, attempt, session.workspace)
     return row_of(request, attempt, score, evaluation.agent.name, evaluation.condition)
 
 
 def _scored(score: Scorer, request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """The score; where the judge itself fails, the request counts as not done, and the row says why."""
+    """Return the score; if the judge itself fails, the request counts as not done, and the row states the reason."""
     try:
         return score(request, attempt, workspace)
-    except Exception as error:  # noqa: BLE001 - the boundary of a judge: hours of other rows must not be lost to it
+    except Exception as error:  # noqa: BLE001 - the boundary of a judge: an error must not lose hours of other rows
         return Score(request.request_id, done=False, columns={}, misses=(f"{JUDGE_FAILED}: {error!r}",))

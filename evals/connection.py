@@ -1,4 +1,4 @@
-"""The server under evaluation: a child process on a workspace of its own, with the data that a corpus is about."""
+"""The server under evaluation: a child process with its own workspace and the data of a corpus."""
 
 import os
 import shutil
@@ -18,18 +18,17 @@ from ..schemas.errors import ResourceFailure
 from .attempts import MadeCall
 
 _WAIT_S = 50
-"""For which the server is asked to wait for a job: the most that it accepts."""
+"""Time for which the server is asked to wait for a job: the most that it accepts."""
 _PREPARED = "prepared"
 _IMMUTABLE = {"scenario.xml", "scenario.net.xml"}
 
 
 @dataclass(frozen=True)
 class ServerSetup:
-    """What a server under evaluation works on.
+    """The data of a server under evaluation.
 
-    ``base`` is a workspace that it begins as a copy of; ``scenarios`` and ``maps`` are folders of files that corpora
-    are about. Without any of them there are the starter catalogue and the built-in maps. ``journal``: whether calls are
-    written down in the workspace.
+    ``base`` is a workspace to copy at the start; ``scenarios`` and ``maps`` are folders of the corpora's files. Without
+    them, there are the starter catalogue and the built-in maps. ``journal``: whether the workspace records calls.
     """
 
     workspace: Path
@@ -40,14 +39,14 @@ class ServerSetup:
     journal: bool = False
 
     def command(self) -> StdioServerParameters:
-        """What starts the server."""
+        """Return the command that starts the server."""
         roots = [str(folder) for folder in (self.scenarios, self.maps) if folder]
         wanted = {
             "PLANNERFORGE_ROOTS": os.pathsep.join(roots),
             "PLANNERFORGE_MAP_FOLDERS": str(self.maps or ""),
             "PLANNERFORGE_STARTER": "false" if self.scenarios else "true",
             "PLANNERFORGE_WARM_UP": "false",
-            "PLANNERFORGE_MAPS_ONLINE": "offline",  # requests for places that no map shows have to be refused
+            "PLANNERFORGE_MAPS_ONLINE": "offline",  # requests for places without a map must be refused
             "PLANNERFORGE_WORKERS": "1",
             "PLANNERFORGE_JOURNAL": "true" if self.journal else "false",
         }
@@ -58,33 +57,33 @@ class ServerSetup:
 
 
 class ServerSession:
-    """A ``ToolSession`` over MCP. ``workspace`` is the folder in which what was made is stored."""
+    """A ``ToolSession`` over MCP. ``workspace`` is the folder of its artifacts."""
 
     def __init__(self, connection: ToolConnection, workspace: Path) -> None:
         self.connection, self.workspace = connection, workspace
 
     async def call(self, tool: str, arguments: Mapping[str, Any], turn: int = 0) -> MadeCall:
-        """Make a call and wait for its answer; see ``ToolSession``. A server that is gone is an error in the answer."""
+        """Make a call and wait for its answer; see ``ToolSession``. If the server is gone, the answer is an error."""
         began = time.perf_counter()
         try:
             await self.connection.ready()
-            answer = await self.connection.call(tool, arguments, _unheard)
+            answer = await self.connection.call(tool, arguments, _ignore_progress)
             while answer.structured.get("state") == "running" and "job_id" in answer.structured and tool != "get_job":
                 polled = {"job_id": answer.structured["job_id"], "wait_s": _WAIT_S}
-                answer = await self.connection.call("get_job", polled, _unheard)
+                answer = await self.connection.call("get_job", polled, _ignore_progress)
         except ToolServerGone as error:
             answer = ToolAnswer(error.text, {}, is_error=True)
         spent_s = time.perf_counter() - began
         return MadeCall(tool, arguments, answer.text, answer.structured, answer.is_error, spent_s, turn)
 
 
-def _unheard(share: float | None, message: str) -> None:
+def _ignore_progress(share: float | None, message: str) -> None:
     del share, message
 
 
 @asynccontextmanager
 async def open_session(setup: ServerSetup) -> AsyncIterator[ServerSession]:
-    """A session with a server that is started for it and ends with it.
+    """Open a session with a server that starts for it and ends with it.
 
     Raises:
         ToolServerGone: the server cannot be started.
@@ -95,10 +94,10 @@ async def open_session(setup: ServerSetup) -> AsyncIterator[ServerSession]:
 
 
 async def prepare(setup: ServerSetup) -> None:
-    """Fill the workspace with the scenarios that corpora are about; once, however often it is asked for.
+    """Fill the workspace with the corpora's scenarios, once.
 
     Raises:
-        ResourceFailure: the server refused to take the scenarios in.
+        ResourceFailure: the server refused to import the scenarios.
         ToolServerGone: the server cannot be started.
     """
     mark = setup.workspace / _PREPARED
@@ -114,8 +113,8 @@ async def prepare(setup: ServerSetup) -> None:
             answer = await session.call("describe_catalog", {})
         if answer.is_error:
             raise ResourceFailure(
-                f"the scenarios in {setup.scenarios} cannot be taken in: {answer.text}",
-                next_step="name a folder of CommonRoad files by --scenarios",
+                f"the scenarios in {setup.scenarios} cannot be imported: {answer.text}",
+                next_step="use a folder of CommonRoad files with --scenarios",
             )
     mark.touch()
 
@@ -126,12 +125,12 @@ def _copy(workspace: Path, target: Path) -> None:
         shutil.copytree(workspace, target, ignore=unmarked, copy_function=_linked)
     except (OSError, shutil.Error) as error:
         raise ResourceFailure(
-            f"the workspace {workspace} cannot be copied: {error}", next_step="name a workspace by --workspace"
+            f"the workspace {workspace} cannot be copied: {error}", next_step="use a workspace with --workspace"
         ) from error
 
 
 def _linked(source: str, target: str) -> None:
-    """Artifacts are never changed: their files are linked where the disk allows it, all others are copied."""
+    """Link files of artifacts, which never change, if the disk allows it; copy all others."""
     if Path(source).name in _IMMUTABLE:
         try:
             os.link(source, target)
@@ -142,7 +141,7 @@ def _linked(source: str, target: str) -> None:
 
 
 def copied(setup: ServerSetup, workspace: Path) -> ServerSetup:
-    """The same setup on a new copy of its prepared workspace; what was there is gone."""
+    """Return the setup with a new copy of its prepared workspace, which replaces an old copy."""
     shutil.rmtree(workspace, ignore_errors=True)
     _copy(setup.workspace, workspace)
     return replace(setup, workspace=workspace)

@@ -1,4 +1,4 @@
-"""Corpora: files of requests with their ground truth, one JSON object a line; the package's, or a user's own."""
+"""Corpora: files of requests with their ground truth, one JSON object per line; the package's, or a user's own."""
 
 import json
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from ..schemas.errors import InvalidRequest, UnknownName
 from .attempts import EvalRequest, EvalTurn, Task
 
 TASKS: tuple[Task, ...] = get_args(Task)
-"""All tasks, in the order in which ``all`` takes them."""
+"""All tasks, in the order of ``all``."""
 CORPORA: Mapping[Task, tuple[str, ...]] = {
     "generation": ("generation",),
     "selection": ("selection",),
@@ -21,17 +21,17 @@ CORPORA: Mapping[Task, tuple[str, ...]] = {
     "tuning": ("tuning",),
     "e2e": ("e2e",),
 }
-"""Names of the corpora of each task: a file of this name with ``.jsonl`` behind it."""
+"""Names of the corpora of each task: a file has this name with the ending ``.jsonl``."""
 _READ: TypeAdapter[EvalRequest] = TypeAdapter(EvalRequest)
 
 
 def packaged_corpora() -> Path:
-    """The folder of the corpora that come with the package."""
+    """Return the folder of the corpora that come with the package."""
     return Path(str(files(__package__) / "packaged"))
 
 
 def corpus_files(place: Path, task: str) -> list[Path]:
-    """The files of a task's corpora: those in a folder that there are, or the file itself.
+    """Return the files of a task's corpora: those that exist in a folder, or the file itself.
 
     Args:
         place: a corpus file, or a folder with files named after ``CORPORA``.
@@ -39,28 +39,28 @@ def corpus_files(place: Path, task: str) -> list[Path]:
 
     Raises:
         UnknownName: there is no such task.
-        InvalidRequest: the folder has none of the task's files, or nothing is there.
+        InvalidRequest: the folder has no file of the task, or does not exist.
     """
     if task != "all" and task not in TASKS:
-        raise UnknownName(f"there is no task '{task}'", valid=(*TASKS, "all"), next_step="name one of them")
+        raise UnknownName(f"there is no task '{task}'", valid=(*TASKS, "all"), next_step="use one of them")
     if place.is_file():
         return [place]
     names = [name for known in TASKS if task in ("all", known) for name in CORPORA[known]]
     found = [place / f"{name}.jsonl" for name in names if (place / f"{name}.jsonl").is_file()]
     if not found:
         raise InvalidRequest(
-            f"{place} holds no corpus of {task}",
+            f"{place} has no corpus of {task}",
             valid=[f"{name}.jsonl" for name in names],
-            next_step="name a corpus file or a folder of them; `plannerforge corpus make` makes one",
+            next_step="use a corpus file or a folder of them; `plannerforge corpus make` creates one",
         )
     return found
 
 
 def read_corpus(path: Path) -> tuple[EvalRequest, ...]:
-    """The requests of a corpus file, in its order.
+    """Return the requests of a corpus file, in its order.
 
     Raises:
-        InvalidRequest: a line is no request, or an id stands twice; it says which line and why.
+        InvalidRequest: a line is not a request, or an id occurs twice; the error gives the line and the reason.
     """
     found: dict[str, EvalRequest] = {}
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
@@ -69,13 +69,13 @@ def read_corpus(path: Path) -> tuple[EvalRequest, ...]:
         except (json.JSONDecodeError, KeyError, TypeError, AttributeError, ValidationError) as error:
             problem = f"{error.args[0]} is missing" if isinstance(error, KeyError) else str(error).replace("\n", " ")
             raise InvalidRequest(
-                f"line {number} of {path.name} is no request: {problem}",
-                next_step="write it like the lines of the packaged corpora; docs/evaluation.md names the fields",
+                f"line {number} of {path.name} is not a request: {problem}",
+                next_step="write it like the lines of the packaged corpora; docs/evaluation.md lists the fields",
             ) from error
         if request.request_id in found:
             raise InvalidRequest(
                 f"line {number} of {path.name} has the id {request.request_id} of an earlier line",
-                next_step="give every line an id of its own",
+                next_step="give every line a unique id",
             )
         found[request.request_id] = request
     return tuple(found.values())

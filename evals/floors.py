@@ -1,8 +1,9 @@
-"""Floors: what keywords alone reach, ``regex`` in routing and ``bm25`` in selection (paper, Quantitative Evaluation).
+"""Floors: the results of keywords alone, ``regex`` in routing and ``bm25`` in selection (paper, Quantitative
+Evaluation).
 
-The paper names both methods and prints their figures, but neither the rules of its router nor the texts that it
-searched. The rules here were written once, with a few development requests of each class in sight, and were not changed
-after they were first scored.
+The paper gives both methods and their figures, but neither the rules of its router nor the texts that it searched. The
+rules here were written once, with a few development requests of each class in view, and did not change after they were
+first scored.
 """
 
 import re
@@ -25,28 +26,28 @@ _RULES: Sequence[tuple[str, str]] = (
     ("analysis", r"\b(?:analy[sz]e|why|last run|simulation|collision)\b"),
     ("qa", rf"^{_ASKS}|^explain\b|\?$"),
 )
-"""Classes with what gives them away, in the order in which they are tried; chosen."""
+"""Classes with their patterns, in the order in which they are tried; chosen."""
 _LETTERS: Mapping[str, str] = {
     "T": r"\b(?:re-?route|route|trajectory|turn|send)\b",
     "B": r"\b(?:aggressive|cautious|normal|speeders?|eco|behaviou?r)\b",
     "P": r"\b(?:add|remove|delete|insert|spawn)\b",
     "G": r"\bgoal\b",
 }
-"""Kinds of edits with what gives them away; chosen."""
+"""Kinds of edits with their patterns; chosen."""
 _SEEN = 5
 """Results of a keyword search that count, as in the paper."""
 
 
 class RegexRouter:
-    """An ``EvaluatedAgent`` that takes the first class whose pattern occurs in the last turn; it knows routing alone.
+    """An ``EvaluatedAgent`` that picks the first class with a pattern in the last turn; for routing only.
 
-    A class is made into calls as the ground truth would make it; a text without any pattern is refused.
+    A class becomes calls as in the ground truth; a text without any pattern is refused.
     """
 
     name = "regex"
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Make the calls of the class that was found."""
+        """Make the calls of the matching class."""
         if request.task != "routing":
             return _not_for(request, self.name, "routing")
         began = time.perf_counter()
@@ -56,12 +57,12 @@ class RegexRouter:
 
 
 class KeywordSearch:
-    """An ``EvaluatedAgent`` that searches for the words of the request by BM25, without conditions; selection alone."""
+    """An ``EvaluatedAgent`` for selection that searches for the request's text by BM25, without conditions."""
 
     name = "bm25"
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Make one search; what is nearest counts as found."""
+        """Make one search; the nearest results count as found."""
         if request.task != "selection":
             return _not_for(request, self.name, "selection")
         began = time.perf_counter()
@@ -71,7 +72,7 @@ class KeywordSearch:
 
 
 def class_of(text: str) -> tuple[str, str]:
-    """The class of a request by the first pattern that occurs, and the letters of its edits in canonical order."""
+    """Return the class of a request by its first pattern, and the letters of its edits in canonical order."""
     lowered = text.strip().lower()
     found = next((name for name, pattern in _RULES if re.search(pattern, lowered)), "fail")
     letters = "".join(letter for letter, pattern in _LETTERS.items() if re.search(pattern, lowered))

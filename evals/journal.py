@@ -1,7 +1,7 @@
-"""``journal:JOURNAL@MARKS``: scores what any other MCP client did, from the journal of the server that it used.
+"""``journal:JOURNAL@MARKS``: scores any other MCP client, from the journal of the server that it used.
 
-Marks say when each request was put to the client and when it had answered. The journal holds calls and refusals but no
-answers, so what was carried out then is carried out again on the server under evaluation: the same call makes the same.
+Marks state when the client got each request and when it had answered. The journal has calls and refusals but no
+answers, so successful calls run again on the server under evaluation: the same call gives the same result.
 """
 
 import json
@@ -21,18 +21,18 @@ from ..server.observing.logs import REDACTED
 from .attempts import Attempt, EvalRequest, MadeCall, ToolSession
 
 Said = Literal["answered", "asked", "refused"]
-"""What a client said last, which no call shows."""
+"""The client's last message, which no call shows."""
 _FORM = "journal:JOURNAL@MARKS"
 _WAITING = "get_job"
-"""The tool that makes nothing: calls are waited for when they are made again."""
+"""The tool that creates nothing: repeated calls are waited for anyway."""
 _ROUNDING_S = 0.001
 """Times of the journal are cut to milliseconds."""
-_QUESTION = "Enter when the client has answered; 'asked' or 'refused' before it where it asked back or refused: "
+_QUESTION = "Enter when the client has answered; 'asked' or 'refused' before it if it asked back or refused: "
 
 
 @dataclass(frozen=True)
 class Mark:
-    """When a turn of a request was put to a client and when it had answered, in seconds since 1970; turns from 0."""
+    """When a client got a turn of a request and when it had answered, in seconds since 1970; turns from 0."""
 
     request_id: str
     began_s: float
@@ -43,7 +43,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class _JournalledCall:
-    """A line of the server's journal; other fields are not read. ``error`` is empty where the call was carried out."""
+    """A line of the server's journal; other fields are not read. ``error`` is empty if the call succeeded."""
 
     time: AwareDatetime
     tool: str
@@ -52,7 +52,7 @@ class _JournalledCall:
 
     @property
     def began_s(self) -> float:
-        """When the call began, in seconds since 1970."""
+        """The start of the call, in seconds since 1970."""
         return datetime.timestamp(self.time)
 
 
@@ -65,19 +65,19 @@ class JournalAgent:
     calls: Sequence[_JournalledCall] = field(repr=False)
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Make the calls of a request again, but for those that were refused; broken off where one cannot be."""
+        """Repeat the calls of a request, except refused ones; stop if one cannot be repeated."""
         began = time.perf_counter()
         marks = sorted((mark for mark in self.marks if mark.request_id == request.request_id), key=_by_turn)
         made: list[MadeCall] = []
-        failure = "" if marks else "the marks do not hold this request"
+        failure = "" if marks else "the marks do not contain this request"
         for mark in marks:
             for call in self._within(mark):
-                failure = failure or _unlike_then(call)
+                failure = failure or _difference(call)
                 if failure:
                     break
-                made.append(await _made_again(call, mark.turn, tools))
+                made.append(await _repeated(call, mark.turn, tools))
                 if made[-1].is_error and not call.error:
-                    failure = f"{call.tool} was carried out then and is refused now: {made[-1].text}"
+                    failure = f"{call.tool} succeeded then and is refused now: {made[-1].text}"
         texts = tuple("\n".join(call.text for call in made if call.turn == mark.turn) for mark in marks)
         ending = "failed" if failure else marks[-1].ending
         spent_s = time.perf_counter() - began
@@ -90,15 +90,15 @@ class JournalAgent:
 
 
 def open_journal(name: str, argument: str) -> JournalAgent:
-    """The agent of a journal, older files of it included, and of a file of marks.
+    """Return the agent of a journal, including its older files, and a file of marks.
 
     Raises:
-        InvalidRequest: a file is not named, not there, or a line of it cannot be read; it says which.
+        InvalidRequest: a file is missing, or a line of it cannot be read; the error gives it.
     """
     journal, _, marks = argument.rpartition("@")
     if not journal or not marks:
         raise InvalidRequest(
-            f"'{name}' does not name a journal and marks",
+            f"'{name}' is not a journal and marks",
             valid=[_FORM],
             next_step="`plannerforge eval requests TASK --marks MARKS` writes marks",
         )
@@ -115,10 +115,10 @@ def ask_one_by_one(
     show: Callable[[str], None],
     wait: Callable[[str], object],
 ) -> None:
-    """Show requests as another client may see them, turn by turn, wait for each, and note a mark.
+    """Show requests to another client, turn by turn, wait for each, and record a mark.
 
-    Those that have a mark are left out. ``wait`` gives how the client's answer ended, or nothing where it just
-    answered; it is asked again for any other word.
+    Requests with a mark are left out. ``wait`` returns how the client's answer ended, or an empty text if it just
+    answered; any other text repeats the question.
     """
     marks.parent.mkdir(parents=True, exist_ok=True)
     done = {(mark.request_id, mark.turn) for mark in _lines(marks, Mark)} if marks.exists() else set()
@@ -129,33 +129,33 @@ def ask_one_by_one(
             show(f"[{number}/{len(requests)}] {request.request_id}" + (f", turn {turn + 1}" if text else ""))
             show(text or json.dumps(shown, ensure_ascii=False, indent=1))
             began_s = time.time()
-            ending = _said(wait)
+            ending = _ask_for_ending(wait)
             mark = Mark(request.request_id, began_s, time.time(), turn, ending)
             with marks.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(asdict(mark)) + "\n")
 
 
-def _said(wait: Callable[[str], object]) -> Said:
+def _ask_for_ending(wait: Callable[[str], object]) -> Said:
     while True:
         word = str(wait(_QUESTION) or "answered").strip().lower()
         if word in get_args(Said):
             return cast("Said", word)
 
 
-async def _made_again(call: _JournalledCall, turn: int, tools: ToolSession) -> MadeCall:
-    """The call with its answer; a refusal stands in the journal and made nothing."""
+async def _repeated(call: _JournalledCall, turn: int, tools: ToolSession) -> MadeCall:
+    """Return the call with its answer; a refusal is taken from the journal, because it created nothing."""
     if call.error:
         return MadeCall(call.tool, call.arguments, call.error, {}, is_error=True, duration_s=0.0, turn=turn)
     return await tools.call(call.tool, call.arguments, turn)
 
 
-def _unlike_then(call: _JournalledCall) -> str:
-    """Why a call cannot be made again as it was: the journal cuts long texts and leaves secrets out."""
+def _difference(call: _JournalledCall) -> str:
+    """Return why a call cannot be repeated exactly: the journal cuts long texts and omits secrets."""
     if call.error:
         return ""
     texts = list(_texts(call.arguments))
     if any(REDACTED in text for text in texts):
-        return f"the journal left out what looked like a secret in a call of {call.tool}"
+        return f"the journal omitted an apparent secret in a call of {call.tool}"
     if any(text.endswith("…") and len(text) >= LONGEST_TEXT // 2 for text in texts):
         return f"the journal cut a long text in a call of {call.tool}"
     if any(len(value) >= MOST_ELEMENTS for value in _collections(call.arguments)):
@@ -185,7 +185,7 @@ def _lines(path: Path, kind: type[_Line]) -> list[_Line]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InvalidRequest(f"{path} cannot be read: {error}", next_step=f"name files as in {_FORM}") from error
+        raise InvalidRequest(f"{path} cannot be read: {error}", next_step=f"give files as in {_FORM}") from error
     reader = TypeAdapter(kind)
     return [_line(reader, line, f"line {number} of {path}") for number, line in enumerate(lines, start=1)]
 
@@ -195,7 +195,7 @@ def _line(reader: TypeAdapter[_Line], line: str, place: str) -> _Line:
         return reader.validate_json(line)
     except ValidationError as error:
         raise InvalidRequest(
-            f"{place} is not what such a file holds: {error.errors()[0]['msg']}", next_step=f"name files as in {_FORM}"
+            f"{place} is not a line of such a file: {error.errors()[0]['msg']}", next_step=f"give files as in {_FORM}"
         ) from error
 
 

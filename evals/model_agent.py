@@ -15,22 +15,22 @@ from .connection import ServerSession
 
 
 class ModelAgent:
-    """An ``EvaluatedAgent`` over a chat model; conversations go on over their turns."""
+    """An ``EvaluatedAgent`` over a chat model; conversations continue over their turns."""
 
     def __init__(self, name: str, settings: AgentSettings, condition: Condition) -> None:
         self.name = name
         self._settings, self._condition = settings, condition
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Let the model carry out the request; see ``EvaluatedAgent``.
+        """Let the model handle the request; see ``EvaluatedAgent``.
 
         Raises:
-            ModelFailure: the model's server is gone, so that nothing can be said of the model.
+            ModelFailure: the model's server is gone, so that the attempt would not measure the model.
         """
         source = _Recording(tools)
-        await _put_in_force(request, tools)
+        await _configure(request, tools)
         async with self._opened() as model:
-            results = await self._held(model, request, source)
+            results = await self._converse(model, request, source)
         if results[-1].ending == "failed" and not results[-1].completion_tokens:
             async with self._opened():
                 pass
@@ -38,7 +38,7 @@ class ModelAgent:
 
     @asynccontextmanager
     async def _opened(self) -> AsyncIterator[ChatModel]:
-        """The model, whose server is there."""
+        """Open the model after checking that its server is available."""
         model = open_model(self.name, self._settings.for_model())
         try:
             await model.facts()
@@ -46,7 +46,7 @@ class ModelAgent:
         finally:
             await model.close()
 
-    async def _held(self, model: ChatModel, request: EvalRequest, source: "_Recording") -> list[TurnResult]:
+    async def _converse(self, model: ChatModel, request: EvalRequest, source: "_Recording") -> list[TurnResult]:
         facts = await model.facts()
         session = AgentSession(
             model,
@@ -57,17 +57,17 @@ class ModelAgent:
             history=[Message("user" if role == "user" else "assistant", text) for role, text in request.history],
         )
         results = []
-        for number, text in enumerate(_said(request)):
+        for number, text in enumerate(_user_messages(request)):
             source.turn = number
             results.append(await session.take_turn(text))
         return results
 
 
 def model_agent(name: str, condition: Condition, seed: int) -> ModelAgent:
-    """The agent of ``ollama:MODEL`` or ``openai:MODEL@URL``, with the settings of ``PLANNERFORGE_AGENT_…``.
+    """Return the agent of ``ollama:MODEL`` or ``openai:MODEL@URL``, with the settings of ``PLANNERFORGE_AGENT_…``.
 
     Raises:
-        SettingsFault: the name has neither form, or the package that it needs is missing.
+        SettingsFault: the name has neither form, or its package is missing.
     """
     settings = AgentSettings(seed=seed)
     open_model(name, settings.for_model())
@@ -100,8 +100,8 @@ class _Recording(ToolSource):
         return ToolAnswer(made.text, made.structured, made.is_error)
 
 
-async def _put_in_force(request: EvalRequest, tools: ToolSession) -> None:
-    """Make the configuration current that a tuning request starts from; no call of the agent's."""
+async def _configure(request: EvalRequest, tools: ToolSession) -> None:
+    """Set the configuration from which a tuning request starts; this is not a call of the agent."""
     context = request.context
     if "planner" not in context:
         return
@@ -110,8 +110,8 @@ async def _put_in_force(request: EvalRequest, tools: ToolSession) -> None:
     await tools.call("configure_planner", {**base, "weights": [f"{name}={value}" for name, value in weights.items()]})
 
 
-def _said(request: EvalRequest) -> list[str]:
-    """What the user says, with the scenario that a request is about."""
+def _user_messages(request: EvalRequest) -> list[str]:
+    """Return the user's messages, with the scenario of the request."""
     if request.turns:
         return [turn.text for turn in request.turns]
     about = (request.scenario or "").removesuffix(".xml")

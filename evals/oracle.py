@@ -1,7 +1,7 @@
-"""``oracle``: the ground truth of a corpus as calls. What it reaches is the ceiling of the tools.
+"""``oracle``: the ground truth of a corpus as calls. Its results are the upper bound of the tools.
 
-Arguments come from the truth alone, as a model would give them that understood every request; ids that earlier turns of
-a conversation made come from the answers to those. Requests at which a question is right are asked back.
+Arguments come from the truth alone, like those of a model that understands every request. Ids from earlier turns of a
+conversation come from their answers. Unclear requests are answered with a question.
 """
 
 import json
@@ -19,14 +19,14 @@ from .ground_truth.selection import Request, arguments_of, refused_arguments
 
 Arguments = Mapping[str, Any]
 _MOVED = {"up": "+0.3", "down": "*0.5"}
-"""What stands for a direction without a value (chosen)."""
+"""The factor for a direction without a value (chosen)."""
 _DETAILS = {
     "cost_terms": "costs",
     "recommendation": "findings",
     "correlation": "findings",
     "failure_reason": "timeline",
 }
-"""The detail of analyze_results that belongs to what a turn asks."""
+"""The detail of analyze_results for the question of a turn."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Oracle:
     name = "oracle"
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Make the calls of a request, turn by turn of a conversation; a clear question takes none."""
+        """Make the calls of a request, turn by turn for a conversation; an unclear request gets a question instead."""
         began = time.perf_counter()
         if request.turns:
             made = [call async for call in _Conversation(tools).held(request.turns)]
@@ -63,7 +63,7 @@ class Oracle:
 
 
 def calls_of(request: EvalRequest) -> list[Call]:
-    """The calls of a request that is no conversation, in their order; none where a question is right."""
+    """Return the calls of a request that is not a conversation, in order; empty if a question is correct."""
     if request.expect == "clarify":
         return []
     if request.task == "selection":
@@ -74,7 +74,7 @@ def calls_of(request: EvalRequest) -> list[Call]:
 
 
 def _given(arguments: Model, without: Collection[str] = ()) -> Arguments:
-    """Arguments as a client sends them: what was given alone."""
+    """Return arguments as a client sends them: only the given ones."""
     return arguments.model_dump(mode="json", exclude_defaults=True, exclude=set(without))
 
 
@@ -132,7 +132,7 @@ def _tuning(request: EvalRequest) -> Call:
 
 
 def base_configuration(context: Mapping[str, Any]) -> str:
-    """The configuration that is in force before a request of the tuning corpus, as a word."""
+    """Return the configuration before a request of the tuning corpus, as text."""
     return f"{context['planner']}:{context.get('preset') or 'Default'}"
 
 
@@ -155,7 +155,7 @@ _ROUTED: Mapping[str, Call] = {
     "analysis": Call("analyze_results", {"results": ["latest_run"]}),
     "batch_analysis": Call("analyze_results", {"results": ["latest_batch"]}),
 }
-"""What stands for a class of requests whose arguments the corpus does not have."""
+"""Calls that represent a class of requests without arguments in the corpus."""
 _EDITS_BY_LETTER: Mapping[str, Arguments] = {
     "T": {"op": "reroute", "vehicles": ["nearest:1"], "turn": "straight"},
     "B": {"op": "set_behaviour", "vehicles": ["nearest:1"], "preset": "cautious"},
@@ -169,9 +169,9 @@ def _routing(request: EvalRequest) -> list[Call]:
 
 
 def routed_calls(classes: Sequence[str], letters: str) -> list[Call]:
-    """A call for each of the paper's routing classes that stands for it; ``fail`` takes none.
+    """Return a representative call for each of the paper's routing classes; ``fail`` has none.
 
-    ``letters``: the kinds of edits that ``vehicle_mod`` consists of, in canonical order.
+    ``letters``: the kinds of edits of ``vehicle_mod``, in canonical order.
     """
     edits = [_EDITS_BY_LETTER[letter] for letter in letters]
     edited = Call("modify_scenario", {"scenario_id": "latest", "edits": edits, "dry_run": True})
@@ -180,7 +180,7 @@ def routed_calls(classes: Sequence[str], letters: str) -> list[Call]:
 
 @dataclass
 class _Conversation:
-    """A conversation with a server, turn by turn: what later turns build on is kept."""
+    """A conversation with a server, turn by turn; keeps what later turns build on."""
 
     tools: ToolSession
     scenario: str = ""
@@ -190,7 +190,7 @@ class _Conversation:
     runs: dict[int, list[str]] = field(default_factory=dict)
 
     async def held(self, turns: Sequence[EvalTurn]) -> Any:
-        """The calls of all turns; a turn that builds on one which was refused calls nothing."""
+        """Return the calls of all turns; a turn that builds on a refused one calls nothing."""
         for number, turn in enumerate(turns):
             for action in turn.action.split("+"):
                 call = self.call_of(action, turn)
@@ -201,7 +201,7 @@ class _Conversation:
                 yield made
 
     def call_of(self, action: str, turn: EvalTurn) -> Call | None:
-        """The call of an action of a turn; None where what it builds on is not there."""
+        """Return the call of an action of a turn, or None if its basis is missing."""
         truth = turn.truth
         if action == "generate":
             request = EvalRequest("", "generation", "generation", turn.text, truth, "ok", map_file=truth["map"])
@@ -272,7 +272,7 @@ class _Conversation:
         return Call("run_planner", {"scenarios": [wanted], "configs": [self.config], **traffic}) if wanted else None
 
     def note(self, action: str, turn: int, answer: MadeCall) -> None:
-        """Keep what later turns build on; ``turn`` counts from 1, as truths do."""
+        """Store what later turns build on; ``turn`` counts from 1, as truths do."""
         if answer.is_error:
             return
         given = answer.structured

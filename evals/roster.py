@@ -1,4 +1,4 @@
-"""Agents by name; the module of one is imported when it is asked for."""
+"""Agents by name; the module of an agent is imported on first use."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from .attempts import Condition, EvaluatedAgent
 
 @dataclass(frozen=True)
 class AgentChoice:
-    """What an agent is opened with.
+    """The arguments for opening an agent.
 
-    ``name`` is the whole name and ``argument`` what stands behind its first colon; ``seed`` is for what it draws.
+    ``name`` is the whole name, and ``argument`` the part after its first colon; ``seed`` is for its random choices.
     """
 
     name: str
@@ -22,7 +22,7 @@ class AgentChoice:
 
 @dataclass(frozen=True)
 class _Entry:
-    """How an agent is opened and named (``form``); ``fresh``: each of its requests needs a session of its own."""
+    """How an agent is opened, and the form of its name; if ``fresh``, each request needs its own session."""
 
     open: Callable[[AgentChoice], EvaluatedAgent]
     form: str
@@ -30,19 +30,19 @@ class _Entry:
 
 
 def open_agent(name: str, condition: Condition, seed: int) -> tuple[EvaluatedAgent, bool]:
-    """The agent of a name, and whether each of its requests needs a session of its own.
+    """Return the agent of a name, and whether each of its requests needs its own session.
 
     Raises:
-        UnknownName: there is no such agent; names those that there are.
+        UnknownName: there is no such agent; the error lists the known ones.
         InvalidRequest: a journal or its marks cannot be read.
-        AgentError: a model is named wrongly, or what it needs is not installed.
+        AgentError: a model's name is invalid, or its package is not installed.
     """
     kind, _, argument = name.partition(":")
     if kind not in _AGENTS:
         raise UnknownName(
             f"there is no agent '{name}'",
             valid=[_AGENTS[known].form for known in closest(kind, _AGENTS)],
-            next_step="name one of these by --agent",
+            next_step="use one of these with --agent",
         )
     entry = _AGENTS[kind]
     return entry.open(AgentChoice(name, argument, condition, seed)), entry.fresh
@@ -96,4 +96,4 @@ _AGENTS: Mapping[str, _Entry] = {
     "ollama": _Entry(_model, "ollama:MODEL", fresh=True),
     "openai": _Entry(_model, "openai:MODEL@URL", fresh=True),
 }
-"""By the word before the first colon."""
+"""Agents by the text before the first colon."""

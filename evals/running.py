@@ -1,4 +1,4 @@
-"""What the commands of evaluations do: they run, resume, print and write; errors become a line and an exit code."""
+"""The work of the evaluation commands: run, resume, print and write; errors become a line and an exit code."""
 
 import json
 import sys
@@ -32,7 +32,7 @@ _INTERRUPTED, _WRONG, _FAILED = 130, 2, 1
 
 @dataclass(frozen=True)
 class EvaluationOrder:
-    """An evaluation as the command line asks for it; paths that are None take their default."""
+    """An evaluation as requested on the command line; paths that are None take their default."""
 
     task: str
     agent: str
@@ -49,15 +49,15 @@ class EvaluationOrder:
 
     @property
     def folder(self) -> Path:
-        """Where rows, tables and the report go."""
+        """The folder for rows, tables and the report."""
         word = "".join(letter if letter.isalnum() or letter in "-_." else "-" for letter in self.agent)
         return self.out or Path("evaluations") / f"{word}-{self.condition}"
 
 
 def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> int:
-    """Evaluate, print the tables and write the results; 130 where it was interrupted, with all rows kept."""
+    """Evaluate, print the tables and write the results; return 130 if interrupted, with all rows kept."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         paths = _corpora(order)
         requests = [request for path in paths for request in read_corpus(path)[: order.limit]]
         agent, fresh = open_agent(order.agent, _condition(order.condition), order.seed)
@@ -66,7 +66,7 @@ def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> in
         try:
             rows = anyio.run(_evaluated, requests, evaluation, order, shown)
         except KeyboardInterrupt:
-            shown.print(f"Interrupted; what is done is in {order.folder}, and the same command goes on.")
+            shown.print(f"Interrupted; finished rows are in {order.folder}, and the same command continues.")
             return _INTERRUPTED
         _show(rows, order.folder, shown)
         told.done()
@@ -74,18 +74,18 @@ def run_evaluation(order: EvaluationOrder, console: Console | None = None) -> in
 
 
 def print_results(folder: Path, console: Console | None = None) -> int:
-    """Print the tables of the rows in a folder, and write tables and report anew."""
+    """Print the tables of the rows in a folder, and write tables and report again."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         _show(rows_of(folder), folder, shown)
         told.done()
     return told.code
 
 
 def print_comparison(first: Path, second: Path, console: Console | None = None) -> int:
-    """Print what two evaluations show, paired by request."""
+    """Print the comparison of two evaluations, paired by request."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         shown.print(compare_rows(rows_of(first), rows_of(second)).to_text(str(first), str(second)), markup=False)
         told.done()
     return told.code
@@ -100,9 +100,9 @@ def print_requests(
     console: Console | None = None,
     wait: Callable[[str], object] = input,
 ) -> int:
-    """Print requests as JSON lines without their truth; with ``marks`` one by one, noting when each begins and ends."""
+    """Print requests as JSON lines without their truth; with ``marks``, one by one, with when each begins and ends."""
     shown = console or Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         paths = corpus_files(corpus or packaged_corpora(), task)
         requests = [request for path in paths for request in read_corpus(path)[:limit]]
         if marks is None:
@@ -116,12 +116,12 @@ def print_requests(
 
 
 def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count: int, seed: int, whole: bool) -> int:
-    """Make corpora from a workspace, and say where they are."""
+    """Make corpora from a workspace, and print their paths."""
     from .making.corpus import make_corpora, write_corpora
     from .making.materials import read_materials
 
     shown = Console(highlight=False)
-    with _told() as told:
+    with _reporting_errors() as told:
         wrong = [name for name in tasks if name not in TASKS]
         if wrong:
             raise UnknownName(f"there is no task '{wrong[0]}'", valid=TASKS)
@@ -136,7 +136,7 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
 
 
 def asked(request: EvalRequest) -> dict[str, Any]:
-    """A request as another client may see it: nothing of what has to come out."""
+    """Return a request as another client may see it, without the expected result."""
     given = {
         "id": request.request_id,
         "task": request.task,
@@ -175,14 +175,14 @@ async def _evaluated(
 
 
 def _corpora(order: EvaluationOrder) -> list[Path]:
-    """The files of the requests; conversations that are to be made are made first, once for a folder."""
+    """Return the files of the requests; new conversations are made first, once per folder."""
     if order.conversations is None:
         return corpus_files(order.corpus or packaged_corpora(), order.task)
     from .making.corpus import make_corpora, write_corpora
     from .making.materials import read_materials
 
     if order.task != "e2e":
-        raise InvalidRequest("--conversations belongs to e2e", next_step="call `plannerforge eval e2e`")
+        raise InvalidRequest("--conversations is for e2e only", next_step="call `plannerforge eval e2e`")
     path = order.folder / "e2e.jsonl"
     if not path.exists():
         materials = read_materials(order.workspace or order.folder / "workspaces" / "materials")
@@ -198,14 +198,14 @@ def _show(rows: Sequence[Row], folder: Path, shown: Console) -> None:
 
 
 def rows_of(place: Path, *, may_be_empty: bool = False) -> list[Row]:
-    """The rows of a file, or of all files of an evaluation's folder, by corpus in the order of tasks."""
+    """Return the rows of a file, or of all files of an evaluation's folder, by corpus in the order of tasks."""
     if place.is_file():
         return read_rows(place)
     names = [name for task in TASKS for name in _corpora_of(task)]
     found = [rows_path(place, name) for name in names]
     rows = [row for path in found if path.is_file() for row in sorted(read_rows(path), key=lambda row: row.request_id)]
     if not rows and not may_be_empty:
-        raise InvalidRequest(f"{place} holds no rows", next_step="name the folder of an evaluation, see --out")
+        raise InvalidRequest(f"{place} has no rows", next_step="use the folder of an evaluation, see --out")
     return rows
 
 
@@ -222,7 +222,7 @@ def _condition(name: str) -> Condition:
 
 
 class _Outcome:
-    """The exit code of a command: a failure until ``done`` is said."""
+    """The exit code of a command: a failure until ``done`` is called."""
 
     code = _FAILED
 
@@ -231,8 +231,8 @@ class _Outcome:
 
 
 @contextmanager
-def _told() -> Iterator[_Outcome]:
-    """A block whose errors are printed in a line; the exit code is what the outcome says afterwards."""
+def _reporting_errors() -> Iterator[_Outcome]:
+    """Print errors of the block in a line; the outcome has the exit code afterwards."""
     outcome = _Outcome()
     try:
         yield outcome

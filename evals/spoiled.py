@@ -1,8 +1,8 @@
-"""``scripted``: the ground truth as small models write it, and mended as they mend it when a tool refuses.
+"""``scripted``: the ground truth in the form of small models, with their corrections after a refusal.
 
-Each kind of spoiling is drawn for every call at a rate of its own. After a refusal the agent does what a model of a few
-billion parameters can: it sends the corrected call where the refusal holds one; otherwise it takes back what the
-refusal names by the field or by the value, and nothing else. It gives up after two refusals.
+Each kind of spoiling has its own rate per call. After a refusal, the agent does what a model of a few billion
+parameters can do. It sends the corrected call if the refusal contains one. Otherwise it reverts what the refusal
+mentions by field or value, and nothing else. It gives up after two refusals.
 """
 
 import json
@@ -17,7 +17,7 @@ from .attempts import Attempt, EvalRequest, MadeCall, ToolSession
 from .oracle import Oracle
 
 MOST_REFUSALS = 2
-"""After so many of a call the agent gives up."""
+"""Number of refusals of a call after which the agent gives up."""
 _CORRECTED = re.compile(r"call again with (\{.*\})")
 _SYNONYMS: Mapping[str, str] = {
     "scenario_id": "scenario",
@@ -31,13 +31,13 @@ _SYNONYMS: Mapping[str, str] = {
 }
 """Names that small models give to arguments."""
 _OPEN = ("dry_run", "seed")
-"""Arguments of an edit that a model names though the user left them open."""
+"""Arguments of an edit that a model sets although the user left them open."""
 _UNITS: Mapping[str, str] = {"_s": " s", "_m": " m", "_mps": " m/s"}
 
 
 @dataclass(frozen=True)
 class SpoilRates:
-    """The chance of each kind of spoiling in a call to which it can happen (chosen, after what small models write)."""
+    """The chance of each kind of spoiling in a call that allows it (chosen, after the output of small models)."""
 
     number_as_text: float = 0.15
     one_for_list: float = 0.15
@@ -53,7 +53,7 @@ class SpoilRates:
 
 @dataclass
 class _Spoiled:
-    """Arguments with what was spoiled: by the names or values that a refusal of it would hold, how to take it back."""
+    """Spoiled arguments; ``undo`` maps texts that a refusal would contain to the reversal of each change."""
 
     arguments: dict[str, Any]
     undo: list[tuple[tuple[str, ...], Callable[[dict[str, Any]], None]]] = field(default_factory=list)
@@ -67,7 +67,7 @@ class Scripted:
         self._seed, self._rates, self._oracle = seed, rates or SpoilRates(), Oracle()
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
-        """Carry a request out with spoiled calls; ``rounds`` counts the calls that were sent."""
+        """Handle a request with spoiled calls; ``rounds`` counts the calls sent."""
         began = time.perf_counter()
         chance = random.Random(f"{self._seed} {request.request_id}")  # noqa: S311 - a reproducible choice, no secret
         session = _SpoilingSession(tools, chance, self._rates)
@@ -84,7 +84,7 @@ class Scripted:
 
 @dataclass
 class _SpoilingSession:
-    """A ``ToolSession`` that spoils every call, and mends it after a refusal; ``calls``: all that were sent."""
+    """A ``ToolSession`` that spoils every call, and corrects it after a refusal; ``calls``: all calls sent."""
 
     tools: ToolSession
     chance: random.Random
@@ -92,7 +92,7 @@ class _SpoilingSession:
     calls: list[MadeCall] = field(default_factory=list)
 
     async def call(self, tool: str, arguments: Mapping[str, Any], turn: int = 0) -> MadeCall:
-        """Make a call in its spoiled form, and again after up to two refusals of what was spoiled."""
+        """Make a call in its spoiled form, and again after up to two refusals because of it."""
         spoiled = _spoil(arguments, self.chance, self.rates)
         made = await self._sent(tool, spoiled.arguments, turn)
         for _ in range(MOST_REFUSALS):
@@ -109,7 +109,7 @@ class _SpoilingSession:
 
 
 def _mended(spoiled: _Spoiled, made: MadeCall) -> dict[str, Any] | None:
-    """The arguments without what a refusal names; None where it names nothing that was spoiled."""
+    """Return the arguments without what a refusal mentions, or None if it mentions no spoiled part."""
     if (found := _CORRECTED.search(made.text)) is not None:
         try:
             corrected: dict[str, Any] = json.loads(found[1])
@@ -128,7 +128,7 @@ def _mended(spoiled: _Spoiled, made: MadeCall) -> dict[str, Any] | None:
 
 
 def _spoil(arguments: Mapping[str, Any], chance: random.Random, rates: SpoilRates) -> _Spoiled:
-    """A copy of arguments with some of them as small models write them."""
+    """Return a copy of arguments with some of them in the form of small models."""
     spoiled = _Spoiled(json.loads(json.dumps(arguments)))
     for index, edit in enumerate(spoiled.arguments.get("edits", [])):
         _spoil_fields(edit, f"edits[{index}]", spoiled, chance, rates)
@@ -173,7 +173,7 @@ def _renamer(holder: dict[str, Any], other: str, name: str) -> Callable[[dict[st
 
 
 def _written(name: str, value: Any, chance: random.Random, rates: SpoilRates) -> Any:
-    """The value as a small model may write it; None where it is left as it is."""
+    """Return the value as a small model may write it, or None to keep it."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         unit = next((words for end, words in _UNITS.items() if name.endswith(end)), None)
         if unit is not None and chance.random() < rates.unit_in_value:

@@ -55,7 +55,7 @@ def main() -> int:
         sys.stdout.write(f"{STAGE}\n")
         return 0
     if shutil.which("npx") is None:
-        sys.stderr.write("Node is not installed, whose npx runs the tool that packs a bundle.\n")
+        sys.stderr.write("npx is needed to pack a bundle: install Node.js.\n")
         return 1
     bundle = DIST / f"plannerforge-mcp-{version}.mcpb"
     for words in (["validate", str(STAGE / "manifest.json")], ["pack", str(STAGE), str(bundle)]):

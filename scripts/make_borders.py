@@ -54,7 +54,7 @@ def _ring(numbers: list[int], arcs: list[Any]) -> list[list[float]]:
 
 
 def _rings(area: Any) -> list[list[list[int]]]:
-    """Polygons of rings of steps (east, north) in units, the first from (0, 0).
+    """Return polygons of rings of steps (east, north) in units, the first from (0, 0).
 
     Rings that vanish on the grid are left out; a country that would vanish (Vatican City) becomes a box around it.
     """

@@ -1,4 +1,4 @@
-"""The way back to the client of a call: progress, and questions to the person there, in both protocol eras."""
+"""Sends progress and questions to the client of a call, in both protocol eras."""
 
 import asyncio
 import hashlib
@@ -17,7 +17,7 @@ from ..workflows.context import Question, Services
 from .tool_calls import InputNeeded
 
 _PROGRESS_INTERVAL_S = 0.5
-"""Reports of progress that follow each other faster are dropped; chosen."""
+"""Minimum interval between progress reports; faster ones are dropped; chosen."""
 STATELESS_SINCE = "2026-07-28"
 """The first protocol revision without requests from the server to the client."""
 
@@ -30,7 +30,7 @@ class PacedProgress:
         self._share, self._sent_at = 0.0, -1.0
 
     async def send(self, share: float, message: str) -> None:
-        """Report the share done in [0, 1], from whichever thread, if there is news and it is time."""
+        """Report the finished share in [0, 1], from any thread, if it is new and due."""
         await run_in(self._home, self._send, share, message)
 
     async def _send(self, share: float, message: str) -> None:
@@ -42,20 +42,20 @@ class PacedProgress:
 
 
 class Asker:
-    """Puts questions to the person at the client of one call, in both protocol eras.
+    """Asks the person at the client of one call, in both protocol eras.
 
-    Until 2025-11-25 a question is a request of the server's in the middle of the call. Since 2026-07-28 there are none:
-    the call ends with the question, and the client makes it again with the answer, known by the question's digest.
+    Until 2025-11-25, a question is a request from the server during the call. Since 2026-07-28 there are none: the call
+    ends with the question, and the client repeats it with the answer, which the question's digest identifies.
     """
 
     def __init__(self, context: Context[Services, Any]) -> None:
         self._context, self._home = context, asyncio.get_running_loop()
 
     async def ask(self, question: Question) -> str | None:
-        """The choice, from whichever thread; None if the client cannot ask, or the person does not choose.
+        """Return the choice, from any thread, or None if the client cannot ask or the person does not choose.
 
         Raises:
-            InputNeeded: the client has to make the call again with the answer.
+            InputNeeded: the client must repeat the call with the answer.
         """
         key = self.key(question)
         given = (self._context.input_responses or {}).get(key)
@@ -72,11 +72,11 @@ class Asker:
 
     @staticmethod
     def key(question: Question) -> str:
-        """By what an answer is known to be that to a question."""
+        """Return the key that identifies the question that an answer belongs to."""
         return f"choice-{hashlib.sha256(repr(question).encode()).hexdigest()[:16]}"
 
     def can_ask(self) -> bool:
-        """Whether the client shows forms; one that only says that it asks, does."""
+        """Return whether the client shows forms; a client that declares elicitation without a mode does."""
         capabilities = self._context.client_capabilities
         elicitation = capabilities.elicitation if capabilities is not None else None
         return elicitation is not None and (elicitation.form is not None or elicitation.url is None)
@@ -84,18 +84,18 @@ class Asker:
     async def _elicit(self, question: Question) -> str | None:
         try:
             outcome = await self._context.elicit(question.text, _form(question))
-        except (MCPError, ValueError):  # an answer that does not fit is none
+        except (MCPError, ValueError):  # ignore an answer that does not fit
             return None
         return chosen(outcome.data.model_dump(), question) if isinstance(outcome, AcceptedElicitation) else None
 
 
 def question_result(needed: InputNeeded) -> InputRequiredResult:
-    """What a call answers that cannot go on without an answer."""
+    """Return the result of a call that needs an answer before it can continue."""
     return InputRequiredResult(input_requests={needed.key: _request(needed.question)})
 
 
 def question_request(question: Question) -> dict[str, Any]:
-    """A question as a client is sent it."""
+    """Return a question in the form that clients receive."""
     return _request(question).model_dump(by_alias=True, mode="json", exclude_none=True)
 
 
@@ -105,13 +105,13 @@ def _request(question: Question) -> ElicitRequest:
 
 
 def _form(question: Question) -> type[BaseModel]:
-    """A form with one field: one of the choices."""
+    """Return a form with one field: one of the choices."""
     choices: Any = Literal[question.choices]
     form: type[BaseModel] = create_model("Choice", choice=(choices, Field(description="one of these")))
     return form
 
 
 def chosen(content: Mapping[str, Any] | None, question: Question) -> str | None:
-    """What a filled form chooses; None where it is none of the choices."""
+    """Return the choice in a completed form, or None if it is not one of the choices."""
     choice = (content or {}).get("choice")
     return choice if isinstance(choice, str) and choice in question.choices else None

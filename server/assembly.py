@@ -1,4 +1,4 @@
-"""Puts a server together from its settings."""
+"""Assembles a server from its settings."""
 
 import logging
 from collections.abc import AsyncIterator, Callable
@@ -26,20 +26,21 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 _SERVER_MB, _CALL_MB = 128, 16
-"""Data memory of a server at rest (80 to 115 MB) and of a call: its thread, and an answer of some megabytes in its
-forms. Measured: 44 calls sent at once to a server of 256 MB, and two jobs, end with 222 MB in use."""
+"""Data memory of an idle server (80 to 115 MB), and of a call: its thread, and an answer of some megabytes in its
+forms. Measured: a server of 256 MB with 44 simultaneous calls and two jobs ends with 222 MB in use.
+"""
 _WARM_UP_DELAY_S = 1.0
-"""The first answers come before the first worker: both want the same cores."""
+"""The first answers come before the first worker: both need the same cores."""
 
 
 def create_server(
     settings: Settings, start_folder: Path | None = None, *, beside: tuple[ToolSpec, ...] = ()
 ) -> PlannerForgeServer:
-    """A server for these settings; its services start with its first connection and end with it.
+    """Return a server for these settings; its services start with its first connection and end with it.
 
     Args:
-        start_folder: from where paths lead that are not absolute; the working folder where it is left out.
-        beside: tools that it offers beside its own.
+        start_folder: the base of relative paths; default: the working folder.
+        beside: additional tools.
     """
     log_to_stderr(settings.log_level, settings.log_format, settings.journal_redact)
     workspace_root = settings.workspace.expanduser().resolve()
@@ -60,7 +61,7 @@ def create_server(
             threads.close()
             ends = [each.close for each in (telemetry, journal) if each is not None]
             with anyio.CancelScope(shield=True):
-                async with anyio.create_task_group() as tasks:  # at once: a client waits two seconds, then it kills
+                async with anyio.create_task_group() as tasks:  # at once: a client kills the server after 2 s
                     for end in ends:
                         tasks.start_soon(_ended, end)
 
@@ -73,7 +74,7 @@ def create_server(
 
 
 def calls_within(memory_mb: int) -> int:
-    """Return how many calls this data memory of the server's process suffices for at once; 0 is no bound.
+    """Return the number of simultaneous calls that this data memory of the server's process allows; 0 means no bound.
 
     Native libraries end the process if they get no memory, so calls wait for their turn instead.
     """
@@ -100,7 +101,7 @@ def _telemetry_of(settings: Settings) -> "Telemetry | None":
 async def open_services(
     settings: Settings, start_folder: Path, threads: CallThreads, telemetry: "Telemetry | None" = None
 ) -> AsyncIterator[Services]:
-    """Open what tools work with, as the settings say, and close it at the end of the block."""
+    """Open the resources of tools according to the settings, and close them at the end of the block."""
     jobs_apart = telemetry.jobs_apart if telemetry is not None else lambda run_apart, _: run_apart
     async with (
         open_workflow_services(settings.service_options(start_folder), threads, jobs_apart) as (opened, pool),
@@ -116,7 +117,7 @@ async def open_services(
 
 
 def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
-    """The tools that these settings offer, in the order of the registry; the small set without seldom arguments."""
+    """Return the tools that these settings offer, in registry order; the small set has no rare arguments."""
     offered = [spec for spec in TOOLS if settings.tools == "all" or spec.essential]
     if settings.tools != "all":
         offered = [replace(spec, unlisted=spec.seldom) for spec in offered]
@@ -124,17 +125,17 @@ def offered_tools(settings: Settings) -> tuple[ToolSpec, ...]:
 
 
 async def _warmed_up(workers: WorkerPool, workspace: Workspace, threads: CallThreads, model: str) -> None:
-    """Warm up; a failure is logged, since whatever failed is tried again by the first call that needs it."""
+    """Warm up; log failures, because the first call that needs a failed part tries it again."""
     try:
         await warm_up(workers, workspace, threads, model)
-    except Exception as raised:  # noqa: BLE001 - no call asked for this work, and the server serves without it
-        logger.warning("the server could not be made ready ahead of calls: %s", as_told(raised, "warm-up").text)
+    except Exception as raised:  # noqa: BLE001 - no call depends on this, and the server works without it
+        logger.warning("the warm-up failed: %s", as_told(raised, "warm-up").text)
 
 
 async def warm_up(
     workers: WorkerPool, workspace: Workspace, threads: CallThreads, model: str, *, delay_s: float = _WARM_UP_DELAY_S
 ) -> None:
-    """Import the tools, start a worker of each lane and build the text index, before they are asked for.
+    """Import the tools, start a worker of each lane and build the text index, before they are needed.
 
     Failures are logged.
     """
@@ -148,12 +149,12 @@ async def warm_up(
     try:
         built = await workers.run(BUILD_INDEX, request)
         if built.mended:
-            logger.warning("the text index in %s was damaged and is made anew", request.index)
-    except PlannerForgeError as error:  # not asked for yet: a search by text gets the error
-        logger.warning("the text index could not be made ready: %s", error.text)
+            logger.warning("the text index in %s was damaged and is being rebuilt", request.index)
+    except PlannerForgeError as error:  # not needed yet: a search by text gets the error
+        logger.warning("the text index could not be prepared: %s", error.text)
 
 
 async def _import_tools() -> None:
-    """Load what the first calls need; the thread lets others have the processor in between."""
+    """Load what the first calls need; other threads get the processor in between."""
     for spec in TOOLS:
         spec.load_function()

@@ -1,7 +1,7 @@
-"""Who asks, where several clients share one server: what each may do, and what each made last.
+"""Identifies the clients of a shared server: their permissions, and what each made last.
 
-By standard input a server has one client. By HTTP it has many: a session tells them apart in the revisions that have
-sessions; since 2026-07-28 there is none, and a client is known by its token and the name that it gives itself.
+By standard input, a server has one client. By HTTP it has many. A session identifies each in the revisions with
+sessions; since 2026-07-28 there are none, and a client is known by its token and the name that it gives itself.
 """
 
 import threading
@@ -19,10 +19,10 @@ from starlette.types import Scope
 from ..workflows.context import Recent
 
 WRITE_SCOPE = "plannerforge:write"
-"""Whose token has it may use every tool; others see the tools that make nothing."""
+"""Clients with a token of this scope may use every tool; others see only the tools that create nothing."""
 READ_SCOPE = "plannerforge:read"
 _MOST_REMEMBERED = 1_000
-"""Clients whose last artifacts are remembered; chosen: the one that was quiet for longest is forgotten first."""
+"""Clients with remembered artifacts; chosen: the longest idle one is forgotten first."""
 _UNNAMED = "unknown"
 
 
@@ -31,10 +31,10 @@ class ClientIdentity:
     """The client of a request.
 
     Args:
-        key: what tells it from others on the same server; empty where it is the only one.
-        name: what it calls itself, and the name of its token.
-        reads_only: it may use only what makes nothing.
-        owner: whose token it has; empty where none is asked for.
+        key: distinguishes it from others on the same server; empty if it is the only one.
+        name: its own name, and the name of its token.
+        reads_only: whether it may use only tools that create nothing.
+        owner: the owner of its token; empty if tokens are not required.
     """
 
     key: str
@@ -44,7 +44,7 @@ class ClientIdentity:
 
 
 def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
-    """The client that sent a request."""
+    """Return the client that sent a request."""
     parameters = context.session.client_params
     own_name = _UNNAMED if parameters is None else f"{parameters.client_info.name} {parameters.client_info.version}"
     request = context.request
@@ -58,7 +58,7 @@ def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
 
 
 def principal_of(scope: Scope) -> str:
-    """Whose token a request carries: its name, or client and subject of an OAuth token; empty where it has none."""
+    """Return the owner of a request's token: its name, or client and subject of an OAuth token; empty without one."""
     user = scope.get("user")
     if not isinstance(user, AuthenticatedUser):
         return ""
@@ -67,20 +67,20 @@ def principal_of(scope: Scope) -> str:
 
 
 def may_write(scope: Scope) -> bool:
-    """Whether the sender of a request may make something: its token says so, or none is asked for."""
+    """Return whether the sender of a request may create something: its token allows it, or tokens are not required."""
     user = scope.get("user")
     return not isinstance(user, AuthenticatedUser) or WRITE_SCOPE in user.scopes
 
 
 class ClientMemories:
-    """What each client of one server made or chose last."""
+    """The latest artifacts and choices of each client of one server."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._by_key: OrderedDict[str, Recent] = OrderedDict()
 
     def of(self, key: str) -> Recent:
-        """What is remembered of a client; of a new one nothing."""
+        """Return what is remembered of a client; it is empty for a new one."""
         with self._lock:
             recent = self._by_key.setdefault(key, Recent())
             self._by_key.move_to_end(key)

@@ -1,7 +1,7 @@
-"""News of the workspace for clients that subscribed: jobs that got on or ended, and new artifacts.
+"""Notifies subscribed clients of changes in the workspace: progress and ends of jobs, and new artifacts.
 
-Several servers work on one workspace, so the news are read from its database, not only heard from this server's own
-jobs. Nothing is read while no client listens.
+Several servers share one workspace, so changes are read from its database, not only from this server's own jobs.
+Nothing is read while no client listens.
 """
 
 import logging
@@ -20,21 +20,21 @@ from ..workflows.context import Services
 
 logger = logging.getLogger(__name__)
 _INTERVAL_S = 0.5
-"""Between two looks; chosen: as often as progress is told."""
+"""Interval of checks; chosen: as often as progress is reported."""
 _MOST_FOLLOWED = 1_000
-"""Subscriptions of sessions that are kept; chosen: the oldest goes first, since sessions may end without a word."""
+"""Maximum stored subscriptions of sessions; chosen: the oldest is removed first, because sessions may end silently."""
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """What was there at the last look: the newest artifact, and running or lately ended jobs as they were."""
+    """The state at the last check: the newest artifact, and running or recently ended jobs."""
 
     newest: int
     jobs: dict[str, object] = field(default_factory=dict)
 
 
 class WorkspaceNews:
-    """Tells subscribers what changed; ``subscriptions/listen`` since 2026-07-28, ``resources/subscribe`` before."""
+    """Notifies subscribers of changes; ``subscriptions/listen`` since 2026-07-28, ``resources/subscribe`` before."""
 
     def __init__(self) -> None:
         self._bus = InMemorySubscriptionBus()
@@ -43,7 +43,7 @@ class WorkspaceNews:
         self._wanted = anyio.Event()
 
     async def publish(self, event: ServerEvent) -> None:
-        """Tell all who listen for an event, and the sessions that follow its resource."""
+        """Send an event to all listeners, and to the sessions that follow its resource."""
         await self._bus.publish(event)
         if isinstance(event, ResourceUpdated):
             for (_, uri), session in list(self._followed.items()):
@@ -51,7 +51,7 @@ class WorkspaceNews:
                     await session.send_resource_updated(uri)
 
     def subscribe(self, listener: Callable[[ServerEvent], None]) -> Callable[[], None]:
-        """Have events told to a listener, until what is returned is called."""
+        """Register a listener for events; return the function that unregisters it."""
         unsubscribe = self._bus.subscribe(listener)
         self._listeners += 1
         self._wanted.set()
@@ -66,7 +66,7 @@ class WorkspaceNews:
         return end
 
     def follow(self, client: str, uri: str, session: ServerSession) -> None:
-        """Have changes of a resource told to a client's session."""
+        """Notify a client's session of changes of a resource."""
         self._followed[client, uri] = session
         self._followed.move_to_end((client, uri))
         if len(self._followed) > _MOST_FOLLOWED:
@@ -74,11 +74,11 @@ class WorkspaceNews:
         self._wanted.set()
 
     def forget(self, client: str, uri: str) -> None:
-        """Tell a client nothing more about a resource."""
+        """Stop notifying a client about a resource."""
         self._followed.pop((client, uri), None)
 
     async def watch(self, services: Services, threads: CallThreads) -> None:
-        """Look at the workspace for ever, while somebody listens, and tell what changed."""
+        """Check the workspace forever while a client listens, and report changes."""
         seen: _Seen | None = None
         while True:
             if not self._listeners and not self._followed:

@@ -1,7 +1,7 @@
 """The protocol's side of resources: lists in pages, reading, completion and subscription.
 
-What a tool answers already (the catalogue, maps, planners) is read through that tool, so that a resource never says
-something else than it.
+Content that a tool already answers (the catalogue, maps, planners) is read through that tool, so that a resource never
+contradicts it.
 """
 
 import json
@@ -52,9 +52,9 @@ from .tool_calls import answer, answer_text
 from .tool_schema import described_tool
 
 PAGE = 50
-"""Entries of a page of any list; chosen: hosts that do not turn pages see what matters."""
+"""Entries per page of any list; chosen: hosts that do not turn pages see what matters."""
 _MOST_COMPLETIONS = 100
-"""The protocol's bound on values of one completion."""
+"""The protocol's limit of values of one completion."""
 _JSON = "application/json"
 _BY_TOOLS: dict[str, tuple[str, dict[str, Any], str, str]] = {
     "catalog": ("describe_catalog", {}, "Catalogue", "what scenarios there are, with counts"),
@@ -62,7 +62,7 @@ _BY_TOOLS: dict[str, tuple[str, dict[str, Any], str, str]] = {
         "describe_catalog",
         {"facet": "maps"},
         "Maps",
-        "the maps at hand, with the sites that can be cut from them",
+        "the available maps, with the sites that can be cut from them",
     ),
     "planners": ("list_planners", {}, "Planners", "planners with their weights, settings and presets"),
 }
@@ -81,9 +81,9 @@ class ResourceReading:
     """Answers the protocol's requests about resources, in the threads of calls.
 
     Args:
-        tools: those that the server offers, for their schemas.
+        tools: the server's tools, for their schemas.
         threads: where files and the database are read.
-        news: tells whoever subscribed what has changed.
+        news: notifies subscribers of changes.
     """
 
     def __init__(self, tools: tuple[ToolSpec, ...], threads: CallThreads, news: WorkspaceNews) -> None:
@@ -91,7 +91,7 @@ class ResourceReading:
         self._threads, self._news = threads, news
 
     def serve_on(self, protocol: Server[Services]) -> None:
-        """Take over the requests that the SDK answers otherwise, or not at all."""
+        """Take over requests that the SDK handles differently, or not at all."""
         protocol.add_request_handler("resources/list", PaginatedRequestParams, self._list)
         protocol.add_request_handler("resources/templates/list", PaginatedRequestParams, self._list_templates)
         protocol.add_request_handler("resources/subscribe", SubscribeRequestParams, self._subscribe)
@@ -99,19 +99,19 @@ class ResourceReading:
         protocol.add_request_handler("completion/complete", CompleteRequestParams, self._complete)
 
     def templates(self) -> list[ResourceTemplate]:
-        """Where everything can be read that tools link to."""
+        """Return the URI templates of everything that tools link to."""
         return [*TEMPLATES, _SCHEMA_TEMPLATE, VIEW_TEMPLATE]
 
     async def read(self, uri: str, services: Services) -> tuple[str | bytes, str]:
-        """Content and media type behind a URI.
+        """Return content and media type of a URI.
 
         Raises:
-            MCPError: nothing is there (-32602), with the templates that exist.
+            MCPError: it does not exist (-32602); the error lists the templates.
         """
 
         async def look() -> tuple[str | bytes, str]:
             if (name := uri.removeprefix(SCHEME)) in _BY_TOOLS and uri.startswith(SCHEME):
-                return await _told_by_tool(name, services), _JSON
+                return await _answer_of_tool(name, services), _JSON
             if uri.startswith(_SCHEMA):
                 return self._schema(uri), _JSON
             if viewed := viewed_ids(uri):
@@ -148,7 +148,7 @@ class ResourceReading:
         return await self._done(look)
 
     async def _subscribe(self, context: ServerRequestContext[Services], request: SubscribeRequestParams) -> EmptyResult:
-        """Tell this session when a resource changes, in the revisions that have sessions."""
+        """Notify this session of changes of a resource, in the revisions with sessions."""
         await self.read(request.uri, context.lifespan_context)
         self._news.follow(client_of(context).key, request.uri, context.session)
         return EmptyResult()
@@ -162,7 +162,7 @@ class ResourceReading:
     async def _complete(
         self, context: ServerRequestContext[Services], request: CompleteRequestParams
     ) -> CompleteResult:
-        """Values of an argument of a prompt or a resource's template that begin with what was typed."""
+        """Return values of an argument of a prompt or a resource template that begin with the typed text."""
         reference, argument = request.ref, request.argument
         given = (request.context.arguments if request.context is not None else None) or {}
         workspace = context.lifespan_context.workspace
@@ -209,7 +209,7 @@ class ResourceReading:
         return json.dumps(shown, indent=1, ensure_ascii=False)
 
     async def _done(self, look: Callable[[], Awaitable[_Found]]) -> _Found:
-        """What a look at the workspace gives, in a thread of its own.
+        """Run a query of the workspace in its own thread.
 
         Raises:
             MCPError: with the text of the refusal (-32602).
@@ -221,21 +221,21 @@ class ResourceReading:
 
 
 def page_of(entries: list[_Found], cursor: str | None, size: int) -> tuple[list[_Found], str | None]:
-    """One page of a list, and the cursor of the next one; None after the last.
+    """Return one page of a list, and the cursor of the next one; None after the last.
 
     Raises:
-        InvalidRequest: the cursor is none that was given out.
+        InvalidRequest: the cursor is not from this list.
     """
     match = re.fullmatch(r"from-(\d{1,9})", cursor) if cursor else None
     if cursor and (match is None or int(match[1]) >= max(len(entries), 1)):
-        raise InvalidRequest(f"{quoted(cursor)} is no cursor of this list", next_step="begin without a cursor")
+        raise InvalidRequest(f"{quoted(cursor)} is not a cursor of this list", next_step="start without a cursor")
     start = int(match[1]) if match else 0
     more = start + size < len(entries)
     return entries[start : start + size], f"from-{start + size}" if more else None
 
 
-async def _told_by_tool(name: str, services: Services) -> str:
-    """The structured answer of a tool, as JSON."""
+async def _answer_of_tool(name: str, services: Services) -> str:
+    """Return the structured answer of a tool, as JSON."""
     tool, arguments, _, _ = _BY_TOOLS[name]
     spec = next(spec for spec in TOOLS if spec.name == tool)
     result = await answer(spec, arguments, ToolCall(services))
@@ -245,7 +245,7 @@ async def _told_by_tool(name: str, services: Services) -> str:
 
 
 async def _view_data(ids: list[str], services: Services) -> str:
-    """The data of a view; a board asks for its runs one by one. Imported now: the first answers do not wait for it."""
+    """Return the data of a view; a board requests its runs one by one. The late import speeds up the first answers."""
     from ..workflows.rendering import make_view
 
     return (await make_view(ids, WorkflowContext(services), whole=False)).data

@@ -1,4 +1,4 @@
-"""Settings: by flag, by environment (``PLANNERFORGE_…``), by ``plannerforge.toml``, in this order."""
+"""Settings: by flag, environment variable (``PLANNERFORGE_…``) or ``plannerforge.toml``, in this order."""
 
 import json
 import os
@@ -27,93 +27,91 @@ if TYPE_CHECKING:
     from ..workflows.services import ServiceOptions
 
 RECORDINGS_FOLDER = "recordings"
-"""Where, in the workspace, workers keep what they read; it may be deleted at any time."""
+"""The workspace's folder in which workers cache what they read; it may be deleted at any time."""
 _APPLICATION = "plannerforge"
 _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]*/[A-Za-z0-9][\w.-]*")
 _ADDRESS = re.compile(r"https?://[A-Za-z0-9.\-]+(:\d{1,5})?(/[A-Za-z0-9._~/\-]*)?")
 ANSWERS_FOLDER = "answers"
-"""Where, in the workspace, the answers of map services are kept; it may be deleted at any time."""
+"""The workspace's folder in which answers of map services are cached; it may be deleted at any time."""
 LogFormat = Literal["text", "json"]
 Addresses = Annotated[tuple[str, ...], NoDecode]
-"""In a variable, addresses are separated by commas or spaces, or a JSON list."""
+"""In a variable, addresses are separated by commas or spaces, or are a JSON list."""
 Secrets = Annotated[tuple[SecretStr, ...], NoDecode]
-"""In a variable, they are separated by commas or line breaks, or a JSON list."""
+"""In a variable, they are separated by commas or line breaks, or are a JSON list."""
 Folders = Annotated[tuple[Path, ...], NoDecode]
-"""In a variable, folders are separated as in PATH, or a JSON list."""
+"""In a variable, folders are separated as in PATH, or are a JSON list."""
 
 
 class Settings(BaseSettings):
-    """The settings of a server, read at its start: each a variable, a key of the file and, unless secret, a flag."""
+    """The settings of a server, read at its start: each is a variable, a key of the file and, unless secret, a flag."""
 
     model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_", extra="forbid", frozen=True)
 
     workspace: Path = Field(
-        default_factory=lambda: user_data_path(_APPLICATION), description="folder for everything that is made"
+        default_factory=lambda: user_data_path(_APPLICATION), description="folder for everything that is created"
     )
     workspace_mb: int = Field(
-        0, ge=0, description="what the workspace may take; caches go before nothing more is stored; 0: no bound"
+        0, ge=0, description="size limit of the workspace; caches are removed first, then storing fails; 0: no limit"
     )
     roots: Folders = Field(
         (), description="folders that files may be read from and written to; default: workspace and start folder"
     )
-    map_folders: Folders = Field((), description="folders with .osm maps, beside the built-in ones")
+    map_folders: Folders = Field((), description="folders with .osm maps, in addition to the built-in ones")
     starter: bool = Field(True, description="put the starter scenarios into a new workspace")
     workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
-    cluster: str = Field(
-        "", description="Dask scheduler that runs and generation go to: tcp://host:8786, or a scheduler file"
-    )
+    cluster: str = Field("", description="Dask scheduler for runs and generation: tcp://host:8786, or a scheduler file")
     planners: dict[str, CommandPlanner] = Field(
-        default_factory=dict, description="programs that are planners: a section [planners.NAME] each"
+        default_factory=dict, description="planners that are programs: a section [planners.NAME] each"
     )
     worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
     operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
     file_mb: int = Field(100, ge=1, description="largest file that is read")
     embedding_model: str = Field(
         PACKAGED_MODEL,
-        description="what ranks by text: packaged; its English half, all-MiniLM-L6-v2; or, with the extra embeddings, "
-        "a folder or a hub name that sentence-transformers loads",
+        description="model for search by text: packaged; its English half, all-MiniLM-L6-v2; or, with the extra "
+        "embeddings, a folder or a hub name that sentence-transformers loads",
     )
-    warm_up: bool = Field(True, description="start workers and make the text index ready before they are asked for")
+    warm_up: bool = Field(True, description="start workers and prepare the text index before they are needed")
     maps_online: OnlineMode = Field(
-        "online", description="places that no local map shows: asked for on the net; cache: kept answers; offline: no"
+        "online", description="places without a local map: online: fetched; cache: cached answers only; offline: none"
     )
-    nominatim_url: str = Field(NOMINATIM_URL, description="service that tells where a place is")
-    overpass_urls: Addresses = Field(OVERPASS_URLS, description="services that give roads, asked in this order")
+    nominatim_url: str = Field(NOMINATIM_URL, description="service that locates places")
+    overpass_urls: Addresses = Field(OVERPASS_URLS, description="services that provide roads, tried in this order")
     maps_user_agent: str = Field(
         f"PlannerForge-MCP/{__version__} (scenario-based testing of motion planners; by osmnx)",
         min_length=8,
-        description="names the program to these services; add your address",
+        description="identifies the program to these services; add your address",
     )
-    maps_delay_s: float = Field(1.0, ge=0, le=3600, description="least time between two requests to one service")
+    maps_delay_s: float = Field(1.0, ge=0, le=3600, description="minimum time between two requests to one service")
     maps_timeout_s: float = Field(30.0, ge=1, le=300, description="time limit of one request to a service")
-    maps_cache_mb: int = Field(500, ge=1, description="room for kept answers of these services")
-    maps_cache_days: float = Field(90.0, gt=0, description="age from which a kept answer is asked for again")
-    maps_km2: float = Field(10.0, ge=1, le=100, description="largest area that is fetched at once")
+    maps_cache_mb: int = Field(500, ge=1, description="size limit of cached answers of these services")
+    maps_cache_days: float = Field(90.0, gt=0, description="age at which a cached answer is requested again")
+    maps_km2: float = Field(10.0, ge=1, le=100, description="largest area of one fetch")
     tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
-    read_only: bool = Field(False, description="offer only tools that make nothing")
-    links: bool = Field(True, description="answers link what they made; false where the host cannot take links")
+    read_only: bool = Field(False, description="offer only tools that create nothing")
+    links: bool = Field(True, description="answers link what they created; false if the host cannot handle links")
     journal: bool = Field(True, description="write one line per call into the workspace's journal")
     journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
     journal_redact: tuple[str, ...] = Field(
-        (), description="regular expressions of what the journal leaves out, beside keys, tokens and passwords"
+        (), description="regular expressions of text that the journal omits, in addition to keys, tokens and passwords"
     )
     http_host: str = Field("127.0.0.1", description="address that serve --http listens at; another one needs a token")
     http_port: int = Field(8765, ge=0, le=65535, description="port that serve --http listens at; 0: a free one")
     http_url: str = Field("", description="address that clients use, such as https://forge.example.org/mcp")
-    http_hosts: Addresses = Field((), description="Host headers that are let in, beside this machine's own names")
-    http_origins: Addresses = Field((), description="Origin headers of web pages that are let in")
+    http_hosts: Addresses = Field((), description="accepted Host headers, in addition to this machine's own names")
+    http_origins: Addresses = Field((), description="accepted Origin headers of web pages")
     http_tokens: Secrets = Field((), description="bearer tokens, separated by commas: NAME TOKEN [read-only]")
     http_token_file: Path | None = Field(None, description="file of bearer tokens, one a line: NAME TOKEN [read-only]")
-    http_proxies: Addresses = Field((), description="addresses of proxies whose X-Forwarded-For is believed")
+    http_proxies: Addresses = Field((), description="addresses of proxies with a trusted X-Forwarded-For")
     http_body_mb: int = Field(4, ge=1, le=64, description="largest request by HTTP")
-    http_calls: int = Field(16, ge=1, le=256, description="requests that one client may have under way by HTTP")
-    http_rate: float = Field(100.0, ge=1, description="requests that one client may make in a second by HTTP")
-    http_stop_s: float = Field(10.0, ge=0, le=600, description="time that calls under way have to end at a stop")
-    oauth_issuer: str = Field("", description="OAuth authorization server whose tokens are let in; needs http_url")
-    oauth_keys_url: str = Field("", description="where its public keys are; default: where its metadata say")
+    http_calls: int = Field(16, ge=1, le=256, description="requests that one client may have in progress by HTTP")
+    http_rate: float = Field(100.0, ge=1, description="requests that one client may make per second by HTTP")
+    http_stop_s: float = Field(10.0, ge=0, le=600, description="time for calls in progress to end at a stop")
+    oauth_issuer: str = Field("", description="OAuth authorization server with accepted tokens; needs http_url")
+    oauth_keys_url: str = Field("", description="address of its public keys; default: from its metadata")
     server_memory_mb: int = Field(1024, ge=256, description="data memory of the server's own process")
-    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="what goes to stderr")
-    log_format: LogFormat = Field("text", description="how: lines of text, or of JSON")
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="lowest level on stderr")
+    log_format: LogFormat = Field("text", description="form of the log: lines of text or JSON")
     telemetry_endpoint: str = Field(
         "", description="OpenTelemetry collector for traces and metrics, such as http://127.0.0.1:4318"
     )
@@ -133,7 +131,7 @@ class Settings(BaseSettings):
         try:
             return json.loads(value)
         except json.JSONDecodeError as error:
-            raise ValueError(f"'{value}' begins like a JSON list of folders and is none: {error}") from error
+            raise ValueError(f"'{value}' begins like a JSON list of folders but is not one: {error}") from error
 
     @field_validator("planners", mode="before")
     @classmethod
@@ -143,7 +141,7 @@ class Settings(BaseSettings):
         try:
             return json.loads(value)
         except json.JSONDecodeError as error:
-            raise ValueError(f"'{value}' is no JSON object of planners: {error}") from error
+            raise ValueError(f"'{value}' is not a JSON object of planners: {error}") from error
 
     @field_validator("overpass_urls", "http_hosts", "http_origins", "http_proxies", mode="before")
     @classmethod
@@ -156,7 +154,7 @@ class Settings(BaseSettings):
         every = (value,) if isinstance(value, str) else value
         wrong = next((address for address in every if not _ADDRESS.fullmatch(address)), None)
         if wrong is not None or not every:
-            raise ValueError(f"'{wrong or ''}' is no address such as {NOMINATIM_URL}")
+            raise ValueError(f"'{wrong or ''}' is not an address such as {NOMINATIM_URL}")
         return value
 
     @field_validator("http_tokens", mode="before")
@@ -170,7 +168,7 @@ class Settings(BaseSettings):
     @classmethod
     def _one_address(cls, value: str) -> str:
         if value and not _ADDRESS.fullmatch(value):
-            raise ValueError(f"'{value}' is no address such as https://forge.example.org/mcp")
+            raise ValueError(f"'{value}' is not an address such as https://forge.example.org/mcp")
         return value
 
     @field_validator("journal_redact")
@@ -180,7 +178,7 @@ class Settings(BaseSettings):
             try:
                 re.compile(pattern)
             except re.error as error:
-                raise ValueError(f"'{pattern}' is no regular expression: {error}") from error
+                raise ValueError(f"'{pattern}' is not a regular expression: {error}") from error
         return value
 
     @field_validator("embedding_model")
@@ -205,13 +203,13 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Flags win over the environment, the environment over the file."""
+        """Flags override the environment, and the environment overrides the file."""
         del dotenv_settings, file_secret_settings
         file = TomlConfigSettingsSource(settings_cls, settings_file())
         return init_settings, env_settings, file
 
     def map_services(self) -> MapServices:
-        """Where maps may be asked for, and how."""
+        """Return the map services and how to use them."""
         return MapServices(
             mode=self.maps_online,
             nominatim_url=self.nominatim_url.rstrip("/"),
@@ -226,7 +224,7 @@ class Settings(BaseSettings):
         )
 
     def limits(self, start_folder: Path) -> Limits:
-        """The bounds of every call."""
+        """Return the limits of every call."""
         roots = self.roots or (start_folder,)
         return Limits(
             roots=tuple(dict.fromkeys(root.expanduser().resolve() for root in (*roots, self.workspace))),
@@ -238,7 +236,7 @@ class Settings(BaseSettings):
         )
 
     def service_options(self, start_folder: Path) -> "ServiceOptions":
-        """What services are opened with."""
+        """Return the options for opening services."""
         from ..workflows.services import ServiceOptions  # only needed where services are opened
 
         return ServiceOptions(
@@ -261,9 +259,9 @@ def _listed_texts(value: str) -> Any:
     try:
         return json.loads(value)
     except json.JSONDecodeError as error:
-        raise ValueError(f"'{value}' begins like a JSON list of addresses and is none: {error}") from error
+        raise ValueError(f"'{value}' begins like a JSON list of addresses but is not one: {error}") from error
 
 
 def settings_file() -> Path:
-    """Where the settings file is looked for."""
+    """Return the path of the settings file."""
     return user_config_path(_APPLICATION) / "plannerforge.toml"

@@ -1,4 +1,4 @@
-"""Suites as people write them: a YAML file is read, and its arguments are checked as a call's are."""
+"""Reads suites as people write them: a YAML file with arguments that are checked like a call's."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,18 +22,18 @@ _FORM = "see docs/gate.md for the form of a suite"
 
 
 def read_suite(path: Path) -> Suite:
-    """The suite of a file, its arguments read as a call's are and its limits understood.
+    """Return the suite of a file, with its arguments read like a call's, and its limits parsed.
 
     Raises:
-        InvalidRequest, UnknownName: it cannot be meant; what is wrong, and at which entry.
-        UnsafeInput: it is no plain YAML file.
+        InvalidRequest, UnknownName: an entry is invalid; the error gives the fault and the entry.
+        UnsafeInput: it is not a plain YAML file.
     """
     name = one_line(path.name)
     if path.stat().st_size > LARGEST_BYTES:
         raise InvalidRequest(f"{name} is larger than {LARGEST_BYTES:,} bytes; a suite is not")
     content = read_yaml(path, MOST_BRACKETS)
     if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
-        raise InvalidRequest(f"{name} is no suite", valid=list(SuiteFile.model_fields), next_step=_FORM)
+        raise InvalidRequest(f"{name} is not a suite", valid=list(SuiteFile.model_fields), next_step=_FORM)
     with _at(name):
         written = read_arguments(SuiteFile, content)
     scenarios = [_scenario(entry, f"{name}, scenario {i}") for i, entry in enumerate(written.scenarios, 1)]
@@ -55,7 +55,7 @@ def read_suite(path: Path) -> Suite:
 
 @contextmanager
 def _at(place: str) -> Iterator[None]:
-    """Say of a refusal at which entry of a suite it is."""
+    """Add the suite's entry to a refusal."""
     try:
         yield
     except InvalidRequest as error:
@@ -69,12 +69,12 @@ def _scenario(
         return entry
     with _at(place):
         if len(entry) != 1 or not entry.keys() <= {"files", "find", "generate"}:
-            raise InvalidRequest(f"{quoted(', '.join(map(str, entry)))} is no scenario", valid=_ENTRIES)
+            raise InvalidRequest(f"{quoted(', '.join(map(str, entry)))} is not a scenario", valid=_ENTRIES)
         ((kind, value),) = entry.items()
         if kind == "files":
             return read_arguments(SuiteFiles, {"path": value})
         if not isinstance(value, dict):
-            raise InvalidRequest(f"{kind}: {quoted(str(value))} is no mapping of arguments", valid=_ENTRIES)
+            raise InvalidRequest(f"{kind}: {quoted(str(value))} is not a mapping of arguments", valid=_ENTRIES)
         if kind == "find":
             return read_arguments(FindScenariosArguments, value)
         return read_arguments(GenerateScenariosArguments, value)

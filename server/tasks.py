@@ -1,8 +1,8 @@
-"""The extension ``io.modelcontextprotocol/tasks`` (SEP-2663): long calls whose answer a client fetches later.
+"""The extension ``io.modelcontextprotocol/tasks`` (SEP-2663): long calls with an answer that the client fetches later.
 
-A call of a tool that makes something is begun as any other. Where it has not answered after a moment, a client that
-knows the extension gets the id of a task; the call goes on apart from the request, waits for its job to the end, and
-its answer is kept in the workspace. A task outlives session and server: see ``engine/execution/tasks.py``.
+A call of a tool that creates something starts as usual. If it has not answered after a moment, a client that knows the
+extension gets the id of a task. The call continues apart from the request, waits for its job to end, and its answer is
+stored in the workspace. A task outlives session and server: see ``engine/execution/tasks.py``.
 """
 
 import logging
@@ -45,17 +45,17 @@ from .tool_calls import InputNeeded
 logger = logging.getLogger(__name__)
 EXTENSION = "io.modelcontextprotocol/tasks"
 GRACE_S = 2.0
-"""How long a call may take until it becomes a task; chosen: most calls answer at once."""
+"""Time after which a call becomes a task; chosen: most calls answer at once."""
 _POLL_S = 1.0
-"""How soon a client may ask again, and how often a task looks whether it was cancelled or answered; chosen."""
+"""Polling interval for clients, and for a task that checks for cancellation or answers; chosen."""
 _MOST_AT_ONCE, _MOST_WAITING = 16, 100
-"""Tasks that are carried out at once and that wait for it in one server; a call beyond is no task. Chosen."""
+"""Tasks that run at once in one server, including waiting ones; further calls do not become tasks. Chosen."""
 _NOTE_INTERVAL_S = 0.5
 _VERSIONS = frozenset({STATELESS_SINCE})
 
 
 class TaskParameters(RequestParams):
-    """Which task is meant."""
+    """The requested task."""
 
     task_id: str = Field(max_length=200)
 
@@ -67,13 +67,13 @@ class TaskAnswers(TaskParameters):
 
 
 class Caller(Protocol):
-    """Who carries calls out: the server."""
+    """Runs calls: the server."""
 
     def spec_for(self, client: ClientIdentity, name: str) -> ToolSpec | None:
-        """The tool of this name, if the client may use it."""
+        """Return the tool of this name, if the client may use it."""
 
     def services_for(self, client: ClientIdentity, services: Services) -> Services:
-        """The services as this client has them."""
+        """Return the services for this client."""
 
     async def carry_out(
         self,
@@ -83,12 +83,12 @@ class Caller(Protocol):
         client: ClientIdentity,
         turn: anyio.Semaphore | None = None,
     ) -> CallToolResult:
-        """Make a call of a tool."""
+        """Run a call of a tool."""
 
 
 @dataclass
 class _Work:
-    """A call that is carried out apart: how it is stopped, and what came of it."""
+    """A call that runs separately: its means of stopping, and its result."""
 
     spec: ToolSpec
     arguments: Mapping[str, Any]
@@ -104,15 +104,15 @@ class _Work:
 
     @property
     def store(self) -> TaskStore:
-        """Where tasks are kept."""
+        """The store of tasks."""
         return TaskStore(self.services.workspace.database)
 
 
 class Tasks(Extension):
-    """Begins, shows, answers and cancels tasks.
+    """Starts, shows, answers and cancels tasks.
 
     Args:
-        caller: carries the calls out.
+        caller: runs the calls.
         threads: where the workspace's database is used.
     """
 
@@ -125,11 +125,11 @@ class Tasks(Extension):
         self._background: anyio.abc.TaskGroup | None = None
 
     def run_in(self, background: anyio.abc.TaskGroup | None) -> None:
-        """Have tasks carried out in this group; None: no more."""
+        """Run tasks in this group; None means no more tasks."""
         self._background = background
 
     def methods(self) -> Sequence[MethodBinding]:
-        """The three requests of the extension."""
+        """Return the three requests of the extension."""
         return [
             MethodBinding("tasks/get", TaskParameters, self._get, _VERSIONS),
             MethodBinding("tasks/update", TaskAnswers, self._update, _VERSIONS),
@@ -139,11 +139,11 @@ class Tasks(Extension):
     async def intercept_tool_call(
         self, params: CallToolRequestParams, ctx: ServerRequestContext[Any], call_next: CallNext
     ) -> HandlerResult:
-        """Make a call, and a task of it where it takes long and the client knows what that is."""
+        """Run a call, and turn it into a task if it takes long and the client knows tasks."""
         client = client_of(ctx)
         spec = self._caller.spec_for(client, params.name)
         may_wait = spec is not None and not spec.read_only and len(self._works) < _MOST_AT_ONCE + _MOST_WAITING
-        if spec is None or not may_wait or not _is_known_to(ctx):
+        if spec is None or not may_wait or not _client_knows_tasks(ctx):
             return await call_next(ctx)
         services = self._caller.services_for(client, ctx.lifespan_context)
         work = _Work(spec, params.arguments or {}, client, services)
@@ -175,7 +175,7 @@ class Tasks(Extension):
         self._background.start_soon(self._carry_out, work, link)
 
     async def _carry_out(self, work: _Work, link: "_Link") -> None:
-        """Make the call; its end is recorded, or it is left to the next server where this one stops."""
+        """Run the call and record its end, or leave it to the next server if this one stops."""
         try:
             async with anyio.create_task_group() as tasks:
                 tasks.start_soon(self._watch, work)
@@ -200,25 +200,25 @@ class Tasks(Extension):
     async def _recorded(self, work: _Work) -> None:
         try:
             await self._threads.run(_record, work)
-        except ResourceFailure as error:  # the next server that is asked for the task carries it out again
+        except ResourceFailure as error:  # the next server that gets a request for the task runs it again
             logger.error("the end of a task could not be recorded: %s", error.text)  # noqa: TRY400
 
     async def _watch(self, work: _Work) -> None:
-        """Stop the work when its task was cancelled, by whichever server."""
+        """Stop the work after any server has cancelled its task."""
         while True:
             await anyio.sleep(_POLL_S)
-            with suppress(ResourceFailure):  # it is looked at again
+            with suppress(ResourceFailure):  # the next check tries again
                 if work.task is not None and await self._threads.run(_is_cancelled, work):
                     work.scope.cancel()
 
     async def _get(self, ctx: ServerRequestContext[Any], params: TaskParameters) -> HandlerResult:
         task = await self._found(ctx, params)
         if not task.ended and not task.is_carried_out:
-            task = await self._taken_over(ctx, task)
+            task = await self._take_over_task(ctx, task)
         return _wire(task, detailed=True)
 
-    async def _taken_over(self, ctx: ServerRequestContext[Any], task: Task) -> Task:
-        """Go on with a task whose server went away; what it had finished is found."""
+    async def _take_over_task(self, ctx: ServerRequestContext[Any], task: Task) -> Task:
+        """Continue a task of a server that ended; its finished parts are found."""
         client = client_of(ctx)
         spec = self._caller.spec_for(client, task.tool)
         if spec is None or task.task_id in self._works:
@@ -255,7 +255,7 @@ class Tasks(Extension):
         return {}
 
     async def _cancel_job(self, work: _Work) -> None:
-        """Stop the job that a task began; one that others began before goes on."""
+        """Stop the job that a task started; a job that others started earlier continues."""
         jobs = work.services.jobs
 
         async def stop() -> None:
@@ -268,7 +268,7 @@ class Tasks(Extension):
         await self._threads.run(stop)
 
     async def _found(self, ctx: ServerRequestContext[Any], params: TaskParameters) -> Task:
-        """The task that is meant.
+        """Return the requested task.
 
         Raises:
             MCPError: the client does not know the extension, its headers contradict it, or there is no such task.
@@ -288,14 +288,14 @@ class Tasks(Extension):
 
 
 class _Link:
-    """The way of a call to its client: the request that began it at first, the task's record afterwards."""
+    """The connection of a call to its client: first its request, later the task's record."""
 
     def __init__(self, work: _Work, progress: PacedProgress, asker: Asker) -> None:
         self._work, self._progress, self._asker = work, progress, asker
         self._noted_at = -math.inf
 
     def call(self) -> ToolCall:
-        """The call as a tool sees it."""
+        """Return the call as a tool sees it."""
         return _TaskCall(self._work, self._send, self._ask)
 
     async def _send(self, share: float, message: str) -> None:
@@ -307,7 +307,7 @@ class _Link:
             self._work.store.note(task.task_id, f"{share:.0%} {message}".strip())
 
     async def _ask(self, question: Question) -> str | None:
-        """The answer to a question, which a task waits for; none where the client cannot ask."""
+        """Return the answer to a question, for which a task waits; None if the client cannot ask."""
         task, store = self._work.task, self._work.store
         if task is None:
             return await self._asker.ask(question)
@@ -326,14 +326,14 @@ class _Link:
 
 
 class _TaskCall(ToolCall):
-    """A call that waits for its job to the end, since no client waits for the call."""
+    """A call that waits for its job to end, because no client waits for the call."""
 
     def __init__(self, work: _Work, send: Any, ask: Any) -> None:
         super().__init__(work.services, send, ask)
         self._work = work
 
     async def wait_for(self, job_id: str, wait_s: float) -> Job:
-        """The job once it has ended."""
+        """Return the job after it has ended."""
         del wait_s
         self._work.job_id = job_id
         if self._work.task is not None:
@@ -353,7 +353,7 @@ async def _take_over(work: _Work) -> bool:
 
 
 async def _is_cancelled(work: _Work) -> bool:
-    """Whether a task was cancelled, or its lifetime is over."""
+    """Return whether a task was cancelled, or its lifetime is over."""
     if work.task is None:
         return False
     try:
@@ -366,7 +366,7 @@ async def _is_cancelled(work: _Work) -> bool:
 
 
 async def _record(work: _Work) -> None:
-    """Write down how a task ended; where that cannot be, it seems to be carried out until its lifetime is over."""
+    """Record how a task ended; if that fails, it seems to run until its lifetime is over."""
     try:
         _write_end(work)
     except PlannerForgeError as error:
@@ -374,7 +374,7 @@ async def _record(work: _Work) -> None:
 
 
 def _write_end(work: _Work) -> None:
-    """Write down what came of a call; where its server stops the task is left to the next one."""
+    """Record the result of a call; if its server stops, leave the task to the next one."""
     if work.task is None:
         return
     task_id, store = work.task.task_id, work.store
@@ -387,23 +387,23 @@ def _write_end(work: _Work) -> None:
     elif work.needed is not None:
         store.end(task_id, "cancelled", {}, "the call ended with a question")
     else:
-        store.release(task_id)  # does nothing to one that was cancelled, which has ended
+        store.release(task_id)  # does nothing to a cancelled one, which has ended
 
 
-def _is_known_to(ctx: ServerRequestContext[Any]) -> bool:
-    """Whether the client of a request knows tasks."""
+def _client_knows_tasks(ctx: ServerRequestContext[Any]) -> bool:
+    """Return whether the client of a request knows tasks."""
     capabilities = ctx.session.client_capabilities
     declared = capabilities.extensions if capabilities is not None else None
     return ctx.protocol_version in _VERSIONS and declared is not None and EXTENSION in declared
 
 
 def _owner(ctx: ServerRequestContext[Any]) -> str:
-    """Whose a task is: the token's that it was begun with; by standard input, or without tokens, nobody's."""
+    """Return the owner of a task: that of the token that started it; empty by standard input or without tokens."""
     return principal_of(ctx.request.scope) if isinstance(ctx.request, Request) else ""
 
 
 def _wire(task: Task, *, detailed: bool) -> dict[str, Any]:
-    """A task as the extension words it."""
+    """Return a task in the extension's form."""
     asks = bool(task.questions) and not task.ended
     shown: dict[str, Any] = {
         "taskId": task.task_id,

@@ -1,4 +1,4 @@
-"""Tokens of a text as the o200k_base encoding counts them."""
+"""Counts the tokens of a text in the o200k_base encoding."""
 
 import base64
 import gzip
@@ -11,20 +11,19 @@ if TYPE_CHECKING:
     import tiktoken
 
 _TABLE = Path(__file__).with_name("o200k_base.json.gz")
-"""Made by ``scripts/pack_tokens.py``: tiktoken would fetch it from the net."""
+"""Made by ``scripts/pack_tokens.py``: tiktoken would fetch it from the network."""
 _PIECE = 20_000
-"""Characters that are counted at a time: tiktoken panics at a run of 2,000,000 spaces, and takes 4 ms for as many as
-these. Chosen."""
+"""Characters counted at a time: tiktoken panics at a run of 2,000,000 spaces, and takes 4 ms for this many. Chosen."""
 
 
 def count_tokens(text: str) -> int:
-    """Number of o200k_base tokens; of a text of more than 20,000 characters, up to a token more for each 20,000."""
+    """Return the number of o200k_base tokens; for longer texts, up to one token too many per 20,000 characters."""
     pieces = (text[start : start + _PIECE] for start in range(0, len(text), _PIECE))
     return sum(len(_encoding().encode_ordinary(piece)) for piece in pieces)
 
 
 def has_tables() -> bool:
-    """Whether the table of the encoding has been read, which takes .3 s of processor time and holds the interpreter."""
+    """Return whether the encoding's table is loaded, which takes .3 s of processor time and blocks the interpreter."""
     return _encoding.cache_info().currsize > 0
 
 

@@ -1,4 +1,4 @@
-"""The one place that turns a typed function into a tool: check the arguments, call, shape the answer or the error."""
+"""Turns a typed function into a tool: checks the arguments, calls it, and shapes the answer or the error."""
 
 import base64
 import logging
@@ -23,18 +23,20 @@ from .arguments.proposals import proposed_call
 
 logger = logging.getLogger(__name__)
 LONGEST_ANSWER = 400_000
-"""Characters of an answer's text, and of its structure as JSON; chosen: ten times what a model reads with profit."""
+"""Maximum characters of an answer's text, and of its structure as JSON; chosen: ten times what a model reads well."""
 MOST_LINKS = 4
-"""Of an answer, beside its text and structure, which name all ids; chosen: hosts hand them to the model."""
+"""Maximum links of an answer, in addition to text and structure, which list all ids; chosen: hosts pass them to the
+model.
+"""
 MOST_IMAGE_BYTES = 12 * 1024**2
-"""Of all pictures of an answer; more are only linked. Chosen: clients refuse messages of tens of megabytes."""
+"""Maximum bytes of all pictures of an answer; more are only linked. Chosen: clients reject messages of tens of MB."""
 
 _ESCAPE = re.compile(r"\\[ubfr]")
-"""Stands in JSON for a character that is not printed; line breaks and tabulators are."""
+"""Matches JSON escapes of unprintable characters; line breaks and tabulators are allowed."""
 
 
 class InputNeeded(Exception):
-    """A call has a question whose answer only its next attempt can bring; ``key`` names it there."""
+    """A call has a question that only its next attempt can answer; ``key`` identifies it there."""
 
     def __init__(self, key: str, question: Question) -> None:
         super().__init__(question.text)
@@ -44,22 +46,22 @@ class InputNeeded(Exception):
 async def answer(
     spec: ToolSpec, given: Mapping[str, Any], call: ToolCall, offered: Mapping[str, ToolSpec] | None = None
 ) -> CallToolResult:
-    """Call a tool; whatever goes wrong becomes a result that says what was wrong and what to do next.
+    """Call a tool; turn any error into a result that states the problem and the next step.
 
     Args:
         spec: the tool.
-        given: the arguments as they were sent.
-        call: what the call may use.
-        offered: the tools that the client may call, which alone a refusal proposes; all if it is None.
+        given: the arguments as sent.
+        call: the resources of the call.
+        offered: the tools that the client may call; a refusal proposes only these. None means all.
 
     Raises:
         InputNeeded: the tool has a question that only the next attempt of the call can answer.
-        MCPError: the call breaks the protocol.
+        MCPError: the call violates the protocol.
     """
     try:
         arguments = read_arguments(spec.arguments_type, given, call.remarks)
         if made := [name for name in spec.refused if getattr(arguments, name)]:
-            raise NotPossible(f"this server makes nothing, and {made[0]} does", next_step=f"leave {made[0]} out")
+            raise NotPossible(f"this server is read-only, but {made[0]} creates data", next_step=f"leave {made[0]} out")
         result = await spec.load_function()(arguments, call)
         return _with_view(_shaped(result, call), call)
     except (InputNeeded, MCPError):
@@ -72,18 +74,18 @@ async def answer(
 
 
 def _with_view(result: CallToolResult, call: ToolCall) -> CallToolResult:
-    """The answer with the name of its view, for a host that shows it."""
+    """Return the answer with the name of its view, for a host that shows it."""
     view = view_uri(call.shown) if call.names_view else None
     return result if view is None else result.model_copy(update={"meta": {**(result.meta or {}), VIEW_KEY: view}})
 
 
 def answer_text(result: CallToolResult) -> str:
-    """What an answer says in words: its blocks of text, one below the other."""
+    """Return the text of an answer: its blocks of text, one per line."""
     return "\n".join(block.text for block in result.content if isinstance(block, TextContent))
 
 
 def linked_by(call: ToolCall) -> list[ResourceLink]:
-    """Links to what a call made, the last ones where it made many; with type, title and size."""
+    """Return links to what a call created, the last ones if there are many; with type, title and size."""
     if not call.services.links:
         return []
     links: list[ResourceLink] = []
@@ -103,12 +105,12 @@ def _as_link(resource: Resource) -> ResourceLink:
 
 
 def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
-    """The answer as content blocks and structured content, each of which says the whole; remarks come last."""
+    """Return the answer as content blocks and structured content, each complete; remarks come last."""
     said = result.text if isinstance(result, ImageAnswer) else result.to_text()
     remarks = [*call.remarks, *_imported_in(said, call)]
     if isinstance(result, ImageAnswer):
         shown, left_out = _shown_images(result, min(call.most_image_bytes, MOST_IMAGE_BYTES))
-        notes = [f"Note: too large for this answer, to be opened by their links: {left_out}"] if left_out else []
+        notes = [f"Note: too large for this answer; open their links: {left_out}"] if left_out else []
         text = _bounded(printable("\n".join([said, *notes, *remarks])))
         blocks: list[ContentBlock] = [TextContent(type="text", text=text), *shown]
         links = map(_as_link, result.links if call.services.links else ())
@@ -128,23 +130,21 @@ _RESULT_ID = re.compile(r"\b(?:run|batch|study)_[0-9a-f]{12}\b")
 
 
 def _imported_in(text: str, call: ToolCall) -> list[str]:
-    """Return a remark on the results named in an answer that came in an archive; empty if there are none."""
+    """Return a remark on an answer's results that came in an archive, or an empty list."""
     imported = call.workspace.imported_of(dict.fromkeys(_RESULT_ID.findall(text)))
     if not imported:
         return []
     more = f" and {len(imported) - MOST_LINKS} more" if len(imported) > MOST_LINKS else ""
-    remark = (
-        f"Imported: {', '.join(imported[:MOST_LINKS])}{more} came in an archive; what they say is what its maker says."
-    )
-    return [f"{remark} run_planner makes such runs anew."]
+    remark = f"Imported: {', '.join(imported[:MOST_LINKS])}{more} came in an archive; their content is unverified."
+    return [f"{remark} run_planner repeats such runs."]
 
 
 _DENORMAL = re.compile(r"\de-3\d\d\b")
-"""Numbers so small that they have lost digits; only a look, since texts may hold the like."""
+"""Numbers so small that they have lost digits; only a quick check, because texts may contain similar ones."""
 
 
 def _without_denormals(value: Any) -> Any:
-    """The same with 0 for every number that is smaller than normal ones: it is what underflow leaves, not a figure."""
+    """Return the same value with 0 for numbers below the normal range, which result from underflow."""
     if isinstance(value, dict):
         return {key: _without_denormals(part) for key, part in value.items()}
     if isinstance(value, list):
@@ -153,22 +153,22 @@ def _without_denormals(value: Any) -> Any:
 
 
 def _bounded(text: str) -> str:
-    """The text, if it is no longer than an answer may be.
+    """Return the text if it is within the limit of an answer.
 
     Raises:
         NotPossible: it is longer.
     """
     if len(text) > LONGEST_ANSWER:
         raise NotPossible(
-            f"the answer has {len(text):,} characters; at most {LONGEST_ANSWER:,} are given",
-            next_step="ask for less at once (limit, focus, radius_m, fewer ids); what was made is stored and listed by "
+            f"the answer has {len(text):,} characters; the limit is {LONGEST_ANSWER:,}",
+            next_step="request less (limit, focus, radius_m, fewer ids); everything created is stored, and listed by "
             "list_artifacts",
         )
     return text
 
 
 def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageContent], int]:
-    """The first pictures, as many as an answer holds, and the number of the others."""
+    """Return the first pictures that fit into an answer, and the number of the others."""
     shown: list[ImageContent] = []
     size = 0
     for image in result.images:
@@ -181,11 +181,11 @@ def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageConte
 
 
 NEXT_CALL_KEY = "plannerforge/next_call"
-"""In the metadata of a refusal: the call that its text proposes, as ``{"tool": …, "arguments": …}``."""
+"""Metadata key of a refusal: the call that its text proposes, as ``{"tool": …, "arguments": …}``."""
 
 
 def refusal(error: PlannerForgeError, following: NextCall | None = None) -> CallToolResult:
-    """Return an error as a result: its text holds code, message, valid values and next step.
+    """Return an error as a result with code, message, valid values and next step.
 
     The next step is a call if there is one that helps; programs find it in the metadata.
     """

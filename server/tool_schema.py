@@ -1,8 +1,7 @@
-"""JSON Schemas of the tools, as lean as they can be and still hold; and the server's icon.
+"""JSON Schemas of the tools, as lean as possible but complete; and the server's icon.
 
-Clients get them from files instead of computed, so that the first answer comes fast. The files are the reviewed
-contract: ``pytest tests/contract --update-snapshots`` writes them from the models, and the contract tests fail where
-the two differ.
+Clients get them from files instead of computed, so that the first answer is fast. The files are the reviewed contract:
+``pytest tests/contract --update-snapshots`` writes them from the models, and the contract tests fail if the two differ.
 """
 
 import base64
@@ -19,13 +18,13 @@ from ..resources.apps import page_uri
 from ..tools.registry import ToolSpec
 
 _LENGTHS = ("minItems", "maxItems")
-"""Bounds that an input schema leaves out."""
+"""Bounds that an input schema omits."""
 
 
 def described_tool(spec: ToolSpec) -> Tool:
-    """The tool with its description, schemas and annotations, without importing its models.
+    """Return the tool with its description, schemas and annotations, without importing its models.
 
-    A tool that has no file yet, because it is being developed, is described from its models.
+    A tool without a file, because it is being developed, is described from its models.
     """
     file = files("plannerforge.server").joinpath("descriptions", f"{spec.name}.json")
     if not file.is_file():
@@ -34,9 +33,9 @@ def described_tool(spec: ToolSpec) -> Tool:
 
 
 def server_icons() -> list[Icon]:
-    """The server's icon as hosts show it, within the message itself: nothing has to be fetched for it.
+    """Return the server's icon for hosts, embedded in the message: nothing must be fetched.
 
-    Clients must be able to draw PNG and should be able to draw SVG. Tools have none: it would be said 17 times.
+    Clients must be able to draw PNG and should be able to draw SVG. Tools have none: it would be repeated 17 times.
     """
     found = []
     for name, mime_type, size in (("icon.svg", "image/svg+xml", "any"), ("icon.png", "image/png", "48x48")):
@@ -46,7 +45,7 @@ def server_icons() -> list[Icon]:
 
 
 def _without_unlisted(tool: Tool, spec: ToolSpec) -> Tool:
-    """The tool without the arguments that this listing leaves out; whoever knows them may give them."""
+    """Return the tool without the arguments that this listing omits; callers may still use them."""
     listed = tool.input_schema.get("properties", {})
     kept = {name: schema for name, schema in listed.items() if name not in spec.unlisted}
     is_reading = spec.read_only and not spec.making
@@ -57,7 +56,7 @@ def _without_unlisted(tool: Tool, spec: ToolSpec) -> Tool:
 
 @cache
 def tool_description(spec: ToolSpec) -> Tool:
-    """The tool as a client sees it: name, description, schemas, annotations."""
+    """Return the tool as a client sees it: name, description, schemas, annotations."""
     arguments, result = spec.arguments_type, spec.result_type
     return Tool(
         name=spec.name,
@@ -77,9 +76,9 @@ def tool_description(spec: ToolSpec) -> Tool:
 
 
 def input_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """The schema without titles, references, null arms and lengths of lists, which a refusal names.
+    """Return the schema without titles, references, null arms and lengths of lists, which a refusal states.
 
-    Fewer tokens, and small models understand it.
+    This takes fewer tokens, and small models understand it.
     """
     schema = model.model_json_schema(mode="validation")
     lean = _lean(schema, schema.get("$defs", {}))
@@ -88,15 +87,16 @@ def input_schema(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def output_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """The schema of a structured answer; null arms stay, because clients validate against it."""
+    """Return the schema of a structured answer; null arms stay, because clients validate against it."""
     schema: dict[str, Any] = _without_noise(model.model_json_schema(mode="serialization"))
     return schema
 
 
 def folded(schema: dict[str, Any]) -> dict[str, Any]:
-    """The schema with what is named once in its place, and null as the first arm.
+    """Return the schema with definitions used once inlined, and null as the first arm.
 
-    Clients check every answer against it: to follow a name, or to try an arm in vain, takes longer than a value does.
+    Clients check every answer against it: following a name, or trying an arm in vain, takes longer than checking a
+    value.
     """
     definitions = schema.get("$defs", {})
     names = Counter(_names(schema))
@@ -121,7 +121,7 @@ def folded(schema: dict[str, Any]) -> dict[str, Any]:
 
 
 def _names(schema: Any) -> Iterator[str]:
-    """The name of each definition, as often as a schema refers to it."""
+    """Yield the name of each definition, as often as a schema refers to it."""
     if isinstance(schema, dict) and "$ref" in schema:
         yield _name_of(schema)
     for part in schema.values() if isinstance(schema, dict) else schema if isinstance(schema, list) else ():
@@ -129,7 +129,7 @@ def _names(schema: Any) -> Iterator[str]:
 
 
 def _name_of(schema: dict[str, Any]) -> str:
-    """The name of the definition that a schema refers to; empty where it refers to none."""
+    """Return the name of the definition that a schema refers to, or an empty text."""
     return str(schema.get("$ref", "")).rpartition("/")[2]
 
 

@@ -328,8 +328,8 @@ def _fault_cases() -> list[_FaultCase]:
         _FaultCase("429 once, with Retry-After", {"one": (Fault("429", 1, wait_s=1),)}, True, ("downloaded",)),
         _FaultCase("504 once of Nominatim", {"nominatim": (Fault("504"),)}, True, ("downloaded",)),
         _FaultCase("429 for an hour", {"one": (Fault("429", 1, wait_s=3600),)}, True, ("429",)),
-        _FaultCase("empty of the first", {"one": (Fault("empty"),)}, True, ("holds nothing there",)),
-        _FaultCase("empty of all", dict.fromkeys(_MIRRORS, (empty,)), False, ("[not_possible]", "OpenStreetMap shows")),
+        _FaultCase("empty of the first", {"one": (Fault("empty"),)}, True, ("has nothing there",)),
+        _FaultCase("empty of all", dict.fromkeys(_MIRRORS, (empty,)), False, ("[not_possible]", "on OpenStreetMap")),
         _FaultCase("unknown to Nominatim", {"nominatim": (empty,)}, False, ("[unknown_name]", "no such place")),
         _FaultCase("200 MB", {"one": (Fault("huge"),)}, False, ("[not_possible]", "60 MB")),
     ]
@@ -357,7 +357,7 @@ async def _faults(bench: MapsBench) -> dict[str, float | int]:
             south, west, _, _ = extracts[-2].box
             given = {"bbox": [south - 1, west - 1, south + 1, west + 1], "scenario_type": "roundabout"}
             too_large = await _call(client, given, servers)
-            verdicts.append("too large to be fetched whole" in too_large.text)
+            verdicts.append("too large to fetch whole" in too_large.text)
             _say("an area over the limit", [] if verdicts[-1] else ["not told"], too_large)
             servers.stop()
             stopped = await _call(client, {"place": f"Faultville {len(cases) + 1}"}, servers)

@@ -1,8 +1,8 @@
-"""Benchmark ids: names of scenarios by CommonRoad's scheme ``COUNTRY_Map-1_2_T-3``.
+"""Benchmark ids: names of scenarios in CommonRoad's scheme ``COUNTRY_Map-1_2_T-3``.
 
-The last number tells predictions of the same initial state apart: an edited scenario gets one made of its recipe.
-commonroad-io's ``ScenarioID.from_benchmark_id`` is not used: it fails on countries that ISO 3166 does not have, and
-drops whatever does not fit its pattern (older files have leading zeros and other letters than S, T, P and I).
+The last number distinguishes predictions of the same initial state: an edited scenario gets one from its recipe.
+commonroad-io's ``ScenarioID.from_benchmark_id`` is not used: it fails on countries outside ISO 3166, and drops
+everything that does not fit its pattern (older files have leading zeros and other letters than S, T, P and I).
 """
 
 import re
@@ -13,23 +13,23 @@ from ...schemas.text import cited
 _VALID_ID = re.compile(r"(C-)?[A-Z]{3}_[a-zA-Z0-9]+-[1-9]\d*_[1-9]\d*_[STPI](-[1-9]\d*)+")
 _USUAL_ID = re.compile(r"^(?P<head>(C-)?[A-Z]{3}_[A-Za-z0-9]+-\d+)(_(?P<config>\d+)(_(?P<kind>[A-Z])-[\d-]+)?)?$")
 _READABLE_ID = re.compile(r"(?:C-)?([A-Z]{3})_([A-Za-z0-9][A-Za-z0-9_]{0,60}?)(?:-[A-Za-z0-9_,]{1,30}){0,3}")
-"""Ids from which country and place can be read: more than the scheme allows."""
+"""Ids with a readable country and place: more than the scheme allows."""
 _SAFE_ID = re.compile(
     r"(?:C-)?(?:(?P<country>[A-Z]{3})[_-](?=[A-Za-z0-9]))?(?P<place>[A-Za-z0-9]{0,40})[A-Za-z0-9_.\-]{0,60}"
 )
-"""What is taken of a file, under the id as it is: nothing that is no name of a file."""
+"""Ids that are accepted as they are: only those that are file names."""
 _ARTIFICIAL = "ZAM"
 _DIGITS = 9
-"""Chosen: of a thousand derived scenarios two have the same number once in about 2,000 times."""
+"""Chosen: among a thousand derived scenarios, two share a number once in about 2,000 times."""
 
 
 def is_benchmark_id(text: str) -> bool:
-    """Whether a text is the id of a scenario as the documentation of format 2020a has it (``C-``: cooperative)."""
+    """Return whether a text is a scenario id as documented for format 2020a (``C-``: cooperative)."""
     return _VALID_ID.fullmatch(text) is not None
 
 
 def derived_benchmark_id(base_id: str, digest: str) -> str:
-    """The base's id with a prediction number made of the recipe's digest (hexadecimal): same recipe, same id.
+    """Return the base's id with a prediction number from the recipe's digest (hexadecimal): same recipe, same id.
 
     Ids that do not follow the scheme keep their text as the map's name.
     """
@@ -42,22 +42,22 @@ def derived_benchmark_id(base_id: str, digest: str) -> str:
 
 
 def without_blanks(benchmark_id: str) -> str:
-    """An id as it can name a file: blanks, which CommonRoad's schema allows and its naming does not, become ``_``."""
+    """Return an id as a file name: blanks, which CommonRoad's schema allows and its naming does not, become ``_``."""
     return re.sub(r"\s+", "_", benchmark_id.strip())
 
 
 def follows_naming(benchmark_id: str) -> bool:
-    """Whether country and place can be read from an id by CommonRoad's naming, COUNTRY_Place-…"""
+    """Return whether an id has a readable country and place in CommonRoad's naming, COUNTRY_Place-…"""
     return _READABLE_ID.fullmatch(benchmark_id) is not None
 
 
 def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
-    """Country and place of a CommonRoad benchmark id; the cooperative prefix ``C-`` is left out.
+    """Return country and place of a CommonRoad benchmark id, without the cooperative prefix ``C-``.
 
-    Of an id that does not follow the naming they are read as far as they can be: ``ZAM`` where there is no country.
+    For an id outside the naming, they are read as far as possible: ``ZAM`` if there is no country.
 
     Raises:
-        UnsafeInput: the id cannot be the name of a file, which ids become.
+        UnsafeInput: the id cannot be a file name, which ids become.
     """
     match = _READABLE_ID.fullmatch(benchmark_id)
     if match is not None:

@@ -1,7 +1,7 @@
-"""What commonroad-io takes for granted in a file, so that it fails, or makes something up, where that is missing.
+"""Checks for elements that commonroad-io requires: without them it fails, or invents values.
 
-Where the meaning is clear, what is missing is put in and what cannot be used is left out. Otherwise the element is
-named: commonroad-io itself would fail with an error of Python, or place an ego without a position at the origin.
+If the meaning is clear, missing parts are added and unusable ones removed. Otherwise the error gives the element;
+commonroad-io itself would fail with an error of Python, or place an ego without a position at the origin.
 """
 
 from typing import Any
@@ -10,19 +10,20 @@ from .value_limits import OLD_GOAL, BeyondLimits
 
 READ_VERSIONS = ("2020a", "2018b")
 OLD_VERSION = "2017a"
-"""Of a network alone it says what 2018b says; its obstacles have other elements."""
+"""A network alone has the content of 2018b; its obstacles have other elements."""
 _START = ("position", "orientation", "velocity", "time")
-"""Elements of the state that a planning problem begins with; commonroad-io takes 0 for those that are missing."""
+"""Elements of a planning problem's initial state; commonroad-io uses 0 for missing ones."""
 _PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
-"""CommonRoad's words for a place that is not known."""
+"""CommonRoad's elements for an unknown location."""
 
 
 def complete(root: Any) -> None:
-    """Complete a parsed document (ElementTree), in place, where it is clear what is meant.
+    """Complete a parsed document (ElementTree), in place, if its meaning is clear.
 
-    Heights of lanelets' points are left out, since roads are read as a plane; a file without tags gets an empty list, a
-    location without a place the words for a place that is not known; a network of format 2017a is read as one of 2018b.
-    A ``<goalRegion>`` of the formats before 2017a is left out, as commonroad-io does: its problem then has no goal.
+    Heights of lanelets' points are removed, because roads are read as a plane. A file without tags gets an empty list,
+    and a location without a place gets the elements for an unknown one. A network of format 2017a is read as one of
+    2018b. A ``<goalRegion>`` of the formats before 2017a is removed, as commonroad-io does: its problem then has no
+    goal.
     """
     for point in root.iterfind("lanelet/*/point"):
         for height in point.findall("z"):
@@ -48,15 +49,15 @@ def complete(root: Any) -> None:
 
 
 def _is_old_network(root: Any) -> bool:
-    """Whether a document is of format 2017a and holds lanelets alone."""
+    """Return whether a document is of format 2017a and contains only lanelets."""
     return root.get("commonRoadVersion") == OLD_VERSION and {one.tag for one in root.iterfind("*")} == {"lanelet"}
 
 
 def check_complete(root: Any) -> None:
-    """Look for what no scenario can be read without, in a parsed document (ElementTree or lxml).
+    """Check a parsed document (ElementTree or lxml) for elements that every scenario needs.
 
     Raises:
-        BeyondLimits: the format is not read, or a planning problem lacks its start, or a goal its time or its lanelet.
+        BeyondLimits: the format is not supported, a planning problem has no start, or a goal lacks its time or lanelet.
     """
     version = root.get("commonRoadVersion")
     if version not in READ_VERSIONS and not _is_old_network(root):
@@ -81,8 +82,8 @@ def check_complete(root: Any) -> None:
 def _check_goal(goal: Any, owner: str, lanelets: set[str | None]) -> None:
     if goal.find("time") is None:
         what = f"a goal of {owner} has no <time>"
-        raise BeyondLimits(goal, what, "the steps in which it holds", "add <time> with intervalStart and intervalEnd")
+        raise BeyondLimits(goal, what, "the steps in which it applies", "add <time> with intervalStart and intervalEnd")
     for lanelet in goal.iterfind("position/lanelet"):
         if lanelet.get("ref") not in lanelets:
             what = f"a goal of {owner} is lanelet {lanelet.get('ref')}, which is not in the file"
-            raise BeyondLimits(lanelet, what, "a lanelet of the file", "name another lanelet, or add this one")
+            raise BeyondLimits(lanelet, what, "a lanelet of the file", "use another lanelet, or add this one")

@@ -1,20 +1,21 @@
-"""A CommonRoad file of which only what an edit touches is parsed and replaced, and its check against the schema.
+"""A CommonRoad file with parsing limited to the parts that an edit touches, and its check against the schema.
 
-commonroad-io's writer rounds every state of every obstacle (half of the files change); here untouched elements are
+commonroad-io's writer rounds every state of every obstacle (half of the files change). Here, untouched elements are
 copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a (``<dynamicObstacle>``).
 
-Nearly all of a large file are states, and an edit leaves nearly all of them as they are. So a file is split into its
-moving obstacles, each the bytes that it takes up, and the rest. Only files are split where bytes tell what a parser
-would find: in UTF-8, without comments, CDATA sections, processing instructions (but for the one below), document types,
-namespaces and carriage returns.
+States are nearly all of a large file, and an edit leaves nearly all of them unchanged. A file is therefore split into
+the bytes of each moving obstacle and the rest. This applies only if the bytes show what a parser would find: in UTF-8,
+without comments, CDATA sections, document types, namespaces, carriage returns and processing instructions (other than
+those below).
 
-CommonRoad's format has no field for the ego's class of vehicle. A processing instruction in the planning problem
-holds it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data that concerns one program; the schema does
-not see them, and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file
-from its objects, drops it. Likewise ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file names the road
-users with a motion prescribed by an edit: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
-holds what one of them does in reactive traffic if that depends on the ego, as JSON. ``<?plannerforge friction="0.3"?>``
-at the beginning of a file is the coefficient of friction of its roads, for which the format has no field either.
+CommonRoad's format has no field for the ego's vehicle class. A processing instruction in the planning problem contains
+it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data of one program; the schema does not see them,
+and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file from its
+objects, drops it. Likewise, ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file lists the road users
+with a motion that an edit prescribes: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
+states, as JSON, what one of them does in reactive traffic if that depends on the ego. ``<?plannerforge
+friction="0.3"?>`` at the beginning of a file is the friction coefficient of its roads, for which the format has no
+field either.
 """
 
 import re
@@ -30,7 +31,7 @@ from ...schemas.text import cited
 from .benchmark_id import is_benchmark_id
 
 _CHUNK = "chunk"
-"""The attribute of a stand-in that tells the number of its chunk; a file that has such an attribute is not split."""
+"""The attribute of a stand-in with the number of its chunk; a file with this attribute is not split."""
 _DECLARED_UTF8 = re.compile(rb"(\xef\xbb\xbf)?<\?xml version=[\"']1\.0[\"']( encoding=[\"'](?i:utf-8)[\"'])?[^>\w]*\?>")
 _NOT_PLAIN = (b"<!", b"\r", b"xmlns", _CHUNK.encode())
 _BEGIN = re.compile(rb"<(dynamicObstacle|obstacle)((?:\s+[\w.-]+\s*=\s*(?:\"[^\"<>]*\"|'[^'<>]*'))+)\s*>")
@@ -50,24 +51,24 @@ _AN_ID = re.compile(rb"id\s*=")
 _PLAIN_ID = re.compile(rb"[^\"'<>&]*")
 _STAND_IN = re.compile(rb"<(?:dynamicObstacle|obstacle) id=\"[^\"]*\" chunk=\"(\d+)\"/>")
 _AFTER_OBSTACLES = ("phantomObstacle", "environmentObstacle", "planningProblem")
-"""Elements that the schema wants behind the dynamic obstacles."""
+"""Elements that the schema requires after the dynamic obstacles."""
 
 
 def is_declared_utf8(content: bytes) -> bool:
-    """Whether a file begins with an XML declaration of UTF-8, or of no encoding, which means the same."""
+    """Return whether a file begins with an XML declaration of UTF-8, or of no encoding, which means the same."""
     return _DECLARED_UTF8.match(content) is not None
 
 
 def is_2018b(root: "etree._Element") -> bool:
-    """Whether a document is of format 2018b, in which obstacles carry their role in an element.
+    """Return whether a document is of format 2018b, in which obstacles carry their role in an element.
 
-    So is a network of format 2017a, which holds no obstacle.
+    A network of format 2017a counts too, because it has no obstacles.
     """
     return root.get("commonRoadVersion") in ("2018b", "2017a")
 
 
 def moving_obstacle(root: "etree._Element") -> str:
-    """The name of moving obstacles in the format of a document: commonroad-io passes over the other one."""
+    """Return the name of moving obstacles in the format of a document: commonroad-io ignores the other one."""
     return "obstacle" if is_2018b(root) else "dynamicObstacle"
 
 
@@ -82,14 +83,14 @@ def ego_classes_of(root: "etree._Element") -> dict[int, str]:
 
 
 def friction_of(root: "etree._Element") -> str | None:
-    """Return the coefficient of friction of a document's roads as it is written; None if the document states none."""
+    """Return the friction coefficient of a document's roads as text, or None if it has none."""
     words = [match[1] for each in _instructions(root) if (match := _FRICTION.fullmatch(each.text or ""))]
     return words[0] if words else None
 
 
 def set_friction(root: "etree._Element", friction: float | None) -> None:
-    """State the coefficient of friction of a document's roads, or take the statement out."""
-    for old in _that_begin(root, "friction="):
+    """Set the friction coefficient of a document's roads, or remove it."""
+    for old in _instructions_starting_with(root, "friction="):
         root.remove(old)
     if friction is not None:
         made = etree.ProcessingInstruction(_INSTRUCTION, f'friction="{friction:.6g}"')
@@ -98,7 +99,7 @@ def set_friction(root: "etree._Element", friction: float | None) -> None:
 
 
 def ego_class_instruction(vehicle_class: str) -> "etree._ProcessingInstruction":
-    """Return the processing instruction that says what the ego is."""
+    """Return the processing instruction that states the ego's class."""
     return etree.ProcessingInstruction(_INSTRUCTION, f'ego-class="{vehicle_class}"')
 
 
@@ -108,26 +109,26 @@ def _instructions(problem: "etree._Element") -> list["etree._ProcessingInstructi
     ]
 
 
-def _that_begin(root: "etree._Element", words: str) -> list["etree._ProcessingInstruction"]:
+def _instructions_starting_with(root: "etree._Element", words: str) -> list["etree._ProcessingInstruction"]:
     return [one for one in _instructions(root) if (one.text or "").startswith(words)]
 
 
 def without_scripts(root: "etree._Element") -> int:
-    """Take out what a document says of motions that depend on the ego; how many there were."""
-    found = _that_begin(root, "script=")
+    """Remove a document's scripts of motions that depend on the ego; return how many there were."""
+    found = _instructions_starting_with(root, "script=")
     for one in found:
         root.remove(one)
     return len(found)
 
 
 def prescribed_ids(path: Path) -> frozenset[int]:
-    """Return the ids of the road users of a file whose motion an edit prescribes."""
+    """Return the ids of a file's road users with a motion that an edit prescribes."""
     found = _PRESCRIBED.search(path.read_bytes())
     return frozenset() if found is None else frozenset(map(int, found[1].split()))
 
 
 def script_texts(path: Path) -> tuple[str, ...]:
-    """Return what a file says of the motion of road users that depends on the ego: a text of JSON for each of them."""
+    """Return a file's scripts of motions that depend on the ego, each as a text of JSON."""
     return tuple(found[1].decode(errors="replace") for found in _SCRIPT.finditer(path.read_bytes()))
 
 
@@ -143,7 +144,7 @@ class SplitDocument:
 
     @classmethod
     def of(cls, content: bytes) -> "SplitDocument | None":
-        """Split a file; None for one whose bytes may mean something else."""
+        """Split a file; return None if its bytes may mean something else."""
         if not is_declared_utf8(content) or any(mark in content for mark in _NOT_PLAIN):
             return None
         if content.count(b"<?") != 1 + len(_INSTRUCTION_BYTES.findall(content)):
@@ -158,14 +159,14 @@ class SplitDocument:
         return cls(tuple(chunks), b"".join((*rest, content[at:])))
 
     def with_chunks(self, rest: bytes, made_of: Callable[[bytes], bytes] = bytes) -> bytes:
-        """A rest, as it was or serialised anew, with the chunks, or what is made of them, in place of stand-ins."""
+        """Return a rest, original or serialised again, with the transformed chunks in place of its stand-ins."""
         if not self.chunks:
             return rest
         return _STAND_IN.sub(lambda found: made_of(self.chunks[int(found[1])]), rest)
 
 
 def _obstacles(content: bytes) -> Iterator[tuple[int, int, bytes, bytes]]:
-    """Where obstacles begin and end that have one id, which tells them, and no id or obstacle inside."""
+    """Yield start and end of obstacles with a single, unique id and no other id or obstacle inside."""
     at = 0
     while found := _BEGIN.search(content, at):
         closing = b"</%b>" % found[1]
@@ -183,7 +184,7 @@ def _obstacles(content: bytes) -> Iterator[tuple[int, int, bytes, bytes]]:
 
 @dataclass(frozen=True)
 class ScenarioDocument:
-    """The tree of a scenario file, with stand-ins for its moving obstacles where it is split; the methods change it."""
+    """The tree of a scenario file, with stand-ins for its moving obstacles if it is split; the methods change it."""
 
     tree: "etree._ElementTree"
     split: SplitDocument
@@ -196,7 +197,7 @@ class ScenarioDocument:
         split = SplitDocument.of(content) or whole
         try:
             return cls(_parsed(split.rest).getroottree(), split)
-        except etree.XMLSyntaxError:  # an obstacle in another, say: taken apart, it is no document
+        except etree.XMLSyntaxError:  # for example, an obstacle in another one: apart, they are no document
             return cls(_parsed(content).getroottree(), whole)
 
     @property
@@ -216,19 +217,19 @@ class ScenarioDocument:
         return max((int(text) for text in ids if text.strip().isdecimal()), default=0)
 
     def obstacle(self, obstacle_id: int) -> "etree._Element":
-        """The element of an obstacle of any kind.
+        """Return the element of an obstacle of any kind.
 
         Raises:
-            ResourceFailure: the file holds no such element, though the reader found one.
+            ResourceFailure: the file has no such element, although the reader found one.
         """
         for element in self.root:
             is_obstacle = isinstance(element.tag, str) and element.tag.lower().endswith("obstacle")
             if is_obstacle and _id_of(element) == obstacle_id:
                 return self._whole(element)
-        raise ResourceFailure(f"the file holds no obstacle element {obstacle_id}")
+        raise ResourceFailure(f"the file has no obstacle element {obstacle_id}")
 
     def _whole(self, element: "etree._Element") -> "etree._Element":
-        """An obstacle in place of its stand-in."""
+        """Return an obstacle that replaces its stand-in."""
         number = element.get(_CHUNK)
         if number is None or not self.split.chunks:
             return element
@@ -238,7 +239,7 @@ class ScenarioDocument:
         return obstacle
 
     def problem(self, problem_id: int) -> "etree._Element":
-        """The element of a planning problem.
+        """Return the element of a planning problem.
 
         Raises:
             ResourceFailure: there is none.
@@ -246,10 +247,10 @@ class ScenarioDocument:
         for element in self.root.iter("planningProblem"):
             if _id_of(element) == problem_id:
                 return element
-        raise ResourceFailure(f"the file holds no planning problem {problem_id}")
+        raise ResourceFailure(f"the file has no planning problem {problem_id}")
 
     def set_ego_class(self, problem_id: int, vehicle_class: str) -> None:
-        """Say what the ego of a planning problem is; of a car nothing is said."""
+        """Set the class of a planning problem's ego; for a car, nothing is written."""
         problem = self.problem(problem_id)
         for old in _instructions(problem):
             problem.remove(old)
@@ -259,9 +260,9 @@ class ScenarioDocument:
             problem.insert(0, made)
 
     def set_prescribed(self, ids: Iterable[int]) -> None:
-        """Say of road users, besides those of whom the file says so already, that their motion is prescribed."""
+        """Mark road users as having a prescribed motion, in addition to those already marked in the file."""
         known = set(ids)
-        for old in _that_begin(self.root, "prescribed="):
+        for old in _instructions_starting_with(self.root, "prescribed="):
             known |= {int(word) for word in re.findall(r"\d+", old.text or "")}
             self.root.remove(old)
         if known:
@@ -270,9 +271,9 @@ class ScenarioDocument:
             self.root.insert(0, made)
 
     def set_scripts(self, texts: Iterable[str], without: Container[int] = ()) -> None:
-        """Keep what road users do depending on the ego, as JSON with their ids, ``without`` what was kept of some."""
+        """Store what road users do depending on the ego, as JSON, without the scripts of those in ``without``."""
         kept = []
-        for old in _that_begin(self.root, "script="):
+        for old in _instructions_starting_with(self.root, "script="):
             own = _SCRIPT_ID.search(old.text or "")
             if own is not None and int(own[1]) not in without:
                 kept.append(old.text or "")
@@ -283,11 +284,11 @@ class ScenarioDocument:
             self.root.insert(0, made)
 
     def remove(self, element: "etree._Element") -> None:
-        """Take an element of the first level out, with the white space that follows it."""
+        """Remove an element of the first level, with the white space that follows it."""
         self.root.remove(element)
 
     def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
-        """Put an obstacle after the last dynamic one, or where the format wants the first; a static one before them."""
+        """Add an obstacle: a static one before the dynamic ones, another one after them."""
         names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
         existing = [child for child in self.root if child.tag in names]
         after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)
@@ -307,7 +308,7 @@ class ScenarioDocument:
     def replace_children(
         self, parent: "etree._Element", old: list["etree._Element"], new: list["etree._Element"]
     ) -> None:
-        """Put new children where old ones were, indented like them; ``old`` is not empty."""
+        """Replace old children by new ones with the same indentation; ``old`` is not empty."""
         place, tail = parent.index(old[0]), old[-1].tail
         level = len(list(old[0].iterancestors()))
         for element in old:
@@ -329,7 +330,7 @@ class ScenarioDocument:
         etree.indent(element, space=self._indent_unit() or " ", level=level)
 
     def _indent_unit(self) -> str:
-        """The white space of one level, as in the file."""
+        """Return the white space of one level, as in the file."""
         text = (self.root.text or "").rpartition("\n")[2]
         return text if text.strip() == "" else ""
 
@@ -340,14 +341,14 @@ def _parsed(content: bytes) -> "etree._Element":
 
 
 def _id_of(element: "etree._Element") -> int | None:
-    """The id as a number: the schema allows zeros and spaces before it."""
+    """Return the id as a number: the schema allows zeros and spaces before it."""
     text = element.get("id", "").strip()
     return int(text) if text.isdecimal() else None
 
 
 @dataclass(frozen=True)
 class SchemaFault:
-    """What breaks CommonRoad's schema: the place in the file, the path of the element, and why, as cited words."""
+    """A violation of CommonRoad's schema: the line in the file, the path of the element, and the reason, quoted."""
 
     line: int
     path: str
@@ -360,7 +361,7 @@ class SchemaFault:
 
 
 def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
-    """What CommonRoad's own XML schema (2020a) finds wrong with a file's tree, in the order of the file."""
+    """Return the violations of CommonRoad's own XML schema (2020a) by a file's tree, in the order of the file."""
     import commonroad
 
     folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
@@ -371,13 +372,13 @@ def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
 
 
 def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
-    """What CommonRoad's own XML schema (2020a) and the naming of benchmarks find wrong with a file or its tree.
+    """Return the violations of CommonRoad's own XML schema (2020a) and benchmark naming by a file or its tree.
 
-    Each on one line of 200 characters at most: the schema repeats what stands in the file.
+    Each is on one line of at most 200 characters: the schema repeats content of the file.
     """
     tree = etree.parse(document) if isinstance(document, Path) else document
     errors = [fault.message for fault in schema_faults(tree)]
     benchmark_id = tree.getroot().get("benchmarkID", "")
     if not is_benchmark_id(benchmark_id):
-        errors.append(f"{cited(benchmark_id)} is no benchmark id of 2020a")
+        errors.append(f"{cited(benchmark_id)} is not a benchmark id of 2020a")
     return errors

@@ -1,7 +1,7 @@
-"""Lanelet networks from XML as commonroad-io makes them, without the copy of each lanelet that it makes on the way.
+"""Builds lanelet networks from XML like commonroad-io, but without copying each lanelet.
 
-commonroad-io reads a scenario's points one by one and copies every lanelet when it puts it into the network: a third of
-the time that a small file costs. Everything but the points and that copy is read by commonroad-io's own factories.
+commonroad-io reads points one by one and copies every lanelet into the network, which takes a third of the time of a
+small file. Everything except the points and that copy comes from commonroad-io's own factories.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ _POINT = ["point", "x", "y"]
 
 
 def scenario_of(tree: Any, step_s: float, benchmark_id: str, version: str, metadata: Mapping[str, Any]) -> Scenario:
-    """A scenario of format 2020a from an ElementTree; its header is given as commonroad-io's reader has read it."""
+    """Return a scenario of format 2020a from an ElementTree, with the header from commonroad-io's reader."""
     tags, location = TagsFactory.create_from_xml_node(tree), LocationFactory.create_from_xml_node(tree)
     scenario_id = ScenarioID.from_benchmark_id(benchmark_id, version)
     scenario = Scenario(step_s, scenario_id, **metadata, tags=tags, location=location)
@@ -39,9 +39,9 @@ def scenario_of(tree: Any, step_s: float, benchmark_id: str, version: str, metad
 
 
 def _is_footway(node: Element) -> bool:
-    """Whether a lanelet is open to pedestrians in both directions, and to nobody else.
+    """Return whether a lanelet is open to pedestrians in both directions, and to no other users.
 
-    Such lanelets are kept beside the network: whatever asks the network here asks where vehicles drive.
+    Such lanelets are kept outside the network, because all queries of the network concern vehicles.
     """
     both_ways = [user.text for user in node.findall("userBidirectional")]
     return both_ways == ["pedestrian"] and node.find("userOneWay") is None
@@ -66,7 +66,7 @@ def _network(tree: Any) -> LaneletNetwork:
 
 
 class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no types
-    """Lanelets with their bounds read in one go, where all points are in the plane."""
+    """Lanelets with their bounds read at once, if all points are in the plane."""
 
     @classmethod
     def _vertices(cls, xml_node: Element) -> Points:
@@ -77,4 +77,4 @@ class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no t
 
     @classmethod
     def _speed_limit_exists(cls, xml_node: Element) -> None:
-        """None: limits of lanelets belong to format 2018b, and commonroad-io would keep them in the class."""
+        """Return None: limits of lanelets belong to format 2018b, and commonroad-io would keep them in the class."""

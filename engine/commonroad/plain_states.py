@@ -1,9 +1,9 @@
-"""States of plain trajectories, read from the XML in one go instead of one after the other.
+"""Reads states of plain trajectories from the XML all at once instead of one by one.
 
-commonroad-io makes an object of every state and tries it on twelve classes: most of the time that a file costs. Nearly
-all states are plain: a point, and exact values for everything else. ``take_plain_states`` reads those into arrays;
-whatever is not plain stays in the document for commonroad-io, so that it alone decides what a state may be.
-``put_states`` makes the objects of them that commonroad-io would have made, for libraries that want them.
+commonroad-io makes an object of every state and tries it on twelve classes, which takes most of the time of a file.
+Nearly all states are plain: a point, and exact values for everything else. ``take_plain_states`` reads those into
+arrays. Others stay in the document for commonroad-io, so that it alone decides what a valid state is. ``put_states``
+makes the objects that commonroad-io would have made, for libraries that need them.
 """
 
 import re
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 _NEEDED = frozenset({"time", "position", "orientation"})
 _POINT = ("x", "y")
 _LONGEST_ID = 16
-"""Digits of 2⁵³ - 1, the largest id that is read; Python refuses to convert some thousands of them."""
+"""Digits of 2⁵³ - 1, the largest valid id; Python refuses to convert some thousands of digits."""
 _FARTHEST_FROM_ENDS_M = 10_000.0
-"""Chosen: beyond the box around a trajectory's first and last position."""
+"""Chosen: maximum distance from the box around a trajectory's first and last position."""
 
 
 @dataclass(frozen=True)
 class PlainStates:
     """States after the initial one, one for each step.
 
-    ``positions`` (n, 2) in m; ``columns``: by the name of the element in the file all other exact values (n,), headings
-    in rad as ``orientation`` and speeds in m/s as ``velocity`` among them.
+    ``positions`` (n, 2) in m. ``columns``: all other exact values (n,) by the name of the element in the file,
+    including headings in rad as ``orientation`` and speeds in m/s as ``velocity``.
     """
 
     positions: Points
@@ -48,25 +48,25 @@ class PlainStates:
 
     @property
     def speeds_mps(self) -> Values:
-        """Speeds (n,), NaN where none is given."""
+        """Speeds (n,), NaN if there are none."""
         given = self.columns.get("velocity")
         return np.full(len(self.positions), np.nan) if given is None else given
 
 
 def take_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
-    """Take the states of plain trajectories out of a CommonRoad document, by the id of their obstacle.
+    """Remove the states of plain trajectories from a CommonRoad document; return them by the id of their obstacle.
 
     The first and the last state of each stay, so that commonroad-io reads a trajectory of the same duration. A
-    trajectory is left whole where one of its states differs from the others in its fields, gives an interval or a
-    region, or holds a text that is no number, none that is finite or one beyond its limits, and where steps are missing
-    between them: who checks the document finds it there.
+    trajectory is left whole if the fields of its states differ, if a state has an interval or a region, if a text is
+    not a finite number within its limits, or if steps are missing. The check of the document then finds the fault
+    there.
     """
     taken = (take_states(obstacle) for obstacle in document.iterchildren(moving_obstacle(document)))
     return dict(states for states in taken if states is not None)
 
 
 def take_states(obstacle: "etree._Element") -> tuple[int, PlainStates] | None:
-    """Take the states of one obstacle, with its id; None where its trajectory is left whole."""
+    """Remove and return the states of one obstacle with its id, or None if its trajectory is left whole."""
     trajectory, number = obstacle.find("trajectory"), obstacle.get("id", "")
     if trajectory is None or not _is_id(number) or not 2 < len(trajectory) <= LAST_STEP:
         return None
@@ -82,10 +82,10 @@ _TEXT_NUMBER = re.compile(rb">([-+.\deE]+)<")
 
 
 def cut_states(obstacle: bytes) -> tuple[int, PlainStates, bytes] | None:
-    """As ``take_states``, of an obstacle as bytes of UTF-8 without comments, and what is left of them.
+    """Like ``take_states``, for an obstacle as bytes of UTF-8 without comments; also return the remaining bytes.
 
-    Only of one whose states are alike to the last character, but for numbers: programs write them so, and a pattern
-    that is made of the first one finds all of them in half the time. None for any other: a parser has to look at it.
+    This works only if the states are identical except for numbers. Programs write them so, and a pattern from the first
+    state finds all of them in half the time. For all others, the result is None: a parser must read them.
     """
     begin, end = obstacle.find(_BEGIN) + len(_BEGIN), obstacle.find(_END)
     first_end = obstacle.find(_STATE_END, begin) + len(_STATE_END)
@@ -110,7 +110,7 @@ def cut_states(obstacle: bytes) -> tuple[int, PlainStates, bytes] | None:
     elements = list(trajectory[0].iter())
     leaves = [place for place, element in enumerate(elements) if not len(element)]
     if len(leaves) != len(literals) - 1 or not all(_is_number(elements[place].text) for place in leaves):
-        return None  # one of the numbers stands behind an element
+        return None  # one of the numbers comes after an element
     fields = _plain_fields(trajectory[0])
     if not _NEEDED.issubset(fields):
         return None
@@ -139,7 +139,7 @@ def _plain_states(trajectory: "etree._Element") -> PlainStates | None:
 
 
 def _states_of(texts: Mapping[str, Sequence[str] | Sequence[bytes]]) -> PlainStates | None:
-    """The states whose fields have such texts, a text for each state; None where they are not plain."""
+    """Return the states with these texts of their fields, one text for each state, or None if they are not plain."""
     try:
         steps = [int(text) for text in texts["time"]]
         numbers = {name: np.array([float(text) for text in texts[name]]) for name in sorted(texts) if name != "time"}
@@ -154,9 +154,9 @@ def _states_of(texts: Mapping[str, Sequence[str] | Sequence[bytes]]) -> PlainSta
 
 
 def _plain_fields(state: "etree._Element") -> dict[str, int]:
-    """Where in a state's elements, in the order of the file, the number of every field stands: those of the point too.
+    """Return the position of every field among a state's elements in file order, including the point's coordinates.
 
-    Empty where a field is given twice, or as anything but a point or an exact value.
+    The result is empty if a field appears twice, or is neither a point nor an exact value.
     """
     places, place = dict[str, int](), 1
     for field in state:
@@ -174,7 +174,7 @@ def _plain_fields(state: "etree._Element") -> dict[str, int]:
 
 
 def _are_near_the_ends(positions: Points) -> bool:
-    """Whether the box around the first and the last position, which stay in the document, tells where all are."""
+    """Return whether the box around the first and last positions, which stay in the document, represents all."""
     low, high = np.minimum(positions[0], positions[-1]), np.maximum(positions[0], positions[-1])
     near = (low - _FARTHEST_FROM_ENDS_M <= positions.min(axis=0)) & (
         positions.max(axis=0) <= high + _FARTHEST_FROM_ENDS_M
@@ -183,9 +183,9 @@ def _are_near_the_ends(positions: Points) -> bool:
 
 
 def put_states(scenario: "Scenario", states: Mapping[int, PlainStates]) -> None:
-    """Put the states that were taken between the first and the last of every trajectory, as commonroad-io's objects.
+    """Insert the removed states between the first and the last of every trajectory, as commonroad-io's objects.
 
-    They are of the class that commonroad-io chose for the last one, and hold the same values.
+    They have the class that commonroad-io chose for the last one, and the same values.
     """
     for obstacle in scenario.dynamic_obstacles:
         mine = states.get(int(obstacle.obstacle_id))
@@ -195,7 +195,7 @@ def put_states(scenario: "Scenario", states: Mapping[int, PlainStates]) -> None:
 
 
 def _between(first: Any, last: Any, states: PlainStates) -> list[Any]:
-    """The states between the first and the last as objects of the class of the last."""
+    """Return the states between the first and the last as objects of the last one's class."""
     from commonroad.common.reader.file_reader_xml import StateFactory
 
     names = [StateFactory._map_to_prop(name) for name in states.columns]

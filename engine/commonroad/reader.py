@@ -1,15 +1,15 @@
-"""Reading CommonRoad XML files (2018b and 2020a), and scanning XML of any kind, without trusting the file.
+"""Reads CommonRoad XML files (2018b and 2020a), and scans any XML, as untrusted input.
 
-commonroad-io reads with ElementTree, which takes 200,000 nesting levels and expands the entities that a file declares.
-So a file passes three gates before anything is computed from it:
+commonroad-io reads with ElementTree, which accepts 200,000 nesting levels and expands the entities that a file
+declares. A file therefore passes three gates before any computation:
 
-1. Its bytes are within ``XmlLimits`` and declare no document type, by a scan with expat that keeps nothing, or by
-   counting bytes where that is enough (``parse_document``).
-2. Every number, count and text is within what scenarios have (``value_limits``), in the parsed document.
-3. commonroad-io reads that document. Whatever it raises becomes one ``UnsafeInput``.
+1. Its bytes are within ``XmlLimits`` and declare no document type: checked by a scan with expat that stores nothing, or
+   by counting bytes if that is enough (``parse_document``).
+2. Every number, count and text in the parsed document is within the limits of scenarios (``value_limits``).
+3. commonroad-io reads that document. All its errors become one ``UnsafeInput``.
 
-The states of plain trajectories, most of a file, are read into arrays before (``plain_states``), so that commonroad-io
-reads the rest: ``read_recorded`` gives them as tracks, ``read_scenario`` as the objects that commonroad-io makes.
+The states of plain trajectories, most of a file, are first read into arrays (``plain_states``); commonroad-io reads the
+rest. ``read_recorded`` returns them as tracks, ``read_scenario`` as commonroad-io's objects.
 """
 
 import hashlib
@@ -57,15 +57,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class XmlLimits:
-    """What an XML file may hold at most before any parser of a library sees it.
+    """Limits for an XML file before any library parses it.
 
-    Chosen well above what occurs and below what harms: the largest of about 200 scenarios of CommonRoad measured has
+    Chosen well above real files and below harmful ones: the largest of about 200 measured scenarios of CommonRoad has
     1.4 MB, 8 levels, 46,000 elements and 370 lanelets.
 
     ``size_bytes``: bytes of the file. ``depth``: levels of elements, which parsers follow by recursion. ``elements``:
-    each takes about 250 bytes in memory, so all of them less than 400 MB. ``tag_bytes``: one tag or comment, which
-    expat reads anew with every block until it ends, so that time grows with the square. ``lanelets``: commonroad-io
-    makes a polygon of each.
+    each takes about 250 bytes in memory, so all of them less than 400 MB. ``tag_bytes``: one tag or comment; expat
+    reads it again with every block until it ends, so the time is quadratic. ``lanelets``: commonroad-io makes a polygon
+    of each.
     """
 
     size_bytes: int = 100_000_000
@@ -77,11 +77,11 @@ class XmlLimits:
 
 @dataclass(frozen=True)
 class LoadedScenario:
-    """A CommonRoad scenario in memory, with its planning problems and the file it came from.
+    """A CommonRoad scenario in memory, with its planning problems and its source file.
 
-    ``plain_states``: by obstacle id, the states after the initial one of those that were read as arrays: points and
-    exact headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the coefficient of
-    friction of the roads; None if the file does not state it.
+    ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
+    headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the friction coefficient
+    of the roads, or None if the file has none.
     """
 
     scenario: "Scenario"
@@ -93,22 +93,22 @@ class LoadedScenario:
     friction: float | None = None
 
     def ego_class(self, problem_id: int) -> str:
-        """Return the class of a planning problem's ego by the file, or a car if the file does not say."""
+        """Return the class of a planning problem's ego, or a car if the file does not state it."""
         return self.ego_classes.get(problem_id, "car")
 
     @cached_property
     def tracks(self) -> dict[int, Track]:
-        """The recording, as ``recorded_tracks`` gives it."""
+        """The recording, as ``recorded_tracks`` returns it."""
         return recorded_tracks(self.scenario, self.plain_states)
 
     @property
     def footways(self) -> "tuple[Lanelet, ...]":
-        """The lanelets that are open to pedestrians in both directions, and to nobody else: not in the network."""
+        """The lanelets, outside the network, that are open to pedestrians in both directions and to no others."""
         return tuple(getattr(self.scenario, "footways", ()))  # format 2018b has none
 
     @property
     def benchmark_id(self) -> str:
-        """The CommonRoad benchmark id as in the file, without blanks; commonroad-io changes other unusual ones too."""
+        """The benchmark id as in the file, without blanks; commonroad-io also changes other unusual ids."""
         return without_blanks(self.declared_id) or str(self.scenario.scenario_id)
 
     @property
@@ -117,7 +117,7 @@ class LoadedScenario:
         return float(self.scenario.dt)
 
     def problem(self, problem_id: int | None = None) -> "PlanningProblem":
-        """The planning problem with this id, or the one with the lowest.
+        """Return the planning problem with this id, or the one with the lowest.
 
         Raises:
             UnknownName: the file has no planning problem, or none with this id.
@@ -137,16 +137,16 @@ class LoadedScenario:
 
 @dataclass(frozen=True, eq=False)
 class RecordedScenario:
-    """A scenario with its recording; the obstacles of ``loaded`` keep the first and the last of their states only.
+    """A scenario with its recording; the obstacles of ``loaded`` keep only the first and the last of their states.
 
-    It equals itself alone, so that what is made of it can be kept with it.
+    It equals only itself, so that derived data can be cached with it.
     """
 
     loaded: LoadedScenario
 
     @property
     def tracks(self) -> dict[int, Track]:
-        """The recording, as ``recorded_tracks`` gives it."""
+        """The recording, as ``recorded_tracks`` returns it."""
         return self.loaded.tracks
 
 
@@ -154,8 +154,9 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
     """Check and read a CommonRoad file.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
-            number is beyond its limits.
+        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or a duplicate id, or a number
+            is
+            beyond its limits.
     """
     loaded = _open(path, *_road_document(path, limits))
     states = loaded.plain_states
@@ -164,14 +165,15 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
 
 
 def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenario:
-    """Read a CommonRoad file as ``read_scenario`` does, with its recording as arrays in place of objects.
+    """Read a CommonRoad file like ``read_scenario``, with its recording as arrays instead of objects.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or an id twice, or a
-            number is beyond its limits.
+        UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or a duplicate id, or a number
+            is
+            beyond its limits.
     """
     recorded = RecordedScenario(_open(path, *_road_document(path, limits)))
-    _ = recorded.tracks  # which refuses a state without a position
+    _ = recorded.tracks  # this raises an error for a state without a position
     return recorded
 
 
@@ -180,15 +182,15 @@ _KEPT = 4
 
 
 def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = True) -> RecordedScenario:
-    """A CommonRoad file as ``read_recorded`` reads it, and the same object while its content is the same.
+    """Read a CommonRoad file like ``read_recorded``; return the same object while its content is the same.
 
-    What a worker wrote and read back, to check it, is not parsed again when it is asked for where it was stored, and
-    what one worker has read another one finds on disk (``recordings``). Nobody changes what is kept.
+    A file that a worker wrote and read back as a check is not parsed again at its stored place. Workers share results
+    on disk (``recordings``). Cached scenarios must not be changed.
 
     Args:
         path: the file.
-        size_bytes: how large it may be; None: as large as ``XmlLimits`` says.
-        keep: keep it on disk too; not worth while for a file that is looked at once, of many.
+        size_bytes: its maximum size; None means that of ``XmlLimits``.
+        keep: whether to cache it on disk too; not worthwhile for one of many files that is read once.
 
     Raises:
         UnsafeInput: as ``read_recorded``.
@@ -199,13 +201,13 @@ def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = Tr
     except OSError:
         content = b""
     if not content:
-        return read_recorded(path, limits)  # which says what is wrong with the file
+        return read_recorded(path, limits)  # this reports what is wrong with the file
     return _kept(path, _Content(hashlib.sha256(content).hexdigest(), path, limits, keep))
 
 
 @dataclass(frozen=True)
 class _Content:
-    """What a file holds, wherever it lies; the rest says where, and with which limits, it is read first."""
+    """The content of a file at any place; the other fields state where, and with which limits, it is first read."""
 
     digest: str
     path: Path = field(compare=False)
@@ -254,19 +256,19 @@ def _parsed(content: _Content) -> RecordedScenario:
 
 @cache
 def _recordings() -> RecordingStore | None:
-    """The recordings on disk that the process was given; None without any."""
+    """Return the process's store of recordings on disk, or None."""
     folder = os.environ.get(FOLDER_VARIABLE)
     return RecordingStore(Path(folder)) if folder else None
 
 
 _RoadDocument = tuple[Element, dict[int, PlainStates], dict[int, str], float | None]
-"""A checked document, the states that were taken out of it, what its egos are, and the friction of its roads."""
+"""A checked document, the states removed from it, the classes of its egos, and the friction of its roads."""
 
 
 def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
-    """Read and check a document, and take out of it what is read in another way.
+    """Read and check a document, and remove the parts that are read in another way.
 
-    commonroad-io fails on a scenario without lanelets, and its error does not say why.
+    commonroad-io fails on a scenario without lanelets, and its error does not state the reason.
     """
     content, limits = _small_content(path), limits or XmlLimits()
     whole, states = _split_document(content, limits) or (
@@ -294,45 +296,45 @@ def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
     for word in found.values():
         if word not in EGO_CLASSES:
             raise UnsafeInput(
-                f"{shown_name(path.name)} says that its ego is a {cited(word)}, which no ego can be here",
+                f"{shown_name(path.name)} states that its ego is a {cited(word)}, which is not supported",
                 valid=EGO_CLASSES,
-                next_step="name one of these in the file's <?plannerforge ego-class=…?>, or take that out: a car then",
+                next_step="use one of these in the file's <?plannerforge ego-class=…?>, or remove it for a car",
             )
     return found
 
 
 def _possible_friction(path: Path, text: str | None) -> float | None:
-    """Return the friction that a file states after checking that a road can have it."""
+    """Return the friction in a file after checking that a road can have it."""
     try:
         friction = None if text is None else float(text)
     except ValueError:
         friction = math.nan
     if friction is not None and not LEAST_FRICTION <= friction <= MOST_FRICTION:
         raise UnsafeInput(
-            f"{shown_name(path.name)} states a friction of {cited(text or '')}, which no road has",
+            f"{shown_name(path.name)} states a friction of {cited(text or '')}, which is impossible for a road",
             valid=[f"{LEAST_FRICTION:g} … {MOST_FRICTION:g}"],
-            next_step="correct the file's <?plannerforge friction=…?>, or take it out",
+            next_step="correct the file's <?plannerforge friction=…?>, or remove it",
         )
     return friction
 
 
 def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
-    """The document without the states of plain trajectories, and these; an obstacle that is known by its bytes is not
-    parsed again. None where the file has to be looked at as a whole: that tells what is wrong with it too.
+    """Return the document without the states of plain trajectories, and these states; known obstacles are not parsed
+    again. Return None if the whole file must be examined, which also shows what is wrong with it.
     """
     split = SplitDocument.of(content) if _is_surely_within(content, limits, limits.elements) else None
     if split is None or not split.chunks:
         return None
     states: dict[int, PlainStates] = {}
 
-    def taken_from(chunk: bytes) -> bytes:
+    def remove_states(chunk: bytes) -> bytes:
         read = _read_obstacle(chunk)
         if read.taken is not None:
             key, states[key] = read.taken
         return read.left
 
     try:
-        whole = etree.fromstring(split.with_chunks(split.rest, taken_from), _parser(keeps_instructions=True))
+        whole = etree.fromstring(split.with_chunks(split.rest, remove_states), _parser(keeps_instructions=True))
     except (etree.XMLSyntaxError, ValueError, LookupError):
         return None
     name = moving_obstacle(whole)
@@ -341,7 +343,7 @@ def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element,
 
 
 def _small_content(path: Path) -> bytes:
-    """The bytes of a small file; nothing of a large one, or of one that cannot be read, which a scan says."""
+    """Return the bytes of a small file; empty for a large one, or for an unreadable one, which a scan reports."""
     try:
         return path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
     except OSError:
@@ -350,20 +352,20 @@ def _small_content(path: Path) -> bytes:
 
 @dataclass(frozen=True)
 class _ReadObstacle:
-    """The plain states of an obstacle with its id, None where it has none, and the element without them."""
+    """The plain states of an obstacle with its id, or None, and the element without them."""
 
     taken: tuple[int, PlainStates] | None
     left: bytes
 
 
 _KEPT_OBSTACLES = 1_000
-"""Obstacles that a worker knows by their bytes, some kB each (chosen): an edited scenario has most of its base's."""
+"""Obstacles that a worker caches by their bytes, some kB each (chosen): edited scenarios share most with their base."""
 LARGEST_KEPT_BYTES = 1_000_000
-"""A larger obstacle is read anew each time (chosen): what is kept of it may be as large."""
+"""A larger obstacle is read again each time (chosen): its cached data could be as large."""
 
 
 def _read_obstacle(chunk: bytes) -> _ReadObstacle:
-    """Raises what lxml raises where the bytes are no element."""
+    """Read an obstacle; raise lxml's error if the bytes are not an element."""
     known = _known_obstacle(hashlib.sha256(chunk).digest()) if len(chunk) <= LARGEST_KEPT_BYTES else []
     if not known:
         known.append(_cut_obstacle(chunk) or _parsed_obstacle(chunk))
@@ -382,19 +384,22 @@ def _parsed_obstacle(chunk: bytes) -> _ReadObstacle:
 
 
 def forget_obstacles() -> None:
-    """Read all obstacles anew from now on, as a worker does that has just started."""
+    """Clear the cache, so that all obstacles are read again, as in a new worker."""
     _known_obstacle.cache_clear()
 
 
 @lru_cache(maxsize=_KEPT_OBSTACLES)
 def _known_obstacle(digest: bytes) -> list[_ReadObstacle]:
-    """What was read of bytes with a digest: nothing yet, or one."""
+    """Return the cache entry of bytes with a digest: an empty list, or one result."""
     del digest
     return []
 
 
 def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
-    """Refuse what is beyond the limits; its line is looked for in the whole document, of which states may be taken."""
+    """Raise an error for values beyond the limits.
+
+    The line is that in the whole document, because states may have been removed from ``root``.
+    """
     try:
         check_document(root, taken)
         check_complete(root)
@@ -414,19 +419,19 @@ def _refuse_with_line(path: Path, whole: "etree._Element") -> None:
 
 
 def refuse_another_root(path: Path, root_name: str) -> None:
-    """Refuse an XML file that is no CommonRoad file.
+    """Raise an error for an XML file that is not a CommonRoad file.
 
     Raises:
-        UnsafeInput: naming its root element.
+        UnsafeInput: the error gives its root element.
     """
     if root_name != "commonRoad":
         raise UnsafeInput(
-            f"{shown_name(path.name)} is no CommonRoad file: its root element is {cited(root_name)}, not 'commonRoad'"
+            f"{shown_name(path.name)} is not CommonRoad: its root element is {cited(root_name)}, not 'commonRoad'"
         )
 
 
 def _line_of(path: Path, number: int) -> int | None:
-    """The line on which an element begins, by its number in the order of the file; ElementTree does not keep it."""
+    """Return the line on which an element begins, by its number in file order; ElementTree does not store it."""
     lines: list[int] = []
     parser = expat.ParserCreate()
 
@@ -442,7 +447,10 @@ def _line_of(path: Path, number: int) -> int | None:
 
 
 def _refuse_duplicate_ids(path: Path, root: Element) -> None:
-    """commonroad-io keeps one of two lanelets with one id; a planning problem may share its id with another element."""
+    """Raise an error for duplicate ids, because commonroad-io drops one of two lanelets.
+
+    A planning problem may have the id of another element.
+    """
     seen: set[tuple[bool, str]] = set()
     for element in root:
         key = element.tag == "planningProblem", element.get("id", "")
@@ -467,7 +475,7 @@ def _open(
 
 
 def _against_schema(path: Path) -> str:
-    """Return the first element of a file that breaks CommonRoad's schema (2020a), with its line; empty if none does."""
+    """Return the file's first element that violates CommonRoad's schema (2020a), with its line, or an empty text."""
     root = parse_document(path)
     if is_2018b(root):
         return ""
@@ -477,10 +485,10 @@ def _against_schema(path: Path) -> str:
 
 @contextmanager
 def _silence_commonroad_warnings() -> Iterator[None]:
-    """Drop commonroad-io's warnings: on standard error they do not say which file they are about.
+    """Suppress commonroad-io's warnings on standard error, because they do not state their file.
 
-    They are about what the rules for networks name too (``network/rules``), or about countries whose signs it does not
-    know.
+    They concern faults that the rules for networks report too (``network/rules``), or countries with signs that it does
+    not know.
     """
     log = logging.getLogger("commonroad.common.reader.file_reader_xml")
     level = log.level
@@ -494,7 +502,7 @@ def _silence_commonroad_warnings() -> Iterator[None]:
 
 
 class _ParsedReader(XMLFileReader):  # type: ignore[misc]  # commonroad-io has no types
-    """commonroad-io's reader on a document that is parsed already."""
+    """commonroad-io's reader for a document that is already parsed."""
 
     def __init__(self, path: Path, root: Element) -> None:
         super().__init__(path)
@@ -512,17 +520,17 @@ class _ParsedReader(XMLFileReader):  # type: ignore[misc]  # commonroad-io has n
 _SMALL_BYTES = 40_000_000
 """Chosen: a file up to this size is read whole before it is known to be harmless."""
 _FEW_TAGS = 800_000
-"""Tags of which the elements take less than 200 MB (0.24 kB each): as many are parsed before their depth is known."""
+"""Number of tags with elements of less than 200 MB (0.24 kB each): so many are parsed before the depth is checked."""
 
 
 def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Element":
-    """The root element of an XML file that is not too large, too deep or broken, and declares no document type.
+    """Return the root element of an XML file that is not too large, too deep or broken, and has no document type.
 
-    In UTF-8 a tag begins with the byte ``<`` and a document type with ``<!DOCTYPE``: where counting bytes shows that a
-    file is within the limits, only its depth is left to look at once it is parsed. Any other file is scanned before.
+    In UTF-8, a tag begins with the byte ``<`` and a document type with ``<!DOCTYPE``. If counting bytes shows that a
+    file is within the limits, only its depth must be checked after parsing. Any other file is scanned first.
 
     Raises:
-        UnsafeInput: naming what was found and the limit.
+        UnsafeInput: the error gives the value found and the limit.
     """
     return _parsed_document(path, _small_content(path), limits or XmlLimits())
 
@@ -530,7 +538,7 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
 def _parsed_document(
     path: Path, content: bytes, limits: XmlLimits, *, keeps_instructions: bool = False
 ) -> "etree._Element":
-    """As ``parse_document``, for a file whose bytes are read already where it is small."""
+    """Like ``parse_document``, for a file with its bytes already read if it is small."""
     try:
         if not _is_surely_within(content, limits, _FEW_TAGS):
             scan_xml(path, limits)
@@ -539,7 +547,7 @@ def _parsed_document(
     except OSError as error:
         raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
-        scan_xml(path, limits)  # which names a limit that libxml2 has too, such as the depth
+        scan_xml(path, limits)  # this reports a limit that libxml2 shares, such as the depth
         raise UnsafeInput(f"{shown_name(path.name)} is not well-formed XML: {cited(error)}") from error
     if _is_too_deep(root, limits):
         raise UnsafeInput(f"{shown_name(path.name)} nests elements deeper than {limits.depth} levels")
@@ -563,7 +571,7 @@ def _is_surely_within(content: bytes, limits: XmlLimits, most_tags: int) -> bool
 def _parser(*, keeps_instructions: bool = False) -> etree.XMLParser:
     """Return a parser for elements and their texts, and for processing instructions if requested.
 
-    Size was looked at, and a document type is refused.
+    The caller has checked the size and rejected document types.
     """
     return etree.XMLParser(
         resolve_entities=False, no_network=True, huge_tree=True, remove_comments=True, remove_pis=not keeps_instructions
@@ -571,12 +579,12 @@ def _parser(*, keeps_instructions: bool = False) -> etree.XMLParser:
 
 
 _BLOCK_BYTES = 1 << 18
-"""Chosen: bytes of a file that the scan holds at a time (256 KiB)."""
+"""Chosen: bytes of a file in memory during the scan (256 KiB)."""
 
 
 @dataclass(frozen=True)
 class _XmlRoot:
-    """Name and attributes of a document's root element, and how many elements ``lanelet`` the document has."""
+    """Name and attributes of a document's root element, and the number of ``lanelet`` elements in the document."""
 
     name: str
     attributes: dict[str, str]
@@ -584,13 +592,13 @@ class _XmlRoot:
 
 
 def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
-    """Refuse an XML file that is too large, too deep, broken or that declares a document type.
+    """Reject an XML file that is too large, too deep, broken or that declares a document type.
 
     Returns:
         The name and the attributes of its root element, and the number of its lanelets.
 
     Raises:
-        UnsafeInput: naming what was found and the limit.
+        UnsafeInput: the error gives the value found and the limit.
     """
     limits = limits or XmlLimits()
     try:
@@ -599,7 +607,7 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
         raise UnsafeInput(f"{shown_name(path.name)} cannot be read: {error.strerror}") from error
     if size > limits.size_bytes:
         raise UnsafeInput(
-            f"{shown_name(path.name)} has {size:,} bytes; at most {limits.size_bytes:,} are read",
+            f"{shown_name(path.name)} has {size:,} bytes; the limit is {limits.size_bytes:,}",
             next_step="split the file, or raise the setting file_mb",
         )
     scan = _Scan(path.name, limits)
@@ -613,12 +621,12 @@ def scan_xml(path: Path, limits: XmlLimits | None = None) -> _XmlRoot:
     return _XmlRoot(scan.root, scan.attributes, scan.lanelets)
 
 
-_SPLIT = "split the file, or take parts of it out"
-"""What helps against a file of too many elements."""
+_SPLIT = "split the file, or remove parts of it"
+"""The remedy for a file with too many elements."""
 
 
 class _Scan:
-    """Counts depth and elements while expat reads; a limit passed or a document type ends it."""
+    """Counts depth and elements while expat reads; stops at a limit or a document type."""
 
     def __init__(self, name: str, limits: XmlLimits) -> None:
         self.name, self.limits, self.root = name, limits, ""
@@ -630,12 +638,12 @@ class _Scan:
         self.parser.StartDoctypeDeclHandler = self._doctype
 
     def feed(self, block: bytes) -> None:
-        """Parse the next bytes; a tag that does not end is refused, since expat reads it anew with every block."""
+        """Parse the next bytes; reject a tag that does not end, because expat reads it again with every block."""
         self.parser.Parse(block, False)
         self.fed_bytes += len(block)
         if self.fed_bytes - self.parser.CurrentByteIndex > self.limits.tag_bytes + _BLOCK_BYTES:
             raise UnsafeInput(
-                f"{shown_name(self.name)} holds a tag or comment of more than {self.limits.tag_bytes:,} bytes"
+                f"{shown_name(self.name)} has a tag or comment of more than {self.limits.tag_bytes:,} bytes"
             )
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
@@ -648,11 +656,11 @@ class _Scan:
             raise UnsafeInput(f"{shown_name(self.name)} nests elements deeper than {self.limits.depth} levels")
         if self.elements > self.limits.elements:
             raise UnsafeInput(
-                f"{shown_name(self.name)} holds more than {self.limits.elements:,} elements", next_step=_SPLIT
+                f"{shown_name(self.name)} has more than {self.limits.elements:,} elements", next_step=_SPLIT
             )
         if self.lanelets > self.limits.lanelets:
             raise UnsafeInput(
-                f"{shown_name(self.name)} holds more than {self.limits.lanelets:,} lanelets", next_step=_SPLIT
+                f"{shown_name(self.name)} has more than {self.limits.lanelets:,} lanelets", next_step=_SPLIT
             )
 
     def _end(self, tag: str) -> None:

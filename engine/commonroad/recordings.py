@@ -1,11 +1,10 @@
-"""Scenarios that were read and checked, kept on disk by their content: reading one again takes a twentieth of the time.
+"""Caches checked scenarios on disk by content: reading one again takes a twentieth of the time.
 
-A recording is a file named by the digest of the XML and by the versions of everything that it depends on. It begins
-with the digest of what follows: one that is damaged, foreign or of another version counts for nothing, and is made
-again. What follows is a pickle that may name plain data alone (``_ALLOWED``), so that nothing is run by reading it.
-NumPy's own form is not read, because a data type can be forged in it that reads memory: an array is its kind of number,
-its shape and its bytes (``_array``). The folder may be deleted at any time; the recordings that were not used for
-longest go when it holds too much.
+A recording is a file with a name from the digest of the XML and from the versions of everything that it depends on. It
+begins with the digest of the rest: a damaged or foreign file, or one of another version, is ignored and made again. The
+rest is a pickle that may refer to plain data only (``_ALLOWED``), so that reading it runs no code. NumPy's own form is
+not read, because a forged data type can read memory: an array is stored as its kind of number, its shape and its bytes
+(``_array``). The folder may be deleted at any time; the least recently used recordings are removed if it is too full.
 """
 
 import hashlib
@@ -34,12 +33,12 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 FOLDER_VARIABLE = "PLANNERFORGE_RECORDINGS"
-"""The environment variable of a worker that names the folder; without it nothing is kept on disk."""
+"""The environment variable of a worker with the folder; without it, nothing is cached on disk."""
 _READERS = ("document", "lanelet_networks", "plain_states", "reader", "recordings", "tracks", "value_limits")
-"""Modules that say what is read, and what is refused: a recording made by other ones counts for nothing."""
+"""Modules that define what is read and rejected: recordings made by other versions of them are ignored."""
 _LIBRARIES = ("commonroad-io", "numpy", "shapely")
 _LOOKED_AT = 50
-"""How full the folder is, is looked at when the first recording is written and after each of these many (chosen)."""
+"""The folder's size is checked when the first recording is written, and then after this many (chosen)."""
 _DIGEST_BYTES = 32
 _FINISHED, _UNFINISHED = ".recording", ".part"
 _DATA_MODULES: Final = (
@@ -59,7 +58,7 @@ _DATA_MODULES: Final = (
     "commonroad.scenario.traffic_sign",
     "commonroad.scenario.trajectory",
 )
-"""Modules whose classes hold data and whose making neither reads nor writes anything."""
+"""Modules with classes of plain data; creating their objects neither reads nor writes anything."""
 _ALLOWED: Final[Mapping[str, tuple[str, ...]]] = {
     "builtins": ("complex", "dict", "frozenset", "list", "set", "slice", "tuple"),
     "collections": ("OrderedDict", "defaultdict"),
@@ -70,12 +69,12 @@ _ALLOWED: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 _NUMBERS: Final = re.compile(r"[<>|=][biuf][1248]")
-"""Kinds of numbers by NumPy's array protocol: booleans, integers and floating-point numbers of up to 8 bytes."""
+"""Kinds of numbers in NumPy's array protocol: booleans, integers and floating-point numbers of up to 8 bytes."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What reading a file gives: commonroad-io's objects without plain states, and these as arrays."""
+    """The result of reading a file: commonroad-io's objects without plain states, and these as arrays."""
 
     scenario: "Scenario"
     planning_problems: "PlanningProblemSet"
@@ -86,9 +85,9 @@ class Recording:
 
 
 class RecordingStore:
-    """The recordings of a folder, which is made when the first one is written.
+    """The recordings of a folder, which is created with the first one.
 
-    ``most_bytes``: what it holds, some thousand scenarios (chosen).
+    ``most_bytes``: its maximum size, some thousand scenarios (chosen).
     """
 
     def __init__(self, folder: Path, most_bytes: int = 512 * 2**20) -> None:
@@ -96,27 +95,27 @@ class RecordingStore:
         self._written = 0
 
     def find(self, content: str) -> Recording | None:
-        """The recording of a file by its content's digest; None where there is none that holds."""
+        """Return the recording of a file by its content's digest, or None if there is no valid one."""
         path = self._path(content)
         try:
             stored = path.read_bytes()
         except OSError:
             return None
-        with suppress(OSError):  # a folder that cannot be written can be read all the same
+        with suppress(OSError):  # a read-only folder can still be read
             os.utime(path)
         digest, payload = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
         try:
             if digest != hashlib.sha256(payload).digest():
-                raise pickle.UnpicklingError("its digest is another")
+                raise pickle.UnpicklingError("its digest differs")
             return Recording(*_PlainData(io.BytesIO(payload)).load())
-        except Exception as error:  # noqa: BLE001 - whatever a foreign file makes a library raise, the XML is the truth
-            logger.warning("the recording %s is not used and made again: %s", path, error)
+        except Exception as error:  # noqa: BLE001 - whatever error a foreign file causes in a library, the XML is the reference
+            logger.warning("the recording %s is invalid and will be made again: %s", path, error)
             with suppress(OSError):
                 path.unlink()
             return None
 
     def put(self, content: str, recording: Recording) -> None:
-        """Keep a recording. A folder that cannot be written is logged: the XML can be read at any time."""
+        """Store a recording. A folder that cannot be written is logged: the XML can be read at any time."""
         parts = (
             recording.scenario,
             recording.planning_problems,
@@ -139,7 +138,7 @@ class RecordingStore:
                 Path(name).unlink(missing_ok=True)
                 raise
         except OSError as error:
-            logger.warning("no recording is kept in %s: %s", self.folder, error)
+            logger.warning("no recording is stored in %s: %s", self.folder, error)
             return
         if self._written % _LOOKED_AT == 0:
             self._make_room()
@@ -149,9 +148,9 @@ class RecordingStore:
         return self.folder / f"{content}-{_versions()}{_FINISHED}"
 
     def _make_room(self) -> None:
-        """Delete what was not used for longest, until the folder holds no more than it may.
+        """Delete the least recently used recordings until the folder is within its limit.
 
-        Other workers do the same at any time; what they write just now is left alone.
+        Other workers may do the same at any time; their unfinished files are left alone.
         """
         files, held = [], 0
         for path in self.folder.glob(f"*{_FINISHED}"):
@@ -167,7 +166,7 @@ class RecordingStore:
 
 @cache
 def _versions() -> str:
-    """A short name for all that a recording depends on: the libraries, and the readers as they stand."""
+    """Return a short name for everything that a recording depends on: the libraries, and the readers' sources."""
     said = [f"Python {sys.version_info.major}.{sys.version_info.minor}"]
     said += [f"{name} {version(name)}" for name in _LIBRARIES]
     sources = (files(__package__).joinpath(f"{name}.py").read_bytes() for name in _READERS)
@@ -179,13 +178,13 @@ def _array(kind: str, shape: tuple[int, ...], data: bytearray) -> "NDArray[Any]"
     """Return an array of numbers of a kind, such as ``<f8``, over its bytes.
 
     Raises:
-        pickle.UnpicklingError: it is no kind of number.
+        pickle.UnpicklingError: it is not a kind of number.
         ValueError: the bytes do not fit the kind and the shape.
     """
     import numpy as np
 
     if not _NUMBERS.fullmatch(kind):
-        raise pickle.UnpicklingError(f"an array of {kind!r} holds no numbers")
+        raise pickle.UnpicklingError(f"an array of {kind!r} does not contain numbers")
     return np.frombuffer(data, dtype=kind).reshape(shape)
 
 
@@ -198,7 +197,7 @@ class _PlainPickler(pickle.Pickler):
     """A pickler that writes NumPy's arrays and numbers as their kind, shape and bytes."""
 
     def reducer_override(self, written: Any) -> Any:
-        """Return how NumPy's objects are written; others as they say themselves."""
+        """Return the reduced form of NumPy's objects; others use their own."""
         import numpy as np
 
         if isinstance(written, np.ndarray):
@@ -209,13 +208,13 @@ class _PlainPickler(pickle.Pickler):
 
 
 class _PlainData(pickle.Unpickler):
-    """An unpickler that knows classes of plain data alone."""
+    """An unpickler that accepts only classes of plain data."""
 
     def find_class(self, module_name: str, global_name: str) -> Any:
-        """The class, if it may be named.
+        """Return the class if it is allowed.
 
         Raises:
-            pickle.UnpicklingError: it may not.
+            pickle.UnpicklingError: it is not.
         """
         if global_name in _ALLOWED.get(module_name, ()):
             return super().find_class(module_name, global_name)
@@ -223,4 +222,4 @@ class _PlainData(pickle.Unpickler):
             found = super().find_class(module_name, global_name)
             if isinstance(found, type) and found.__module__ == module_name:
                 return found
-        raise pickle.UnpicklingError(f"it names {module_name}.{global_name}, which is no plain data")
+        raise pickle.UnpicklingError(f"it refers to {module_name}.{global_name}, which is not plain data")

@@ -1,8 +1,8 @@
-"""The road network of a CommonRoad file as it stands there, defects included.
+"""The road network of a CommonRoad file as written, including defects.
 
-commonroad-io repairs or refuses what does not fit: it drops references into nothing, and a repeated id ends its
-reading. Checks on its network cannot see that. Here nothing is resolved: references stay numbers. Coordinates are in
-metres; a lanelet is *drawn* where its bounds make an area, which is what its geometry is defined for.
+commonroad-io repairs or rejects what does not fit: it drops dangling references, and a repeated id ends its reading.
+Checks on its network cannot see these. Here, nothing is resolved: references stay numbers. Coordinates are in metres. A
+lanelet is *drawn* if its bounds form an area; its geometry is defined only then.
 """
 
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _NeighbourElement:
-    """A lanelet beside another, and whether it is said to lead the same way."""
+    """A lanelet adjacent to another, and whether the file states that it leads the same way."""
 
     lanelet_id: int
     same_direction: bool
@@ -34,7 +34,7 @@ class _NeighbourElement:
 
 @dataclass(frozen=True)
 class _StopLineElement:
-    """A stop line: its points (n, 2), none where it lies at the lanelet's end, and the ids it refers to, if any."""
+    """A stop line: its points (n, 2), empty if it is at the lanelet's end, and the ids it refers to, if any."""
 
     points: Points
     sign_ids: tuple[int, ...]
@@ -63,23 +63,23 @@ class LaneletElement:
 
     @property
     def neighbour_ids(self) -> tuple[int, ...]:
-        """The ids of the lanelets beside this one, left before right."""
-        return tuple(beside.lanelet_id for beside in self.neighbours.values())
+        """The ids of the adjacent lanelets, left before right."""
+        return tuple(adjoining.lanelet_id for adjoining in self.neighbours.values())
 
     @property
     def bounds(self) -> tuple[tuple[str, Points], ...]:
-        """Both bounds with the words for their sides, left before right."""
+        """Both bounds with the names of their sides, left before right."""
         return ("left", self.left), ("right", self.right)
 
     @cached_property
     def is_drawn(self) -> bool:
-        """Whether the bounds make an area: two or more finite points each, as many on the left as on the right."""
+        """Whether the bounds form an area: two or more finite points each, with the same number left and right."""
         finite = bool(np.isfinite(self.left).all() and np.isfinite(self.right).all())
         return finite and len(self.left) == len(self.right) >= 2
 
     @property
     def is_footway(self) -> bool:
-        """Whether it is open to pedestrians alone."""
+        """Whether it is open to pedestrians only."""
         return self.users == ("pedestrian",)
 
     @cached_property
@@ -95,12 +95,12 @@ class LaneletElement:
 
     @cached_property
     def width_m(self) -> float:
-        """The width of a drawn lanelet: the median distance of the bounds' points of one number."""
+        """The width of a drawn lanelet in m: the median distance of corresponding points of the bounds."""
         return float(np.median(np.linalg.norm(self.left - self.right, axis=1)))
 
     @cached_property
     def polygon(self) -> "Polygon":
-        """The area of a drawn lanelet, made valid where the bounds cross."""
+        """The area of a drawn lanelet, made valid if the bounds cross."""
         from shapely import Polygon
 
         area = Polygon(np.concatenate([self.right, self.left[::-1]]))
@@ -148,7 +148,7 @@ class _IntersectionElement:
 class RoadDocument:
     """The network of one file in the file's order; ``country`` is that of the benchmark id.
 
-    ``ids``: all ids of the file with the element's name, vehicles and planning problems included.
+    ``ids``: all ids of the file with the element's name, including vehicles and planning problems.
     """
 
     country: str
@@ -160,7 +160,7 @@ class RoadDocument:
 
     @cached_property
     def by_id(self) -> dict[int, LaneletElement]:
-        """Lanelets by id; of a repeated id the first."""
+        """Lanelets by id; for a repeated id, the first one."""
         return {lanelet.lanelet_id: lanelet for lanelet in reversed(self.lanelets)}
 
     @cached_property
@@ -170,12 +170,12 @@ class RoadDocument:
 
     @cached_property
     def driven(self) -> tuple[LaneletElement, ...]:
-        """The drawn lanelets but those of pedestrians, who go in any direction and turn on the spot."""
+        """The drawn lanelets without footways, on which pedestrians walk in any direction and turn on the spot."""
         return tuple(lanelet for lanelet in self.drawn if not lanelet.is_footway)
 
     @cached_property
     def joins(self) -> tuple[tuple[LaneletElement, LaneletElement], ...]:
-        """Every drawn lanelet with each of its drawn successors, itself left out."""
+        """Every drawn lanelet with each of its drawn successors except itself."""
         pairs = ((lanelet, self.by_id.get(key)) for lanelet in self.drawn for key in lanelet.successors)
         joined = ((before, after) for before, after in pairs if after is not None and after is not before)
         return tuple((before, after) for before, after in joined if after.is_drawn)
@@ -187,11 +187,12 @@ _EXITS = ("successorsRight", "successorsStraight", "successorsLeft")
 def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocument:
     """Scan a CommonRoad file and read its network.
 
-    A coordinate that is no number or beyond its limits becomes NaN, for a rule to find.
+    A coordinate that is not a number or beyond its limits becomes NaN, for a rule to find.
 
     Raises:
-        UnsafeInput: the file is hostile, broken or not a CommonRoad file, an id or a duration is no number, or there
-            are more elements than ``value_limits`` allows.
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file, an id or a duration is not a number, or there
+            are
+            more elements than ``value_limits`` allows.
     """
     refuse_another_root(path, scan_xml(path, limits).name)
     try:
@@ -205,10 +206,10 @@ def read_road_document(path: Path, limits: XmlLimits | None = None) -> RoadDocum
 
 
 def road_document(root: etree._Element) -> RoadDocument:
-    """The network below the root element of a CommonRoad document.
+    """Return the network below the root element of a CommonRoad document.
 
     Raises:
-        ValueError: an id or a duration is no number.
+        ValueError: an id or a duration is not a number.
     """
     return RoadDocument(
         country=root.get("benchmarkID", "").removeprefix("C-")[:3],
@@ -237,9 +238,9 @@ def _lanelet(element: etree._Element) -> LaneletElement:
         predecessors=_references(element, "predecessor"),
         successors=_references(element, "successor"),
         neighbours={
-            side: _NeighbourElement(_number(beside, "ref"), beside.get("drivingDir") == "same")
+            side: _NeighbourElement(_number(adjoining, "ref"), adjoining.get("drivingDir") == "same")
             for side, tag in (("left", "adjacentLeft"), ("right", "adjacentRight"))
-            if (beside := element.find(tag)) is not None
+            if (adjoining := element.find(tag)) is not None
         },
         stop_line=_stop_line(element.find("stopLine")),
         types=_words(element, "laneletType"),
@@ -325,7 +326,7 @@ def _number(element: etree._Element, attribute: str) -> int:
     try:
         return int(text)
     except ValueError:
-        raise ValueError(f"<{element.tag}> has {attribute}={text!r}, which is no whole number") from None
+        raise ValueError(f"<{element.tag}> has {attribute}={text!r}, which is not a whole number") from None
 
 
 def _words(element: etree._Element, tag: str) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Recorded motion of the traffic as arrays: tracks, from commonroad-io's obstacles and from states read apart."""
+"""Recorded motion of traffic as arrays: tracks, from commonroad-io's obstacles and from separately read states."""
 
 import math
 from collections.abc import Mapping
@@ -34,31 +34,31 @@ class Track:
 
     @property
     def last_step(self) -> int:
-        """The last step at which the obstacle is there."""
+        """The last step at which the obstacle is present."""
         return self.first_step + len(self.positions) - 1
 
     def index_at(self, step: int) -> int | None:
-        """Index into the arrays for a time step, or None where the obstacle is not there."""
+        """Return the index into the arrays for a time step, or None if the obstacle is not present."""
         index = step - self.first_step
         return index if 0 <= index < len(self.positions) else None
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width."""
+        """Length and width in m."""
         return self.length_m, self.width_m
 
     def corners_at(self, index: int, size_m: tuple[float, float] | None = None) -> Points:
-        """The corners (4, 2) in m of the rectangle that it takes up; of another length and width where given."""
+        """Return the corners (4, 2) in m of its footprint, with another length and width if given."""
         return oriented_rectangle(self.positions[index], float(self.headings_rad[index]), size_m or self.size_m)
 
     def front_at(self, index: int) -> Points:
-        """The middle of its front end (2,) in m."""
+        """Return the middle of its front end (2,) in m."""
         heading = float(self.headings_rad[index])
         front: Points = self.positions[index] + self.length_m / 2 * np.array([math.cos(heading), math.sin(heading)])
         return front
 
     def part(self, begin: int, end: int) -> "Track":
-        """The states from one index up to before another."""
+        """Return the states from one index up to before another."""
         return replace(
             self,
             first_step=self.first_step + begin,
@@ -69,13 +69,13 @@ class Track:
 
 
 def recorded_tracks(scenario: "Scenario", states: "Mapping[int, PlainStates] | None" = None) -> dict[int, Track]:
-    """Tracks of all dynamic obstacles that carry a trajectory, by id in ascending order.
+    """Return tracks of all dynamic obstacles with a trajectory, by id in ascending order.
 
-    Set-based predictions have no trajectory and are left out; states that give a region instead of a point count by
-    the region's centre, and a missing speed is the distance to the next position.
+    Set-based predictions have no trajectory and are left out. States with a region instead of a point count by its
+    centre. A missing speed is computed from the distance to the next position.
 
     Args:
-        states: by obstacle id, states after the initial one that were read apart and stand for the trajectory's.
+        states: by obstacle id, separately read states after the initial one; they replace the trajectory's.
 
     Raises:
         UnsafeInput: a state has no position.
@@ -87,9 +87,9 @@ def recorded_tracks(scenario: "Scenario", states: "Mapping[int, PlainStates] | N
 
 
 def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
-    """Static obstacles as tracks that stand still up to a step, by id in ascending order; regions by their middle.
+    """Return static obstacles as motionless tracks up to a step, by id in ascending order; regions by their middle.
 
-    Each holds its one pose in memory, however many steps it stands there; its arrays cannot be written to.
+    Each stores its one pose in memory, for any number of steps; its arrays are read-only.
     """
     tracks = {}
     for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
@@ -104,13 +104,13 @@ def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
 
 
 def last_recorded_step(scenario: "Scenario") -> int:
-    """The last time step at which any obstacle is recorded; 0 without moving obstacles."""
+    """Return the last time step at which any obstacle is recorded; 0 without moving obstacles."""
     finals = [o.prediction.final_time_step for o in scenario.dynamic_obstacles if o.prediction is not None]
     return max((int(getattr(final, "end", final)) for final in finals), default=0)
 
 
 def size_of(shape: Any) -> tuple[float, float]:
-    """Length and width in metres of a CommonRoad shape.
+    """Return length and width in m of a CommonRoad shape.
 
     Circles give their diameter, polygons and groups of shapes their bounding box.
     """
@@ -153,14 +153,14 @@ def _states(states: list[Any]) -> PlainStates:
 
 
 def center_of(position: Any) -> Any:
-    """A point's or region's centre (2,) in m, without its height; of several regions, the middle of their centres."""
+    """Return the centre (2,) in m of a point or region, without its height; of several regions, the mean centre."""
     if hasattr(position, "shapes"):
         return np.mean([center_of(part) for part in position.shapes], axis=0)
     return (position.center if hasattr(position, "center") else position)[:2]
 
 
 def middle_of(value: Any) -> float:
-    """A value as it is, or the middle of an interval; NaN for None."""
+    """Return a value, or the middle of an interval; NaN for None."""
     if value is None:
         return float("nan")
     return 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)
@@ -169,6 +169,6 @@ def middle_of(value: Any) -> float:
 def _speeds(positions: Points, step_s: float) -> Values:
     if len(positions) < 2:
         return np.zeros(len(positions))
-    with np.errstate(invalid="ignore"):  # infinite coordinates: value_limits refuses them afterwards
+    with np.errstate(invalid="ignore"):  # infinite coordinates: value_limits rejects them afterwards
         speed = segment_lengths(positions) / step_s
     return np.append(speed, speed[-1])

@@ -1,9 +1,8 @@
-"""What the numbers, counts and texts of a scenario file may be: one table with sources, held before anything reads on.
+"""Limits of the numbers, counts and texts in a scenario file: one table with sources, checked before further reading.
 
-commonroad-io takes any number: an angle of 1e300 turns its loops for ever, vertices at 1e7 m fill the memory of
-whatever samples them, a step of 1e-30 s ends in SUMO. So every number of a file is looked at once, in the parsed
-document, and refused by the name of its element, the id of what it belongs to and its line. ``docs/limits.md`` shows
-the table to users.
+commonroad-io accepts any number: an angle of 1e300 makes its loops endless, vertices at 1e7 m fill the memory of code
+that samples them, a step of 1e-30 s ends in SUMO. Every number of a file is therefore checked once, in the parsed
+document; the error gives its element, the id of its owner and its line. ``docs/limits.md`` shows the table to users.
 """
 
 import math
@@ -25,7 +24,7 @@ _PRINTED = 10**30
 
 @dataclass(frozen=True)
 class NumberRange:
-    """What a number may be, both ends included; ``source`` says whose limit it is."""
+    """The limits of a number, both inclusive; ``source`` states their origin."""
 
     lowest: float
     highest: float
@@ -35,7 +34,7 @@ class NumberRange:
 
     @property
     def text(self) -> str:
-        """The range in words: ``0.001 to 10 s``."""
+        """The range as text: ``0.001 to 10 s``."""
         whole = "whole numbers " if self.is_whole else ""
         return f"{whole}{_digits(self.lowest)} to {_digits(self.highest)} {self.unit}".rstrip()
 
@@ -47,17 +46,17 @@ _COORDINATE = NumberRange(
     -_FARTHEST_M, _FARTHEST_M, "m", "beyond the edge of Web Mercator (20,037,508 m) and of UTM (10,000,000 m)"
 )
 _HEIGHT = NumberRange(-1e5, 1e5, "m", "physics: road traffic is on the ground")
-_ANGLE = NumberRange(-1000, 1000, "rad", "159 turns, for headings that are not wrapped; commonroad-io unwinds by loops")
+_ANGLE = NumberRange(-1000, 1000, "rad", "159 turns, for unwrapped headings; commonroad-io unwinds them in loops")
 _SPEED = NumberRange(-1000, 1000, "m/s", "physics: the fastest vehicle on land had 341 m/s")
 _ACCELERATION = NumberRange(-1e4, 1e4, "m/s²", "physics: a crash has about 1,000 m/s²")
-_OTHER = NumberRange(-1e6, 1e6, "", "chosen: a number of a state that nothing here reads")
+_OTHER = NumberRange(-1e6, 1e6, "", "chosen: a number of a state that is not used here")
 _OBSTACLE_SIZE = NumberRange(0.001, 1000, "m", "schema: above 0; chosen: longer than any train or ship")
 _REGION_SIZE = NumberRange(0.001, 1e5, "m", "schema: above 0; no larger than a road network may be")
-_STEP_SIZE = NumberRange(0.001, 10, "s", "SUMO counts time in whole milliseconds; beyond 10 s no motion can be told")
+_STEP_SIZE = NumberRange(0.001, 10, "s", "SUMO counts time in whole milliseconds; longer steps show no motion")
 _ID = NumberRange(
-    0, _EXACT_IN_JSON, "", "schema: whole; exact in JSON, whose numbers many clients hold as doubles", True
+    0, _EXACT_IN_JSON, "", "schema: whole; exact in JSON, because many clients store its numbers as doubles", True
 )
-_VALUE_OF_SIGN = NumberRange(-1e6, 1e6, "", "chosen: where the value of a sign is a number, it is a finite one")
+_VALUE_OF_SIGN = NumberRange(-1e6, 1e6, "", "chosen: if the value of a sign is a number, it is finite")
 
 NUMBER_RANGES: Mapping[str, NumberRange] = {
     "timeStepSize": _STEP_SIZE,
@@ -87,18 +86,18 @@ NUMBER_RANGES: Mapping[str, NumberRange] = {
     "timeOffset": NumberRange(
         0, 1e6, "steps", "schema: not negative; chosen: more than any cycle lasts", is_whole=True
     ),
-    "geoNameId": NumberRange(-(2**31), 2**31 - 1, "", "GeoNames: 32 bits; -999 is not known", is_whole=True),
-    "gpsLatitude": NumberRange(-1000, 1000, "°", "CommonRoad: 999 is not known"),
-    "gpsLongitude": NumberRange(-1000, 1000, "°", "CommonRoad: 999 is not known"),
+    "geoNameId": NumberRange(-(2**31), 2**31 - 1, "", "GeoNames: 32 bits; -999 means unknown", is_whole=True),
+    "gpsLatitude": NumberRange(-1000, 1000, "°", "CommonRoad: 999 means unknown"),
+    "gpsLongitude": NumberRange(-1000, 1000, "°", "CommonRoad: 999 means unknown"),
     "xTranslation": NumberRange(-1e8, 1e8, "m", "more than twice around the earth"),
     "yTranslation": NumberRange(-1e8, 1e8, "m", "more than twice around the earth"),
     "zRotation": _ANGLE,
     "scaling": NumberRange(1e-6, 1e6, "", "schema: above 0"),
 }
-"""By the name of an attribute, of an element that holds a number, or of a value of a state; sizes are those of regions.
+"""By the name of an attribute, of an element with a number, or of a value of a state; sizes are those of regions.
 
-Of the 195 files of CommonRoad measured, coordinates reach 12,761 m, speeds 50 m/s, angles 11 rad, accelerations 10.5
-m/s², steps 200, ids 136,389, and all have steps of 0.1 s.
+In the 195 measured files of CommonRoad, coordinates reach 12,761 m, speeds 50 m/s, angles 11 rad, accelerations 10.5
+m/s², steps 200 and ids 136,389, and all have steps of 0.1 s.
 """
 
 MOST_CHILDREN: Mapping[str, int] = {
@@ -111,62 +110,63 @@ MOST_CHILDREN: Mapping[str, int] = {
     "occupancySet": 10_000,
     "signalSeries": LAST_STEP,
 }
-"""Elements directly below one of this name; all others have ``MOST_OTHER_CHILDREN`` at most.
+"""Maximum elements directly below one of this name; for all others, ``MOST_OTHER_CHILDREN``.
 
 Measured: 464 below the root, 1,998 points in a bound, 200 states in a trajectory.
 """
 MOST_OTHER_CHILDREN = 1000
 MOST_OF_A_KIND: Mapping[str, int] = {"lanelet": 50_000, "planningProblem": 100}
-"""Elements of this name in a file: commonroad-io makes a polygon of each lanelet, and each planning problem is an entry
-of the catalogue. Measured: 368 lanelets, 8 planning problems."""
+"""Maximum elements of this name in a file: commonroad-io makes a polygon of each lanelet, and each planning problem is
+an entry of the catalogue. Measured: 368 lanelets, 8 planning problems.
+"""
 MOST_OCCUPIED_STEPS = LAST_STEP
-"""Steps that the occupancies of one obstacle cover, each as often as its shape has parts."""
+"""Maximum steps that the occupancies of one obstacle cover, each counted once per part of its shape."""
 LONGEST_TEXT = 2000
-"""Characters of an attribute or element; chosen: coordinate reference systems have a few hundred."""
+"""Maximum characters of an attribute or element; chosen: coordinate reference systems have a few hundred."""
 WIDEST_M = 100_000.0
-"""Chosen: sides of the box around a road network, and how far beyond it anything may be; measured: 12,448 m."""
+"""Chosen: sides of the box around a road network, and maximum distance of anything from it; measured: 12,448 m."""
 
 SMALLEST = 1e-150
-"""What is smaller and not 0 has a square that is 0, by which geometry would divide."""
+"""The square of a smaller nonzero value is 0, and geometry would divide by it."""
 SHORTEST_M = 0.001
-"""Lengths and widths of what is drawn, as near as files with three digits tell points apart."""
+"""Minimum lengths and widths of drawn shapes: files with three decimals distinguish points at this distance."""
 _PLANE = ("x", "y")
 _INTERVAL = ("intervalStart", "intervalEnd")
 _VALUES = ("exact", *_INTERVAL)
 _NOT_LEAVES = ("time", "id", "ref", "timeStepSize")
 _NUMBERS = {name: allowed for name, allowed in NUMBER_RANGES.items() if name not in _NOT_LEAVES}
-"""Of elements that hold a number as their text; a time of a state holds elements, that of a day is no number."""
+"""Elements with a number as their text; a state's time has child elements, and a time of day is not a number."""
 _FOREIGN = "<location>"
-"""Holds what other programs write there, with ids of their own."""
+"""Contains data of other programs, with ids of their own."""
 OLD_GOAL = "goalRegion"
-"""A goal of the formats before 2017a, which commonroad-io passes over; its times may be given in seconds."""
+"""A goal of the formats before 2017a, which commonroad-io ignores; its times may be in seconds."""
 _OBSTACLES = ("obstacle", "staticObstacle", "dynamicObstacle", "environmentObstacle", "phantomObstacle")
 _PLACED = ("lanelet", "planningProblem", *_OBSTACLES)
-"""Elements whose points are places in the network; signs and lights may have a placeholder as theirs."""
+"""Elements with points that are places in the network; signs and lights may have a placeholder instead."""
 
 
 class BeyondLimits(Exception):
-    """A number, count or text that is refused, with its element, of which the reader tells the line."""
+    """A rejected number, count or text, with its element; the reader adds the line."""
 
     def __init__(self, element: Any, what: str, valid: str, next_step: str = "correct it in the file") -> None:
         self.element, self.what, self.valid, self.next_step = element, what, valid, next_step
         super().__init__(what)
 
     def refusal(self, file: str, line: int | None) -> UnsafeInput:
-        """What a caller is told."""
+        """Return the error for the caller."""
         place = f"{shown_name(file)}, line {line:,}" if line else shown_name(file)
         return UnsafeInput(f"{place}: {self.what}", valid=[self.valid], next_step=self.next_step)
 
 
 def check_document(root: Any, taken: Collection[int] = ()) -> None:
-    """Look at every number, count and text of a parsed CommonRoad document (ElementTree).
+    """Check every number, count and text of a parsed CommonRoad document (ElementTree).
 
     Args:
-        root: of the document.
-        taken: ids of obstacles whose states were taken out, because they are known to be plain and without a gap.
+        root: the document's root.
+        taken: ids of obstacles with removed states, which are known to be plain and without a gap.
 
     Raises:
-        BeyondLimits: one is no number or beyond its limit.
+        BeyondLimits: a value is not a number or beyond its limit.
     """
     _check_attributes(root, "commonRoad")
     if "timeStepSize" in root.attrib:
@@ -192,20 +192,20 @@ def _check_kinds(root: Any) -> None:
     kinds = Counter(child.tag for child in root)
     for kind, most in MOST_OF_A_KIND.items():
         if kinds[kind] > most:
-            what = f"it holds {kinds[kind]:,} elements <{kind}>"
-            raise BeyondLimits(root, what, f"at most {most:,}", "split the file, or take some of them out")
+            what = f"it has {kinds[kind]:,} elements <{kind}>"
+            raise BeyondLimits(root, what, f"at most {most:,}", "split the file, or remove some of them")
     _check_count(root)
 
 
 def _check_count(element: Any) -> None:
     most = MOST_CHILDREN.get(element.tag, MOST_OTHER_CHILDREN)
     if len(element) > most:
-        what = f"an element <{shown_name(element.tag)}> holds {len(element):,} elements"
-        raise BeyondLimits(element, what, f"at most {most:,}", "split the file, or take some of them out")
+        what = f"an element <{shown_name(element.tag)}> has {len(element):,} elements"
+        raise BeyondLimits(element, what, f"at most {most:,}", "split the file, or remove some of them")
 
 
 def is_within(name: str, values: Values | Sequence[int]) -> bool:
-    """Whether finite values of states are all within the limits of the one with this name."""
+    """Return whether finite values of states are all within the limits for this name."""
     allowed, given = NUMBER_RANGES.get(name, _OTHER), np.asarray(values, dtype=float)
     sizes = np.abs(given)
     return bool(
@@ -216,10 +216,10 @@ def is_within(name: str, values: Values | Sequence[int]) -> bool:
 
 
 def check_counts_and_ids(root: Any) -> None:
-    """Look at how many elements a document (of lxml) has, and at its ids and references.
+    """Check the number of elements in a document (of lxml), and its ids and references.
 
     Raises:
-        BeyondLimits: there are more elements than the limits, or an id is no whole number within its own.
+        BeyondLimits: there are more elements than the limits, or an id is not a whole number within its own.
     """
     _check_kinds(root)
     for element in root.iter("*"):
@@ -231,7 +231,7 @@ _Places = list[tuple[float, float]]
 
 
 def _check_below(top: Any, owner: str, relative: Iterable[Any]) -> _Places:
-    """Check all elements below one of the first level; returns the x and y of its points in m."""
+    """Check all elements below one of the first level; return the x and y of its points in m."""
     skipped = frozenset(map(id, relative))
     unread = [one for region in top.iterfind(OLD_GOAL) for one in region.iter()]
     ignored = frozenset(map(id, unread))
@@ -265,7 +265,7 @@ def _check_below(top: Any, owner: str, relative: Iterable[Any]) -> _Places:
 
 
 def _check_own_shape(shape: Any, owner: str) -> list[Any]:
-    """Check the sizes of an obstacle's shape; returns its elements: their points are beside the obstacle's place."""
+    """Check the sizes of an obstacle's shape; return its elements: their points are relative to the obstacle."""
     elements = list(shape.iter())
     for element in elements:
         if element.tag in ("length", "width", "radius"):
@@ -274,7 +274,7 @@ def _check_own_shape(shape: Any, owner: str) -> list[Any]:
 
 
 def _check_occupancies(top: Any, owner: str) -> None:
-    """Check how many steps the occupancies of an obstacle cover in all, each as often as it has parts."""
+    """Check how many steps the occupancies of an obstacle cover in all, each counted once per part."""
     covered = 0
     for occupancy in top.iterfind("occupancySet/occupancy"):
         begin, end = (occupancy.findtext(f"time/{name}") for name in _INTERVAL)
@@ -286,35 +286,35 @@ def _check_occupancies(top: Any, owner: str) -> None:
 
 
 def _check_steps(top: Any, owner: str) -> None:
-    """Check that a trajectory has a state for every step: whatever reads it counts them (CommonRoad: no gaps)."""
+    """Check that a trajectory has a state for every step: code that reads it counts them (CommonRoad: no gaps)."""
     states = [state for part in ("initialState", "trajectory/state") for state in top.iterfind(part)]
     steps = [state.findtext("time/exact") for state in states]
     for number, (before, here) in enumerate(pairwise(steps)):
         if before is None or here is None:
             continue
         apart = int(here) - int(before)
-        if apart != 1 and not (number == 0 and apart == 0):  # some give the initial state twice
+        if apart != 1 and not (number == 0 and apart == 0):  # some files repeat the initial state
             what = f"the states of {owner} go from step {int(before):,} to step {int(here):,}"
-            next_step = "fill the gap, or make an obstacle with an id of its own of what comes after it"
+            next_step = "fill the gap, or make a separate obstacle of the states after it"
             raise BeyondLimits(states[number + 1], what, "one state for every step, in their order", next_step)
 
 
 def _check_drawn(top: Any, owner: str) -> None:
-    """Check that a lanelet and all polygons cover an area, and that a lanelet's centre line leads somewhere."""
+    """Check that a lanelet and all polygons cover an area, and that a lanelet's centre line has a length."""
     next_step = "correct its points in the file"
     if top.tag == "lanelet":
         left, right = (_points_of(top.find(bound)) for bound in ("leftBound", "rightBound"))
         centers = [((x + u) / 2, (y + v) / 2) for (x, y), (u, v) in zip(left, right, strict=False)]
         if not _is_apart(centers):
             raise BeyondLimits(
-                top, f"the centre line of {owner} has no length", f"{SHORTEST_M:g} m and more", next_step
+                top, f"the centre line of {owner} has no length", f"at least {SHORTEST_M:g} m", next_step
             )
         if _is_on_a_line(left + right):
-            raise BeyondLimits(top, f"{owner} covers no area", f"{SHORTEST_M:g} m wide and more", next_step)
+            raise BeyondLimits(top, f"{owner} covers no area", f"at least {SHORTEST_M:g} m wide", next_step)
     for polygon in top.iter("polygon"):
         if _is_on_a_line(_points_of(polygon)):
             what = f"a polygon of {owner} covers no area"
-            raise BeyondLimits(polygon, what, f"{SHORTEST_M:g} m wide and more", next_step)
+            raise BeyondLimits(polygon, what, f"at least {SHORTEST_M:g} m wide", next_step)
 
 
 def _points_of(element: Any) -> _Places:
@@ -329,7 +329,7 @@ def _is_apart(points: _Places) -> bool:
 
 
 def _is_on_a_line(points: _Places) -> bool:
-    """Whether all points are within a millimetre of the line from the first to the one farthest from it."""
+    """Return whether all points are within a millimetre of the line from the first to the one farthest from it."""
     if not points:
         return True
     (x, y), far = points[0], max(points, key=lambda point: math.dist(points[0], point))
@@ -338,7 +338,7 @@ def _is_on_a_line(points: _Places) -> bool:
 
 
 def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
-    """Check that the network is no wider than the limit, and that everything else is no farther away."""
+    """Check that the network is no wider than the limit, and that nothing else is farther away."""
     spans = [(top, owner, *_span(places)) for top, owner, places in boxes]
     road = [(low, high) for top, _, low, high in spans if top.tag == "lanelet"]
     if not road:
@@ -348,8 +348,8 @@ def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
     for axis, name in ((0, "x"), (1, "y")):
         if highest[axis] - lowest[axis] > WIDEST_M:
             top, owner = _farthest(spans, axis)
-            what = f"the lanelets reach over {highest[axis] - lowest[axis]:,.0f} m along {name}, as far as {owner}"
-            raise BeyondLimits(top, what, f"at most {WIDEST_M:,.0f} m", "cut the network to the place that matters")
+            what = f"the lanelets extend over {highest[axis] - lowest[axis]:,.0f} m along {name}, up to {owner}"
+            raise BeyondLimits(top, what, f"at most {WIDEST_M:,.0f} m", "cut the network to the relevant place")
         for top, owner, low, high in spans:
             if low[axis] < lowest[axis] - WIDEST_M or high[axis] > highest[axis] + WIDEST_M:
                 what = f"{owner} is more than {WIDEST_M:,.0f} m away from all lanelets along {name}"
@@ -357,7 +357,7 @@ def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
 
 
 def _farthest(spans: list[tuple[Any, str, list[float], list[float]]], axis: int) -> tuple[Any, str]:
-    """The lanelet whose middle is farthest from the middle one."""
+    """Return the lanelet with its middle farthest from the median one."""
     lanelets = [(low[axis] + high[axis], top, owner) for top, owner, low, high in spans if top.tag == "lanelet"]
     middle = sorted(place for place, _, _ in lanelets)[len(lanelets) // 2]
     _, top, owner = max(lanelets, key=lambda lanelet: abs(lanelet[0] - middle))
@@ -389,10 +389,10 @@ def _number(element: Any, text: str | None, allowed: NumberRange, name: str, own
     except ValueError:
         kind = "whole number" if allowed.is_whole else "number"
         raise BeyondLimits(
-            element, f"{name} of {owner} is {cited(text or '', 40)}, which is no {kind}", allowed.text
+            element, f"{name} of {owner} is {cited(text or '', 40)}, which is not a {kind}", allowed.text
         ) from None
     if allowed.is_whole:
-        given = f"{value:,}" if abs(value) < _PRINTED else "a number of too many digits"
+        given = f"{value:,}" if abs(value) < _PRINTED else "a number with too many digits"
     else:
         given = f"{value:g}"
     raise BeyondLimits(element, f"{name} of {owner} is {given} {allowed.unit}".rstrip(), allowed.text)

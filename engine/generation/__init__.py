@@ -1,17 +1,17 @@
-"""Scenarios made from maps: site, network, traffic, ego and goal, file, checks.
+"""Generates scenarios from maps: site, road network, traffic, ego and goal, file, checks.
 
-``Hopeless``: Levels that sites of a map do not suit, as the rows of a coverage plan have shown.
-``Levels``: By factor of a coverage plan, the index of its level; None for one that the plan does not have.
-``PlanCounts``: How many rows of a coverage plan wait, were made, were refused, and failed.
-``PlanRow``: A scenario that a coverage plan makes, or has tried to make.
-``PlanRows``: The rows of a coverage plan in the workspace's database: what is to be made, and what became of it.
-``RowState``: What became of a row of a coverage plan.
-``TRIES``: Rows with a combination that are refused before it is said not to be possible.
-``combinations_in``: The combinations of levels that a row of a coverage plan holds.
-``generate_scenario``: Make one scenario in the request's folder; an operation for a worker.
-``count_sites``: The number of different sites of a map that fit a request; an operation for a worker.
-``made_before``: What was asked for the scenarios of a workspace, each once, without where and by which numbers.
-``plan_coverage``: How far a coverage plan has come, and its next rows; an operation for a worker.
+``Hopeless``: Levels that no site of a map fits, according to refused rows of a coverage plan.
+``Levels``: The level index for each factor of a coverage plan; None if the plan does not have that level.
+``PlanCounts``: The number of rows of a coverage plan that wait, were made, were refused, or failed.
+``PlanRow``: A scenario that a coverage plan makes or has tried to make.
+``PlanRows``: The rows of a coverage plan in the workspace's database, with their results.
+``RowState``: The state of a row of a coverage plan.
+``TRIES``: The number of refused rows after which a combination counts as impossible.
+``combinations_in``: Yield the combinations of levels that a row of a coverage plan contains.
+``generate_scenario``: Generate one scenario in the request's folder; an operation for a worker.
+``count_sites``: Count the different sites of a map that fit a request; an operation for a worker.
+``made_before``: Yield the requests behind a workspace's scenarios, each once, without place and seeds.
+``plan_coverage``: Report the progress of a coverage plan and its next rows; an operation for a worker.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Checks on a written scenario, made on the file as others will read it, and which of them make it unusable."""
+"""Checks a written scenario file as other tools will read it, and decides which faults make it unusable."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,11 +15,11 @@ from ..scene import lanelets_of_pose
 from ..vehicles import Motion, check_kinematics, class_by_size, ego_class
 
 LEAST_FEASIBLE = 0.97
-"""Share of the tracks that have to be drivable (chosen; docs/generation.md states it)."""
+"""Minimum share of tracks that a vehicle must be able to drive (chosen; docs/generation.md states it)."""
 LEAST_ON_LANELETS = 0.985
-"""Share of the recorded centres that have to lie on lanelets (chosen; docs/generation.md states it)."""
+"""Minimum share of recorded centres that must be on lanelets (chosen; docs/generation.md states it)."""
 EDGE_M = 0.02
-"""By how much lanelets are widened for that: neighbours share their bound only up to rounding."""
+"""Widening of lanelets for this check in m: neighbours share their bound only up to rounding."""
 
 
 def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFinding]) -> Checks:
@@ -27,12 +27,13 @@ def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFind
 
     Args:
         path: the CommonRoad file.
-        ego: the ego's recorded motion, which the file does not hold; None if others were scripted after it was
-            recorded. Then it is not checked; the caller checks an ordinary driver.
-        findings: what the rules found in its road network.
+        ego: the ego's recorded motion, which the file does not contain. None if an edit scripted other road users after
+            the
+            recording; the ego is then not checked here, and the caller checks an ordinary driver instead.
+        findings: the findings of the rules about its road network.
     """
-    with ThreadPoolExecutor(1) as beside:  # libxml2 works without Python's lock
-        schema_faults = beside.submit(schema_errors, path)
+    with ThreadPoolExecutor(1) as pool:  # libxml2 works without Python's lock
+        schema_faults = pool.submit(schema_errors, path)
         recorded = kept_recording(path)
         loaded, tracks = recorded.loaded, recorded.tracks
         bodies = [BoxTrack(track.positions, track.headings_rad, track.size_m) for track in tracks.values()]
@@ -55,17 +56,17 @@ def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFind
 
 
 def faults_of(checks: Checks) -> tuple[list[str], list[str]]:
-    """In words, what makes a scenario unusable, and what only makes it worse than it should be."""
+    """Return the faults that make a scenario unusable, and those that only lower its quality, as text."""
     broken = {
         "the file breaks CommonRoad's schema": not checks.schema_valid,
         "the goal cannot be reached": not checks.goal_reachable,
         "vehicles overlap": checks.overlapping_pairs > 0 or checks.collisions_at_start > 0,
-        "the ego's recorded way meets another vehicle": checks.recorded_ego_collision_free is False,
+        "the ego's recorded path collides with another vehicle": checks.recorded_ego_collision_free is False,
         f"the road network is wrong: {'; '.join(checks.network_errors)}": bool(checks.network_errors),
     }
     weak = {
-        f"{checks.feasible_share:.1%} of the tracks can be driven": checks.feasible_share < LEAST_FEASIBLE,
-        f"{checks.centers_on_lanelets:.1%} of the centres lie on lanelets": (
+        f"{checks.feasible_share:.1%} of the tracks are drivable": checks.feasible_share < LEAST_FEASIBLE,
+        f"{checks.centers_on_lanelets:.1%} of the centres are on lanelets": (
             checks.centers_on_lanelets < LEAST_ON_LANELETS
         ),
     }
@@ -73,7 +74,7 @@ def faults_of(checks: Checks) -> tuple[list[str], list[str]]:
 
 
 def _feasible(track: Track, step_s: float) -> bool:
-    """Whether a track can be driven, with the dimensions of its class where its size tells it."""
+    """Return whether a vehicle can drive a track; use the dimensions of its class if its size identifies one."""
     motion = Motion(track.positions, track.headings_rad, track.speeds_mps, np.gradient(track.speeds_mps, step_s))
     known = class_by_size(track.kind, track.length_m)
     size = {} if known is None else {"wheelbase_m": known.wheelbase_m, "rear_axle_m": known.rear_axle_m}
@@ -94,7 +95,7 @@ def _goal_reachable(loaded: LoadedScenario) -> bool:
 
 
 def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
-    """Pairs that overlap at the ego's first step."""
+    """Count the pairs that overlap at the ego's first step."""
     problem = loaded.problem()
     state = problem.initial_state
     size_m = ego_class(loaded.ego_class(int(problem.planning_problem_id))).vehicle.size_m
@@ -109,7 +110,7 @@ def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> in
 
 
 def _share_on_lanelets(loaded: LoadedScenario, tracks: dict[int, Track]) -> float:
-    """Share of all recorded centres that lie on a lanelet."""
+    """Return the share of all recorded centres that are on a lanelet."""
     from shapely import contains_xy, prepare, union_all
 
     if not tracks:

@@ -1,9 +1,9 @@
-"""Which scenarios a coverage plan makes next, so that all combinations of levels of some factors come to be.
+"""Chooses the scenarios that a coverage plan generates next, until every combination of levels is covered.
 
-Rows for what was never tried come from a covering array (covertable). A combination whose row was refused may have been
-innocent: it is tried again in rows of its own, whose other levels went well together, until it was made or refused
-``TRIES`` times; then it is said not to be possible. When nothing is left, arrays with other rows follow.
-The same state gives the same rows.
+Combinations that were never tried get rows from a covering array (covertable). A refused row may contain combinations
+that are possible. Each of them is tried again in its own row, with other levels that have worked together, until it is
+made or refused ``TRIES`` times; then it counts as impossible. When nothing is left, further arrays follow. The same
+state gives the same rows.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -13,14 +13,17 @@ from ...schemas.generation import Combination, CoverageReport, CoverageRequest, 
 from ..execution import ProgressReporter
 
 TRIES = 3
-"""Rows with a combination that are refused before it is said not to be possible (chosen)."""
+"""The number of refused rows after which a combination counts as impossible (chosen)."""
 _Rank = Callable[[Mapping[int, int], int, int], tuple[int, ...]]
-"""Orders the levels for a factor, given the levels chosen before: the factor's index and the level's."""
+"""Ranks a level of a factor, given the levels already chosen: takes the factor's index and the level's index."""
 
 
 def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> CoverageReport:
-    """How far a plan has come, and its next rows; no rows where ``most`` is 0 or nothing can be made any more."""
-    report(0.0, "choosing what is made next")
+    """Return the progress of a plan and its next rows.
+
+    There are no rows if ``most`` is 0 or if no further combination can be made.
+    """
+    report(0.0, "choosing the next rows")
     covered = frozenset(request.covered)
     times = dict(request.refused)
     failed = frozenset(key for key, count in times.items() if count >= TRIES and key not in covered)
@@ -33,7 +36,7 @@ def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> Coverag
     if request.most and left:
         rows = _covering(space, request.strength, left, covered, times)
     elif request.most and allowed:
-        for number in range(request.most):  # one array after the other, each of a row at least
+        for number in range(request.most):  # each array has at least one row
             rows += space.array(request.strength, salt=f"lap {request.lap} {number}")
             if len(rows) >= request.most:
                 break
@@ -48,7 +51,7 @@ def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> Coverag
 
 
 def combinations_in(row: Sequence[int | None], strength: int) -> Iterator[Combination]:
-    """The combinations of so many factors that a row holds; None is a level that the plan does not have."""
+    """Yield the combinations of ``strength`` factors in a row; None is a level that the plan does not have."""
     known = [(factor, level) for factor, level in enumerate(row) if level is not None]
     return combinations(known, strength)
 
@@ -60,24 +63,24 @@ def _covering(
     covered: frozenset[Combination],
     times: Mapping[Combination, int],
 ) -> list[tuple[int, ...]]:
-    """Rows with all that is left: those of an array for what was never tried, then a row for each of the others."""
+    """Return rows that cover all the rest: array rows for untried combinations, then one row per other element."""
     fresh = frozenset(key for key in left if not times.get(key))
     rows = space.array(strength, salt="", without=[key for key in space.all_of(strength) if key not in fresh])
     there = {key for row in rows for key in combinations_in(row, strength)}
     alone = [key for key in left if key not in there] + [key for key in left if key in there and key not in fresh]
     seen = set(rows)
     for key in alone:
-        row = space.completed(key, _beside_good_ones(space, key, strength, covered, times.get(key, 0)))
+        row = space.completed(key, _rank_with_covered(space, key, strength, covered, times.get(key, 0)))
         if row is not None and row not in seen:
             seen.add(row)
             rows.append(row)
     return rows
 
 
-def _beside_good_ones(
+def _rank_with_covered(
     space: "_Space", key: Combination, strength: int, covered: frozenset[Combination], turn: int
 ) -> _Rank:
-    """Levels first that form with those before them, beside the combination itself, the fewest never made.
+    """Return a ranking that prefers levels with already covered combinations with the chosen ones.
 
     ``turn``: how often the combination was refused; equal levels take turns.
     """
@@ -96,7 +99,7 @@ def _in_order(chosen: Mapping[int, int], factor: int, level: int) -> tuple[int, 
 
 
 class _Space:
-    """All rows that avoid what is barred; ``sizes``: how many levels each factor has."""
+    """All rows that avoid the barred combinations; ``sizes`` is the number of levels of each factor."""
 
     def __init__(self, factors: Sequence[PlanFactor], barred: Iterable[Combination]) -> None:
         self.sizes = [len(factor.levels) for factor in factors]
@@ -107,13 +110,13 @@ class _Space:
                 self._barred_with.setdefault(part, []).append(key)
 
     def all_of(self, strength: int) -> Iterator[Combination]:
-        """All combinations of so many factors, barred ones too, in order."""
+        """Yield all combinations of ``strength`` factors in order, including barred ones."""
         for factors in combinations(range(len(self.sizes)), strength):
             for levels in product(*(range(self.sizes[factor]) for factor in factors)):
                 yield tuple(zip(factors, levels, strict=True))
 
     def completed(self, key: Combination, rank: _Rank = _in_order) -> tuple[int, ...] | None:
-        """A row that holds a combination, of the levels with the lowest rank; None where every one is barred."""
+        """Complete a combination to a row with the levels of lowest rank; return None if every row is barred."""
         chosen: dict[int, int] = {}
         for factor, level in key:
             chosen[factor] = level
@@ -133,12 +136,12 @@ class _Space:
         return None
 
     def _is_barred(self, chosen: Mapping[int, int], factor: int) -> bool:
-        """Whether the chosen levels hold something barred with that of the factor in it."""
+        """Return whether the chosen levels contain a barred combination that includes this factor's level."""
         keys = self._barred_with.get((factor, chosen[factor]), ())
         return any(all(chosen.get(one) == level for one, level in key.items()) for key in keys)
 
     def array(self, strength: int, *, salt: str, without: Iterable[Combination] = ()) -> list[tuple[int, ...]]:
-        """A covering array without what is barred; ``without``: combinations that need not be in it."""
+        """Return a covering array without barred combinations; it need not contain those in ``without``."""
         from covertable.main import Controller
 
         factors = {str(factor): list(range(size)) for factor, size in enumerate(self.sizes)}

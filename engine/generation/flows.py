@@ -1,8 +1,8 @@
-"""Traffic by counts: routes over a site that together carry the flows that were counted on its roads, or between them.
+"""Generates traffic from counts: routes over a site that together carry the flows counted on or between its roads.
 
-Of counts alone no routes follow: of all that carry them, those are taken that spread traffic most evenly over the
-candidates (least squares without negative flows, with a small ridge). How many vehicles are on a route at a moment
-follows from its flow and travel time (Little's law).
+Counts alone do not determine routes. Of all solutions, this takes the one that spreads traffic most evenly over the
+candidates (least squares without negative flows, with a small ridge). The number of vehicles on a route follows from
+its flow and travel time (Little's law).
 """
 
 import math
@@ -26,22 +26,25 @@ from ..vehicles import VehicleClass, vehicle_classes
 from .site_network import SiteNetwork
 
 ROUTES_A_START = 40
-"""Candidate routes that are drawn from every edge on which traffic enters (chosen)."""
+"""Candidate routes drawn from every edge on which traffic enters (chosen)."""
 EVENNESS = 0.05
-"""Weight of an even spread beside meeting the counts (chosen): only decides between routes that meet them alike."""
+"""Weight of an even spread relative to meeting the counts (chosen): decides only between equally good routes."""
 LONGEST_M = 5_000.0
-"""Candidate routes are no longer: no site is larger (chosen)."""
+"""Maximum length of candidate routes (chosen): no site is larger."""
 LEAST_PER_H = 0.5
-"""A route with a smaller flow is none (chosen)."""
+"""A route with a smaller flow is dropped (chosen)."""
 _OSM_WAY = re.compile(r"-?(\d+)")
 MOST_ASIDE_RAD, END_ASIDE_RAD = math.radians(67.5), math.radians(45)
-"""A road leads into a direction of the compass, or ends there, where its heading, or the way from the middle of the
-site to its end, is no further from it (chosen: a road may bend, an end lies in one quarter)."""
+"""Maximum angle between a compass direction and a road that leads or ends in it (chosen).
+
+A road leads in a direction by its heading, and ends in it by the bearing of its end from the middle of the site. A road
+may curve; an end is in one quarter.
+"""
 
 
 @dataclass(frozen=True)
 class RouteFlow:
-    """A route as edges, vehicles that drive it in an hour, and the free travel time over it in s."""
+    """A route as edges, the vehicles that drive it in an hour, and its free travel time in s."""
 
     edges: tuple[str, ...]
     per_h: float
@@ -49,15 +52,15 @@ class RouteFlow:
 
     @property
     def present(self) -> float:
-        """Vehicles on the route at a moment, on average (Little's law)."""
+        """Return the mean number of vehicles on the route (Little's law)."""
         return self.per_h * self.travel_s / 3600
 
 
 @dataclass(frozen=True)
 class CountedRoad:
-    """A flow of the request at this site: the cross-sections it was counted on, each as edges, and what routes carry.
+    """A flow of the request at this site: the counted cross-sections, each as edges, and the flow that routes carry.
 
-    ``planned_per_h`` is the mean over the cross-sections; none where the road is not here.
+    ``planned_per_h`` is the mean over the cross-sections; there are no sections if the road is not here.
     """
 
     flow: RoadFlow
@@ -67,27 +70,27 @@ class CountedRoad:
 
 @dataclass(frozen=True)
 class FlowPlan:
-    """Routes with their flows, and how the flows of the request are met."""
+    """Routes with their flows, and how well they meet the flows of the request."""
 
     routes: tuple[RouteFlow, ...]
     roads: tuple[CountedRoad, ...]
 
     @property
     def vehicles(self) -> int:
-        """Vehicles at the site at a moment, one at least."""
+        """Return the mean number of vehicles at the site, at least 1."""
         return max(round(sum(route.present for route in self.routes)), 1)
 
 
 def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -> FlowPlan:
-    """Routes of cars over a site that carry flows.
+    """Return routes of cars over a site that carry the counted flows.
 
     Raises:
-        NotPossible: none of the roads is here, or no way leads from where to where traffic was counted.
+        NotPossible: no counted road is here, or no route connects the places between which traffic was counted.
     """
     edges = OpenEdges.of(net, vehicle_classes()["car"].sumo_class)
     place = _Place(net, edges)
     candidates = _candidates(edges, choice)
-    between = [(flow, place.ways_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
+    between = [(flow, place.routes_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
     routes = [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for flow, ways in between for way in ways]
     across = [(flow, ways, () if flow.to else place.sections(flow)) for flow, ways in between]
     counts = [(section, flow.per_h) for flow, _, sections in across for section in sections]
@@ -95,9 +98,9 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
     roads = tuple(_counted(flow, frozenset(ways), sections, routes) for flow, ways, sections in across)
     if not routes:
         raise NotPossible(
-            f"of the counted roads none carries traffic at this site: {', '.join(str(flow) for flow in flows[:5])}",
+            f"no counted road carries traffic at this site: {', '.join(str(flow) for flow in flows[:5])}",
             valid=place.names()[:12],
-            next_step="name roads of this site (street names or OSM way ids), or take another place",
+            next_step="use roads of this site (street names or OSM way ids), or take another place",
         )
     return FlowPlan(tuple(routes), roads)
 
@@ -105,7 +108,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
 def _counted(
     flow: RoadFlow, ways: frozenset[tuple[str, ...]], sections: tuple[frozenset[str], ...], routes: list[RouteFlow]
 ) -> CountedRoad:
-    """What routes carry of a flow: between two roads on their ways, on one road across its sections."""
+    """Return what the routes carry of a flow: on the routes between two roads, or across the sections of one road."""
     if flow.to:
         planned = sum(route.per_h for route in routes if route.edges in ways)
         return CountedRoad(flow, (), min(planned, flow.per_h))
@@ -114,7 +117,7 @@ def _counted(
 
 
 def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]]:
-    """Routes from where traffic enters until it leaves, each once, so that every edge they can reach lies on one."""
+    """Draw routes from where traffic enters to where it leaves, each once, so that every reachable edge is on one."""
     drawn = {
         edges.random_route(start, LONGEST_M, choice, frozenset())
         for start in sorted(edges.entries)
@@ -130,7 +133,7 @@ def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]
 def _meeting(
     counts: list[tuple[frozenset[str], float]], candidates: list[tuple[str, ...]], edges: OpenEdges
 ) -> list[RouteFlow]:
-    """The flows of candidate routes that meet counts at cross-sections best."""
+    """Fit flows of the candidate routes to the counts at the cross-sections."""
     from scipy.optimize import nnls
 
     used = [route for route in candidates if any(section & set(route) for section, _ in counts)]
@@ -148,7 +151,7 @@ def _meeting(
 
 
 def flow_notes(plan: FlowPlan, vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> list[str]:
-    """What was counted beside what the routes carry and how many vehicles are there at step 0, a sentence a flow."""
+    """Describe each flow: the count, the planned flow, and the vehicles there at step 0."""
     here = Counter(_edges_at_start(vehicles, site))
     return [_flow_note(road, sum(here[edge] for section in road.sections for edge in section)) for road in plan.roads]
 
@@ -156,7 +159,8 @@ def flow_notes(plan: FlowPlan, vehicles: Sequence[GeneratedVehicle], site: SiteN
 def _flow_note(road: CountedRoad, at_start: int) -> str:
     asked = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
     if road.flow.to:
-        ways = f"{road.planned_per_h:.0f} planned on its ways" if road.planned_per_h else "but no way leads there here"
+        no_route = "but no route leads there here"
+        ways = f"{road.planned_per_h:.0f} planned on its routes" if road.planned_per_h else no_route
         return f"{asked}, {ways}"
     if not road.sections:
         return f"{asked}, but no such road carries cars at this site"
@@ -172,9 +176,9 @@ def _edges_at_start(vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> 
 
 
 class FlowTrips(TripMaker):
-    """Makes trips along the routes of a plan, begun where a vehicle on them would be at a random moment.
+    """Makes trips along the routes of a plan; each starts where a vehicle on the route would be at a random time.
 
-    A class that none of the routes is open to drives as without a plan.
+    A class that may not use any of the routes drives as if there were no plan.
     """
 
     def __init__(self, net: SumoNet, lasting_s: float, choice: random.Random, plan: FlowPlan) -> None:
@@ -182,7 +186,7 @@ class FlowTrips(TripMaker):
         self._plan = plan
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """The rest of a route of the plan: routes by the vehicles on them, its beginning by the time on each edge."""
+        """Return the rest of a route, drawn by the vehicles on it; its start is drawn by the time on each edge."""
         edges = self.open_to(vehicle_class)
         routes = [route for route in self._plan.routes if edges.length_m.keys() >= set(route.edges)]
         if not routes:
@@ -193,7 +197,7 @@ class FlowTrips(TripMaker):
 
 
 class _Place:
-    """The roads of a site by the words of a request: street names, OSM way ids, directions of the compass."""
+    """The roads of a site under the names of a request: street names, OSM way ids, compass directions."""
 
     def __init__(self, net: SumoNet, edges: OpenEdges) -> None:
         self._net, self._edges = net, edges
@@ -201,21 +205,21 @@ class _Place:
         self._middle = ends.reshape(-1, 2).mean(axis=0)
 
     def names(self) -> list[str]:
-        """The streets with a name, then the OSM way ids of the others."""
+        """Return the streets with a name, then the OSM way ids of the others."""
         named = {self._net.edges[edge].name for edge in self._edges.length_m} - {""}
         unnamed = {_way(edge) for edge in self._edges.length_m if not self._net.edges[edge].name}
         return [*sorted(named), *sorted(unnamed)]
 
     def sections(self, flow: RoadFlow) -> tuple[frozenset[str], ...]:
-        """The cross-sections of a counted road: the edges of both directions side by side, or of the one asked for."""
+        """Return the cross-sections of a counted road: the edges of both directions, or of the requested one."""
         sections: dict[str, set[str]] = {}
         for edge in sorted(self._edges.length_m):
-            if self._is_named(edge, flow.road) and self._leads(edge, flow.direction):
+            if self._has_name(edge, flow.road) and self._leads(edge, flow.direction):
                 sections.setdefault(edge.lstrip("-"), set()).add(edge)
         return tuple(frozenset(section) for section in sections.values())
 
-    def ways_between(self, origin: str, destination: str) -> tuple[tuple[str, ...], ...]:
-        """The quickest ways from each edge where traffic enters from the origin, to each where it leaves there."""
+    def routes_between(self, origin: str, destination: str) -> tuple[tuple[str, ...], ...]:
+        """Return the quickest routes from each entry edge at the origin to each exit edge at the destination."""
         starts, goals = (
             self._beginning(origin, self._edges.entries, 0),
             self._beginning(destination, self._edges.exits, 1),
@@ -227,15 +231,18 @@ class _Place:
         return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
 
     def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
-        """Those of the edges that a word names; ``end``: whose start (0) or end (1) lies in a direction."""
+        """Return the edges with a name, or, for a compass direction, those with their start or end on that side.
+
+        ``end``: 0 for the start of an edge, 1 for its end.
+        """
         heading_deg = COMPASS_DEG.get(word.lower())
         if heading_deg is None:
-            return [edge for edge in sorted(edges) if self._is_named(edge, word)]
+            return [edge for edge in sorted(edges) if self._has_name(edge, word)]
         return [
             edge for edge in sorted(edges) if _turn(self._ends(edge)[end] - self._middle, heading_deg) <= END_ASIDE_RAD
         ]
 
-    def _is_named(self, edge: str, word: str) -> bool:
+    def _has_name(self, edge: str, word: str) -> bool:
         return word == _way(edge) or fold(word) == fold(self._net.edges[edge].name) != ""
 
     def _leads(self, edge: str, direction: str) -> bool:
@@ -250,11 +257,11 @@ class _Place:
 
 
 def _way(edge: str) -> str:
-    """The OSM way of an edge that netconvert made."""
+    """Return the OSM way that netconvert made an edge from."""
     found = _OSM_WAY.match(edge)
     return found[1] if found else edge
 
 
 def _turn(step: Points, heading_deg: float) -> float:
-    """The angle in rad between a step and a heading."""
+    """Return the angle in rad between a step and a heading."""
     return abs(math.remainder(math.atan2(step[1], step[0]) - math.radians(heading_deg), math.tau))

@@ -1,7 +1,7 @@
-"""Making one scenario: map → site → net → lanelets → traffic → ego and goal → CommonRoad file → checks.
+"""Generates one scenario: map → site → net → lanelets → traffic → ego and goal → CommonRoad file → checks.
 
-What fails is made again: with other traffic at the site's own place, then at other sites that fit the request. Of the
-scenarios that were written, the one with the fewest faults is kept.
+A scenario that fails is generated again with other traffic at the same site, then at other sites that fit the request.
+Of the scenarios that were written, the one with the fewest faults is kept.
 """
 
 import gc
@@ -40,34 +40,36 @@ from .record import absences_of, record_of, with_scripted
 from .site_network import SITE_LOST, SiteNetwork, prepare_site, with_later_lights
 from .sites import fitting_sites, lacking_turn, other_types
 from .traffic import NO_ROOM, TrafficAim, along_the_site, generate_traffic, without_spares
-from .turning_trips import turns_there
+from .turning_trips import possible_turns
 from .writer import STEP_S, write_scenario
 
 logger = logging.getLogger(__name__)
 OWN_ROUNDS, MOST_ROUNDS, MOST_SITES = 2, 5, 10
-"""Rounds of traffic at the site's own place, rounds of traffic in all, sites looked at in all (chosen)."""
+"""Rounds of traffic at the site's own place, rounds of traffic in all, and sites tried in all (chosen)."""
 ROUNDS_TO_SCRIPT = 3
-"""Rounds of traffic that are searched for a manoeuvre of another road user before it is scripted (chosen)."""
+"""Rounds of traffic searched for a manoeuvre of another road user before it is scripted (chosen)."""
 LIGHTS_LATER_S, TURNING_SITES = (0.0, 30.0, 60.0, 15.0, 45.0), 2
-"""For each round of traffic with vehicles that make the turn asked of the ego, how far the lights are shifted: all over
-netconvert's usual cycle of 90 s; and the sites at which each is tried (chosen)."""
+"""Shifts of the lights for each round with vehicles that make the ego's requested turn, and the sites that try each.
+
+The shifts cover netconvert's usual cycle of 90 s (chosen).
+"""
 DENSER: Mapping[Density, Density] = MappingProxyType({"low": "medium", "medium": "high"})
 """The next density, in which more vehicles may make a turn."""
 MOST_LOST = 40
-"""Sites that are passed over beside those, because their nets do not show them (chosen): each takes half a second."""
+"""Further sites that are skipped because their nets do not show them (chosen): each takes half a second."""
 SHOWN_LOST = 3
-"""Lost sites that a note or a refusal names, at most."""
+"""Maximum number of lost sites that a note or a refusal lists."""
 
 
 def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
-    """Make one scenario in the request's folder: ``scenario.xml`` and ``scenario.net.xml``.
+    """Generate one scenario in the request's folder: ``scenario.xml`` and ``scenario.net.xml``.
 
-    A scenario that fails its checks is made again with other traffic, then at other sites; the notes say so. The same
-    request gives the same bytes on one type of machine.
+    A scenario that fails its checks is generated again with other traffic, then at other sites; the notes report it.
+    The same request gives the same bytes on one type of machine.
 
     Raises:
-        NotPossible: the map holds no such site, a class finds no road or no room, no car has such a goal.
-        InvalidRequest: ego or goal in none of the valid forms, or of a class that is kept out of the traffic.
+        NotPossible: the map has no such site, a class finds no road or no room, or no car can have the requested goal.
+        InvalidRequest: the ego or goal has no valid form, or the ego's class is excluded from the traffic.
         UnsafeInput: the map file is broken or hostile.
     """
     with _no_collection():
@@ -79,7 +81,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         sites = fitting_sites(osm, request)
         if request.site_index >= len(sites):
             raise NotPossible(
-                f"{cited(request.place)} ({request.map_id}) holds only {len(sites)} different site(s) for this"
+                f"{cited(request.place)} ({request.map_id}) has only {len(sites)} different site(s) for this"
             )
         own_and_others = sites[request.site_index :: request.site_step]
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
@@ -96,7 +98,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
 
 @contextmanager
 def _no_collection() -> Iterator[None]:
-    """No garbage collection meanwhile: it would look through all states of the traffic again and again."""
+    """Suspend garbage collection, which would scan all states of the traffic again and again."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -110,7 +112,7 @@ def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRe
     """Return notes on the ego, and the request with the ego's class among the other vehicles too.
 
     Raises:
-        InvalidRequest: a class that no ego can be, and that is kept out of the traffic.
+        InvalidRequest: no ego can be of this class, and the traffic excludes it.
     """
     ego = request.ego
     other = ego.other_class or ego.vehicle_class
@@ -132,15 +134,15 @@ def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRe
         vehicles = tuple(at_least_one if demand is asked else demand for demand in request.vehicles)
     if ego.other_class is None:
         return [], request.model_copy(update={"vehicles": vehicles})
-    notes = [f"the ego must be a motor vehicle, so it is a car; the {other} that was asked for is in the traffic"]
+    notes = [f"the ego must be a motor vehicle, so it is a car; the requested {other} is in the traffic"]
     return notes, request.model_copy(update={"vehicles": vehicles})
 
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A scenario in a file of its own, and what is wrong with it in words, if anything.
+    """A scenario in its own file, and its faults as text.
 
-    ``lacks``: no road user makes the requested manoeuvre; used only as a base for scripting.
+    ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting.
     """
 
     scenario: GeneratedScenario
@@ -152,9 +154,9 @@ class _Attempt:
 
 
 class _Attempts:
-    """Rounds of traffic at sites, until a scenario has no fault: ``made`` ones, and ``refusals`` on the way.
+    """Rounds of traffic at sites, until a scenario has no fault; keeps the ``made`` ones and the ``refusals``.
 
-    ``lost``: sites that were passed over, because the net that is built of them does not show their type.
+    ``lost``: sites that were skipped because their nets do not show their type.
     """
 
     def __init__(self, request: GenerationRequest, scratch: Path, report: ProgressReporter) -> None:
@@ -168,11 +170,11 @@ class _Attempts:
         self._fit: list[tuple[SiteNetwork, Path]] = []
 
     def run(self, osm: OsmMap, sites: Iterable[Site]) -> None:
-        """Try the first site that is fit twice and the others once; the only one as often as all together are tried.
+        """Try the first usable site twice and the others once; a single site gets all tries.
 
-        Tries that are left while no road user makes the requested manoeuvre go to the first site too. A lost site takes
-        none of these tries: the next one is taken in its place. Where the request is to be given up after fewer sites,
-        it is as long as none of them gave a scenario.
+        If tries are left and no road user makes the requested manoeuvre, they go to the first site too. A lost site
+        uses no try: the next site replaces it. A limit on sites in the request applies only while no site has given a
+        scenario.
         """
         fit = self._fit
         few = self._request.most_sites
@@ -197,7 +199,7 @@ class _Attempts:
             fit.append((prepared, folder))
             if self._is_done(prepared, folder, range(OWN_ROUNDS if len(fit) == 1 else 1)):
                 return
-            if self._request.goal.lanelet is not None:  # an id means another lanelet elsewhere
+            if self._request.goal.lanelet is not None:  # an id refers to another lanelet elsewhere
                 break
         is_sought = bool(fit) and self._wanted is not None and all(attempt.lacks for attempt in self.made)
         is_full = any(refusal.reason == NO_ROOM for refusal in self.refusals)
@@ -205,10 +207,10 @@ class _Attempts:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def turn(self, *, is_drawn: bool) -> None:
-        """Put vehicles on their way by the asked turn if none of the traffic so far makes it, until one can be the ego.
+        """Route vehicles by the requested turn, if the traffic so far has none that makes it, until one can be the ego.
 
-        Where they wait at red lights, the lights are shifted in their cycles, unless the map itself has their programs
-        (``is_drawn``: it has none). A request that is to be given up soon is none of these.
+        If they wait at red lights, the lights are shifted in their cycles, unless the map states their programs
+        (``is_drawn``: it states none). A request with a limit on rounds or sites skips this step.
         """
         lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
         if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):
@@ -222,12 +224,13 @@ class _Attempts:
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """The usable attempt with the fewest faults, the first of equal ones.
+        """Return the usable attempt with the fewest faults, the first of equal ones.
 
         Raises:
-            NotPossible: none is usable; because no ramp leads where it has to, with the first refusal, or else the
-                faults of the first attempt. Where all sites were lost on their way to the net, the other types that the
-                map holds are named.
+            NotPossible: no attempt is usable. The cause is a ramp that does not lead where it must, else the first
+                refusal,
+                else the faults of the first attempt. If all sites were lost, the other types that the map has are
+                    listed.
         """
         usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
@@ -242,7 +245,7 @@ class _Attempts:
             raise self.refusals[0]
         if self.made:
             raise NotPossible(
-                f"no scenario passes its checks here: {'; '.join(self.made[0].faults)}",
+                f"no scenario here passes its checks: {'; '.join(self.made[0].faults)}",
                 next_step="choose another place, scenario_type, density or seed",
             )
         raise NotPossible(
@@ -253,12 +256,12 @@ class _Attempts:
         )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
-        """Which sites were passed over, and why the other attempts were given up, each reason once."""
+        """Return which sites were skipped, and why the other attempts were dropped, each reason once."""
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
-        passed_over = [f"passed over: {self._lost_sites()}"] if self.lost else []
-        return [*passed_over, *(f"an earlier try was given up: {reason}" for reason in reasons)]
+        passed_over = [f"skipped: {self._lost_sites()}"] if self.lost else []
+        return [*passed_over, *(f"an earlier attempt failed: {reason}" for reason in reasons)]
 
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]
@@ -266,9 +269,9 @@ class _Attempts:
         return f"{len(self.lost)} site(s) lost when the road network is built: {'; '.join([*named, *more])}"
 
     def _is_done(self, site: SiteNetwork, folder: Path, rounds: Iterable[int]) -> bool:
-        """Make traffic at a site until a scenario has no fault or all rounds are over; whether that is so.
+        """Make traffic at a site until a scenario has no fault or all rounds are used; return whether that is so.
 
-        A site that is full takes one round: other traffic finds no more room there.
+        A full site gets one round: other traffic does not find more room there.
         """
         for number in rounds:
             refused = len(self.refusals)
@@ -295,7 +298,7 @@ class _Attempts:
         return not faults and not lacks
 
     def script(self) -> None:
-        """Script an actor in one of the scenarios if no traffic holds the manoeuvre that was asked for."""
+        """Script an actor in one of the scenarios if no traffic contains the requested manoeuvre."""
         if self._wanted is None or any(not attempt.unusable and not attempt.lacks for attempt in self.made):
             return
         bases = sorted((attempt for attempt in self.made if not attempt.unusable), key=lambda one: len(one.faults))
@@ -307,14 +310,14 @@ class _Attempts:
                 return
 
     def _without_turn(self, refusal: NotPossible) -> NotPossible:
-        """The refusal with calls that keep the turn before the one that drops it, or with the turns that there are."""
+        """Return the refusal with the calls that keep the turn listed first, or with the possible turns."""
         site, request = self._fit[0][0], self._request
         ego = vehicle_classes()[request.ego.vehicle_class]
-        there = turns_there(site.net, site.focus, ego.sumo_class)
+        there = possible_turns(site.net, site.focus, ego.sumo_class)
         if there is not None and request.goal.turn not in there and len(self._fit) == 1:
             goals = [f"{THROUGH}:{turn}" for turn in sorted(there)]
             return NotPossible(
-                f"no way through the site makes the turn {request.goal.turn!r}",
+                f"no route through the site makes the turn {request.goal.turn!r}",
                 valid=goals,
                 next_step="choose one of these goals, or another place",
                 reason=refusal.reason,
@@ -338,10 +341,10 @@ class _Attempts:
         draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
         scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
         return NotPossible(
-            f"no road user makes the manoeuvre {wanted} on the way of the egos tried in {draws} of traffic "
+            f"no road user makes the manoeuvre {wanted} on the routes of the egos tried in {draws} of traffic "
             f"here{scripted_too}",
             valid=[f"scenario_type={kind}" for kind in LIKELY_AT[wanted.name]],
-            next_step="choose such a site, a higher density, a longer duration_s or another seed",
+            next_step="choose one of these sites, a higher density, a longer duration_s or another seed",
             reason="no_manoeuvre",
         )
 
@@ -355,12 +358,12 @@ def _write(
     *,
     turning: bool = False,
 ) -> tuple[GeneratedScenario, list[str]]:
-    """Make one scenario at one site, write it and check the file; and how its ego misses the site, in words.
+    """Generate one scenario at one site, write and check the file; also return how its ego misses the site, as text.
 
-    ``turning``: vehicles are put on their way by the turn that the ego is asked to make.
+    ``turning``: vehicles are routed by the turn that the ego must make.
 
     Raises:
-        NotPossible: the site does not hold what was asked for.
+        NotPossible: the site cannot provide what the request needs.
     """
     spec = TaskSpec(request.goal, request.ego, request.duration_s)
     aim = replace(TrafficAim.of(request, site.net), turning=turning)
@@ -395,7 +398,7 @@ def _write(
                 task = choose_task(
                     spec, to_choose_from, site.network, site.focus, STEP_S, accepts=partial(choice.happens, asked)
                 )
-            except NotPossible:  # on no ego's way
+            except NotPossible:  # not on any ego's route
                 continue
             vehicles = cast_of(task)
             obstacle_ids = write_scenario(path, site.metadata, site.network, (*vehicles[1:], *people), task, site.roads)
@@ -406,17 +409,17 @@ def _write(
     if not task.on_spot:
         missed.append(site.focus.passed_close_by(only_car=request.ego.index is not None))
     if task.focus_passed and not task.focus_left:
-        missed.append("the goal lies on the site, not behind it: no car that can be the ego leaves it in time")
+        missed.append("the goal is on the site, not beyond it: no car that can be the ego leaves the site in time")
     if not task.takes_most:
-        missed.append("the goal takes less than half of the duration: cars leave the cut before")
+        missed.append("the goal takes less than half of the duration: cars leave the map section earlier")
     if not task.followable:
-        missed.append("the ego's lanes bend more sharply than a planner steers at the mean speed that the goal needs")
+        missed.append("the ego's lanes curve too sharply for a planner at the mean speed that the goal needs")
         if request.ego.vehicle_class != "car":
             missed[-1] += ", or leave no room for its body"
     notes = [] if request.goal.is_through else missed  # otherwise other traffic may do better
     if task.stands_in:
         notes.append(
-            f"{request.ego} has no goal {request.goal.in_words()} on its way; a car after it, which has, is the ego"
+            f"{request.ego} has no goal {request.goal.in_words()} on its route; a later car that has one is the ego"
         )
     counted = [] if aim.plan is None else flow_notes(aim.plan, vehicles, site)
     walking = 0 if request.people is None else people_wanted(request.people, request.density, demand.total)
@@ -431,9 +434,9 @@ def _write(
 
 
 def _scripted(base: _Attempt, wanted: AskedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
-    """Return the scenario of an attempt with an actor that makes the manoeuvre, or None if none can.
+    """Return an attempt's scenario with an actor that makes the manoeuvre, or None if no actor can.
 
-    ``numbers``: of the tries that the request still has.
+    ``numbers``: the tries that the request has left.
     """
     scenario, folder = base.scenario, base.path.parent
     classes, asked = scenario.vehicle_classes, scenario.classes_asked

@@ -1,8 +1,7 @@
-"""What another road user does on the ego's way, as it is asked for: ``cut_in``, or ``cut_in:truck``.
+"""Finds or scripts the manoeuvre that a request wants from another road user: ``cut_in``, or ``cut_in:truck``.
 
-Traffic of SUMO is searched first: an ego is chosen for which the manoeuvre happens. If none of the traffic holds it, an
-edit with a prescribed motion makes it. Either way it is found by the computed features of the written file, which
-searches use too.
+SUMO's traffic is searched first for an ego that meets the manoeuvre. If there is none, an edit with a prescribed motion
+creates it. The computed features of the written file confirm it in both cases; searches use the same features.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -33,29 +32,31 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 MOST_PAIRS = 10_000
-"""Pairs of an ego and another road user that are looked at in one draw of traffic, the egos nearest to the site first
-(chosen): all egos of usual traffic, about 50 of 200 vehicles. A pair takes about a millisecond, so five draws take
-nearly a minute."""
+"""Pairs of an ego and another road user examined in one draw of traffic, the egos nearest to the site first.
+
+Chosen: covers all egos of usual traffic, about 50 of 200 vehicles. A pair takes about a millisecond, so five draws take
+nearly a minute.
+"""
 MOST_TRIES = 12
-"""Lists of edits that are tried for one request, all draws of traffic together (chosen): in dense traffic each takes up
-to 3.5 s."""
+"""Lists of edits tried for one request, over all draws of traffic (chosen): in dense traffic each takes up to 3.5 s."""
 NEAREST = 4
 """Vehicles of the traffic that an edit is tried on, the nearest to the ego first (chosen)."""
 BRAKES_MPS2 = 4.5
 """Most drivers brake harder than this for an unexpected object on the road (AASHTO, A Policy on Geometric Design, 2011:
-stopping sight distance)."""
+stopping sight distance).
+"""
 BEGINS_S = 1.5
-"""When a scripted leader brakes or moves out, from the ego's start on (chosen)."""
+"""Time after the ego's start when a scripted leader brakes or changes lane (chosen)."""
 GAPS_S = (1.5, 2.0, 2.5)
-"""Time gaps of an added leader that are tried in turn; the largest stays below the headway of a lead vehicle, 3 s."""
+"""Time gaps tried in turn for an added leader; the largest is below a lead vehicle's headway of 3 s."""
 CUT_IN_GAPS_S = (1.0, 2.0)
-"""Time gaps of a scripted cut-in that are tried in turn."""
+"""Time gaps tried in turn for a scripted cut-in."""
 AHEAD_M = (10.0, 20.0, 35.0, 50.0)
-"""Where a vehicle that cuts in is added in the next lane, from the ego's centre (chosen)."""
+"""Longitudinal distance from the ego's centre at which a cut-in vehicle is added in the next lane (chosen)."""
 FASTEST_SHARE = 0.9
-"""An added vehicle drives as fast as the ego, but at most this share of the speed of its class (chosen)."""
+"""An added vehicle drives as fast as the ego, but at most this share of its class's maximum speed (chosen)."""
 WALKS_S = (4.0, 6.0, 8.0)
-"""The times of the ego's way to the place at which an added pedestrian crosses (chosen)."""
+"""The ego's travel times to the place at which an added pedestrian crosses (chosen)."""
 LEAST_MPS = 3.0
 """An ego that starts slower does not come near what is scripted ahead of it (chosen)."""
 LIKELY_AT: Mapping[str, tuple[SiteType, ...]] = MappingProxyType(
@@ -85,7 +86,7 @@ _STAND_IN = "; an ordinary driver was checked in the ego's place and meets nothi
 
 
 def first_of(wanted: AskedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
-    """Return the earliest of some manoeuvres that is the one asked for, or None."""
+    """Return the earliest manoeuvre that matches the requested one, or None."""
     fitting = [one for one in met if one.name == wanted.name]
     if wanted.vehicle_class is not None:
         fitting = [one for one in fitting if class_of(one.obstacle_id) == wanted.vehicle_class]
@@ -94,7 +95,7 @@ def first_of(wanted: AskedManoeuvre, met: Sequence[Manoeuvre], class_of: Callabl
 
 @dataclass(frozen=True)
 class FoundManoeuvre:
-    """The manoeuvre in a written file: who makes it, the class, and the step; ``edits`` made it, if any."""
+    """The manoeuvre in a written file: road user, class and step; ``edits`` lists the edits that made it, if any."""
 
     name: str
     obstacle_id: int
@@ -107,15 +108,15 @@ class FoundManoeuvre:
         who = f"{self.vehicle_class} {self.obstacle_id} {_DOES[self.name]} at {self.step * STEP_S:.1f} s"
         if not self.edits:
             return f"{who}, in SUMO's traffic"
-        return f"{who}, scripted because no drawn traffic held it: {'; '.join(self.edits)}{_STAND_IN}"
+        return f"{who}, scripted because no traffic had it: {'; '.join(self.edits)}{_STAND_IN}"
 
 
 class EgoChoice:
-    """Tells for which cars of a traffic, each as the ego, a manoeuvre happens, until ``MOST_PAIRS`` are looked at.
+    """Determines for which cars of a traffic, each as the ego, a manoeuvre happens, until ``MOST_PAIRS`` are examined.
 
     Args:
-        path: a scenario of this traffic, whichever car is its ego; only its lanes are used.
-        others_of: the other road users for an ego, as the file would hold them.
+        path: a scenario with this traffic and any ego; only its lanes are used.
+        others_of: returns the other road users for an ego, as the file would list them.
     """
 
     def __init__(self, path: Path, others_of: Callable[[PlanningTask], Sequence[GeneratedVehicle]]) -> None:
@@ -147,7 +148,7 @@ def found_in(path: Path, wanted: AskedManoeuvre, classes: dict[int, str]) -> Fou
     Args:
         path: the file.
         wanted: the manoeuvre.
-        classes: our classes by obstacle id; the class of others follows from type and size.
+        classes: our classes by obstacle id; other classes follow from type and size.
     """
     recorded = kept_recording(path)
     loaded, tracks = recorded.loaded, recorded.tracks
@@ -173,7 +174,7 @@ def _track(key: int, vehicle: GeneratedVehicle) -> Track:
 
 
 def _problem(task: PlanningTask, network: "LaneletNetwork") -> "PlanningProblem":
-    """Return the planning problem of a task as a reader of its file gets it."""
+    """Return the planning problem of a task as its file's reader gets it."""
     from commonroad.common.reader.file_reader_xml import PlanningProblemFactory
 
     return PlanningProblemFactory.create_from_xml_node(planning_problem_element(1, task), network)
@@ -181,9 +182,9 @@ def _problem(task: PlanningTask, network: "LaneletNetwork") -> "PlanningProblem"
 
 @dataclass(frozen=True)
 class ScriptedScenario:
-    """A file in which edits make the manoeuvre; ``added``: the class of each vehicle that is new, by its id.
+    """A file in which edits make the manoeuvre; ``added`` maps the id of each new vehicle to its class.
 
-    A vehicle that replaces another one keeps the id of that.
+    A vehicle that replaces another one keeps that one's id.
     """
 
     path: Path
@@ -201,11 +202,11 @@ def scripted(
     numbers: Iterator[int],
     needed: Collection[str] = (),
 ) -> ScriptedScenario | None:
-    """Return the scenario with an actor that makes the manoeuvre, or None if no edit gets there.
+    """Return the scenario with an actor that makes the manoeuvre, or None if no edit achieves it.
 
-    If a vehicle of another class makes the manoeuvre, it is replaced. Otherwise a vehicle of the traffic is scripted if
-    one is in the right place, and if none is, one is added. The result has no
-    collision among the others, and an ordinary driver in the ego's place has none either.
+    If a vehicle of another class makes the manoeuvre, it is replaced. Otherwise an edit scripts a vehicle of the
+    traffic that is in the right place, or adds one if there is none. In the result, neither the others nor an ordinary
+    driver in the ego's place collide.
 
     Args:
         path: the scenario without the manoeuvre.
@@ -213,9 +214,9 @@ def scripted(
         wanted: the manoeuvre.
         classes: our classes by obstacle id.
         folder: where files are written.
-        seed: of the simulation that drives what the edits touch.
-        numbers: of the tries that the request still has; each list of edits takes one.
-        needed: classes that must keep all their vehicles, because the request asks for that many.
+        seed: the seed of the simulation that drives the edited vehicles.
+        numbers: the tries that the request has left; each list of edits takes one.
+        needed: classes that must keep all their vehicles, because the request asks for that number.
     """
     recorded = kept_recording(path, keep=False)
     same = found_in(path, wanted.of_any_class, classes) if wanted.vehicle_class is not None else None
@@ -251,7 +252,7 @@ def scripted(
 def _tries(
     loaded: LoadedScenario, tracks: dict[int, Track], wanted: AskedManoeuvre, classes: dict[int, str]
 ) -> Iterator[tuple[Edit, ...]]:
-    """Lists of edits that may bring the manoeuvre about, in the order in which they are tried."""
+    """Yield lists of edits that may create the manoeuvre, in the order in which they are tried."""
     state = loaded.problem().initial_state
     place, speed_mps = np.asarray(state.position), float(state.velocity)
     if speed_mps < LEAST_MPS:
@@ -264,7 +265,7 @@ def _tries(
 
 
 def nearest_at(place: Points, step: int, tracks: Mapping[int, Track]) -> list[int]:
-    """Return the ids of the road users that are there at a step, the nearest to a place (2,) in m first."""
+    """Return the ids of the road users that are present at a step, ordered by distance to a place (2,) in m."""
     there = {key: (track, track.index_at(step)) for key, track in tracks.items()}
     away_m = {
         key: float(np.linalg.norm(track.positions[index] - place))
@@ -276,7 +277,7 @@ def nearest_at(place: Points, step: int, tracks: Mapping[int, Track]) -> list[in
 
 @dataclass(frozen=True)
 class _Surroundings:
-    """What tries are made of: vehicles near the ego, the nearest first, the class of an actor, and the ego's speed."""
+    """The input of attempts: vehicles near the ego, the nearest first; the class of an actor; the ego's speed."""
 
     near: tuple[int, ...]
     vehicle_class: str
@@ -345,11 +346,11 @@ _TRIES: dict[str, Callable[[_Surroundings], Iterator[tuple[Edit, ...]]]] = {
     "crossing": _crossings,
     "oncoming_turns": _oncoming_turns,
 }
-"""Manoeuvres that edits can make; the others have to be found in the traffic."""
+"""Manoeuvres that edits can make; the others must occur in the traffic."""
 
 
 def can_be_scripted(wanted: AskedManoeuvre) -> bool:
-    """Return whether edits can make a manoeuvre; of vehicles that cross they can make none."""
+    """Return whether edits can make a manoeuvre; they cannot make a vehicle cross."""
     return wanted.name in _TRIES and (wanted.name != "crossing" or wanted.vehicle_class in (None, PEDESTRIAN.name))
 
 

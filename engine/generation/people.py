@@ -1,7 +1,7 @@
-"""People on foot at a site: how many are wanted, the ways that the site has for them, and who walks there.
+"""Pedestrians at a site: how many the request needs, the footways of the site, and the walks.
 
-A request names them as the class ``pedestrian`` among its vehicles. Only then is a site converted with pavements and
-crossings: other requests give the bytes that they gave before.
+A request includes them as the class ``pedestrian`` among its vehicles. Only then is a site converted with pavements and
+crossings; other requests keep the bytes that they gave before.
 """
 
 import random
@@ -20,40 +20,44 @@ from ..network import RoadNetwork, SumoNet, WalkNet, draw_walkways, read_walk_ne
 from ..traffic import GeneratedVehicle, Pedestrians, WalkedPerson, apart, plan_walks
 
 PEOPLE: dict[Density, int] = {"low": 8, "medium": 16, "high": 30}
-"""People at a site where a request names the class without a number (chosen): no count per km of pavement is known."""
+"""Pedestrians at a site if a request gives the class without a number (chosen): no count per km of pavement is
+known.
+"""
 SPARE_SHARE, FEWEST_SPARE = 1.0, 4
-"""More people than wanted begin to walk, because some meet a vehicle or each other and are left out (chosen)."""
+"""More pedestrians than wanted start to walk: some collide with a vehicle or each other and are removed (chosen)."""
 MARKED_WITHIN_M = 20.0
-"""A crossing that is built at a junction is the map's where the map marks one so near (chosen)."""
+"""A crossing built at a junction is the map's if the map marks one within this distance (chosen)."""
 NO_WAY = "no_way_to_walk"
-"""Reason of the refusal of a site where nobody can walk."""
+"""Reason for refusing a site without footways."""
 
 
 @dataclass(frozen=True)
 class Footways:
-    """The ways of a site for people: of its net, and how much of them the map has."""
+    """The footways in a site's net, and notes on how many of them the map has."""
 
     net: WalkNet
     notes: tuple[str, ...]
 
 
 def people_wanted(asked: VehicleDemand, density: Density, vehicles: int) -> int:
-    """How many people are aimed for at a site with so many vehicles."""
+    """Return the target number of pedestrians at a site with so many vehicles."""
     if asked.least is not None:
         return asked.least
     return round(asked.share * vehicles) or 1 if asked.share else PEOPLE[density]
 
 
 def open_footways(net_path: Path) -> None:
-    """Let pedestrians go first at all crossings of a new net without lights, in place."""
+    """Give pedestrians right of way at all crossings without lights of a new net, in place."""
     yield_at_crossings(net_path)
 
 
 def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Footways:
-    """The ways for people in a net, and in words which of them the map has; None: the map is a net itself.
+    """Return the footways in a net, and a note on which of them the map has.
+
+    ``pavements`` is None if the map itself is a net.
 
     Raises:
-        NotPossible: the site has none.
+        NotPossible: the site has no footways.
     """
     ways = read_walk_net(net_path)
     if not ways.pavements:
@@ -61,7 +65,7 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
     lit = sum(crossing.lit for crossing in ways.crossings.values())
     if pavements is None:
         there = f"{ways.pavement_km:.2f} km of pavements, {counted(len(ways.crossings), 'crossing')}, {lit} with lights"
-        return Footways(ways, (f"{there}; those that the network lacks are guessed along roads up to 50 km/h",))
+        return Footways(ways, (f"{there}; missing ones are guessed along roads up to 50 km/h",))
     mid_block = {f":{node}" for node in pavements.mid_block}
     in_block = sum(crossing.edge_id.partition("_")[0] in mid_block for crossing in ways.crossings.values())
     marked = _marked(ways, net, pavements.crossings) - in_block
@@ -76,21 +80,21 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
 
 
 def nowhere_to_walk() -> NotPossible:
-    """The refusal of a site without a way for people."""
+    """Return the refusal of a site without footways."""
     return NotPossible(
-        "nobody can walk at this site: its roads are motorways, fast or closed to pedestrians, without pavements",
+        "pedestrians cannot walk at this site: its roads lack pavements and are motorways, fast or closed to them",
         next_step="leave pedestrian out of vehicles, or choose scenario_type urban or intersection, or another place",
         reason=NO_WAY,
     )
 
 
 def with_walkways(network: RoadNetwork, footways: Footways) -> RoadNetwork:
-    """A road network with lanelets for people."""
+    """Return a road network with lanelets for pedestrians."""
     return replace(network, walkways=draw_walkways(footways.net, network.next_id))
 
 
 def _marked(ways: WalkNet, net: SumoNet, marked: Iterable[tuple[float, float]]) -> int:
-    """How many crossings of a net lie at one that the map marks."""
+    """Count the crossings of a net that are near one that the map marks."""
     from pyproj import Proj
 
     if not net.projection or not (degrees := list(marked)):
@@ -111,7 +115,7 @@ def pedestrians_for(
     step_s: float,
     seed: int,
 ) -> Pedestrians:
-    """So many people and some to spare, ready to walk; ``network`` has the walkways."""
+    """Return the wanted number of pedestrians and some spares, ready to walk; ``network`` has the walkways."""
     count = wanted + max(round(SPARE_SHARE * wanted), FEWEST_SPARE)
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
     return Pedestrians(
@@ -122,12 +126,12 @@ def pedestrians_for(
 def people_among(
     pedestrians: Pedestrians, vehicles: Sequence[GeneratedVehicle], wanted: int
 ) -> tuple[WalkedPerson, ...]:
-    """As many people as are wanted, if so many are apart from all vehicles and each other."""
+    """Return up to ``wanted`` pedestrians that keep apart from all vehicles and each other."""
     return apart(pedestrians.people(), vehicles)[:wanted]
 
 
 def people_notes(people: Sequence[WalkedPerson], wanted: int) -> list[str]:
-    """How many people cross a road, and how many found no room."""
+    """Describe how many pedestrians cross a road, and how many found no room."""
     crossing = sum(person.crosses for person in people)
     few = [] if len(people) == wanted else [f"{len(people)} of {counted(wanted, 'pedestrian')} found room"]
     return [*few, f"{crossing} of {counted(len(people), 'pedestrian')} are on a crossing during the recording"]

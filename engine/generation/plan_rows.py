@@ -1,7 +1,7 @@
-"""The rows of coverage plans in the workspace's database: stored one by one, so that no list of a plan is in memory.
+"""Stores the rows of coverage plans in the workspace's database, row by row, so that no plan is kept in memory.
 
-A row is planned before it is made, with all that its scenario comes from; so a plan that was cut off, however hard,
-goes on with the rows that wait. Numbers count up in the order in which rows were planned.
+A row is planned before its scenario is generated, with everything that the scenario comes from. An interrupted plan can
+therefore continue with the waiting rows. Numbers increase in planning order.
 """
 
 import json
@@ -14,11 +14,11 @@ from typing import Any, Literal
 from ..workspace import Database, stored_json
 
 RowState = Literal["held", "waiting", "made", "refused", "failed", "passed"]
-"""``held``: made apart from the plan; ``passed``: never to be made, for its site did not suit what the row asks for."""
+"""``held``: made outside the plan. ``passed``: never made, because its site does not suit the row."""
 Levels = tuple[int | None, ...]
-"""By factor, the index of its level; None for one that the plan does not have."""
+"""The level index for each factor; None if the plan does not have the level."""
 Hopeless = frozenset[tuple[str, str, int, int]]
-"""Levels that sites of a map do not suit: the words for the sites, the map, the factor, the level."""
+"""Levels that sites of a map do not fit: the name of the sites, the map, the factor, the level."""
 _TABLE = """
 CREATE TABLE IF NOT EXISTS plan_rows (
     plan_id TEXT NOT NULL,
@@ -47,10 +47,10 @@ WHERE kind = 'scenario' AND json_extract(recipe, '$.tool') = 'generate_scenarios
 
 @dataclass(frozen=True)
 class PlanRow:
-    """A scenario of a plan: its levels, and where it is made.
+    """A scenario of a plan: its levels, and where it is generated.
 
-    ``lap``: how often all was covered before. ``spot``: the words for the sites that it may lie at, of which it is the
-    next one; ``place``: that of the map.
+    ``lap``: how often everything was covered before. ``spot``: the name of the kind of site; the row takes the next
+    site of that kind. ``place``: the place of the map.
     """
 
     number: int
@@ -66,7 +66,7 @@ class PlanRow:
 
 @dataclass(frozen=True)
 class PlanCounts:
-    """How many rows of a plan wait, were made (``reused`` of them before), were refused, and failed."""
+    """The number of rows that wait, were made (``reused`` of them earlier), were refused, or failed."""
 
     waiting: int = 0
     made: int = 0
@@ -75,7 +75,7 @@ class PlanCounts:
     failed: int = 0
 
     def after(self, state: RowState, *, reused: bool) -> "PlanCounts":
-        """The counts once a row that waited has come to its end."""
+        """Return the counts after a waiting row has ended."""
         counts = {"made": self.made, "refused": self.refused, "failed": self.failed}
         counts[state] += 1
         return PlanCounts(waiting=self.waiting - 1, reused=self.reused + reused, **counts)
@@ -88,7 +88,7 @@ class PlanRows:
         self._database, self._plan_id = database, plan_id
 
     def prepare(self, held: Iterable[Levels]) -> None:
-        """Note what the workspace holds apart from the plan, in place of what was noted before.
+        """Store the scenarios that the workspace has outside the plan, and replace those stored before.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -104,7 +104,7 @@ class PlanRows:
             )
 
     def add(self, rows: Iterable[PlanRow]) -> None:
-        """Plan rows; all of them are stored, or none.
+        """Store planned rows, all or nothing.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -125,7 +125,7 @@ class PlanRows:
     def end(
         self, row: PlanRow, state: RowState, *, scenario_id: str = "", reused: bool = False, reason: str = ""
     ) -> None:
-        """Note what became of a row; its scenario can be listed as made from the plan.
+        """Store the result of a row, and list its scenario as made from the plan.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -140,7 +140,7 @@ class PlanRows:
                 connection.execute("INSERT OR IGNORE INTO parents VALUES (?, ?)", (scenario_id, self._plan_id))
 
     def waiting(self, limit: int) -> list[PlanRow]:
-        """The next rows to be made, those of a map and a type of site together: a worker keeps what it built last."""
+        """Return the next waiting rows, grouped by map and type of site: a worker keeps what it built last."""
         query = "state = 'waiting' ORDER BY map_id, spot, number LIMIT ?"
         return [
             PlanRow(
@@ -157,7 +157,7 @@ class PlanRows:
         ]
 
     def counts(self) -> PlanCounts:
-        """How many rows are in which state."""
+        """Count the rows in each state."""
         states = {
             row["state"]: row for row in self._rows("state, count(*) AS n, sum(reused) AS reused", "1 GROUP BY state")
         }
@@ -169,12 +169,12 @@ class PlanRows:
         return PlanCounts(count("waiting"), count("made"), reused, count("refused"), count("failed"))
 
     def made(self) -> Iterator[Levels]:
-        """The levels of all that was made, by the plan or before it, each once."""
+        """Yield the levels of everything made by the plan or before it, each once."""
         rows = self._rows("DISTINCT levels", "state IN ('made', 'held')")
         return (tuple(stored_json(row["levels"], "a row of a plan")) for row in rows)
 
     def refused(self) -> Iterator[tuple[Levels, int, str]]:
-        """Levels that were refused or failed, how often, and one of the reasons."""
+        """Yield levels that were refused or failed, how often, and one of the reasons."""
         rows = self._rows(
             "levels, count(*) AS n, min(reason) AS reason",
             "state IN ('refused', 'failed') GROUP BY levels ORDER BY levels",
@@ -184,7 +184,7 @@ class PlanRows:
         )
 
     def hopeless(self, tries: int) -> Hopeless:
-        """Levels with which so many rows were refused at sites of a kind on a map, and none was made there."""
+        """Return levels refused at least ``tries`` times, and never made, at sites of a kind on a map."""
         made: set[tuple[str, str, int, int]] = set()
         refused: Counter[tuple[str, str, int, int]] = Counter()
         for row in self._rows(
@@ -200,17 +200,17 @@ class PlanRows:
         return frozenset(key for key, times in refused.items() if times >= tries and key not in made)
 
     def next_number(self) -> int:
-        """The number of the next row that is planned."""
+        """Return the number of the next planned row."""
         (row,) = self._rows("coalesce(max(number), -1) + 1 AS n", "number >= 0")
         return int(row["n"])
 
     def last_lap(self) -> int:
-        """The last lap that was planned; 0 without any."""
+        """Return the last planned lap, or 0."""
         (row,) = self._rows("coalesce(max(lap), 0) AS lap", "number >= 0")
         return int(row["lap"])
 
     def refused_in_a_row(self) -> int:
-        """How many of the rows planned once all was covered were refused or failed since the last one that was made."""
+        """Count the rows refused or failed since the last success, among those planned after everything was covered."""
         (row,) = self._rows(
             "count(*) AS n",
             "lap > 0 AND state IN ('refused', 'failed') AND number > coalesce((SELECT max(number) FROM plan_rows"
@@ -220,17 +220,17 @@ class PlanRows:
         return int(row["n"])
 
     def turns(self) -> dict[str, int]:
-        """By the words for sites, how many rows were planned for them."""
+        """Return how many rows were planned for each kind of site."""
         rows = self._rows("spot, count(*) AS n", "number >= 0 GROUP BY spot")
         return {str(row["spot"]): int(row["n"]) for row in rows}
 
     def places(self) -> dict[str, int]:
-        """How many scenarios were made at each place, most first."""
+        """Return how many scenarios were made at each place, most first."""
         rows = self._rows("place, count(*) AS n", "state = 'made' GROUP BY place ORDER BY n DESC, place")
         return {str(row["place"]): int(row["n"]) for row in rows}
 
     def scenario_ids(self, limit: int = -1) -> tuple[str, ...]:
-        """The ids of what was made, in the order in which it was planned; all of them without a limit."""
+        """Return the ids of the scenarios made, in planning order; all of them without a limit."""
         rows = self._rows("scenario_id", "state = 'made' ORDER BY number LIMIT ?", limit)
         return tuple(dict.fromkeys(str(row["scenario_id"]) for row in rows))
 
@@ -243,5 +243,5 @@ class PlanRows:
 
 
 def made_before(connection: sqlite3.Connection) -> Iterator[dict[str, Any]]:
-    """What was asked for the generated scenarios of a workspace, each once, without where and by which numbers."""
+    """Yield the requests behind the generated scenarios of a workspace, each once, without place and seeds."""
     return (stored_json(row[0], "the recipe of a scenario") for row in connection.execute(_ASKED))

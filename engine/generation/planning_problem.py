@@ -1,10 +1,10 @@
-"""The ego and its goal: one of the recorded vehicles becomes the planning problem, its recorded path shows the goal.
+"""Chooses the ego and its goal: one recorded vehicle becomes the planning problem, and its recorded path gives the
+goal.
 
-The ego is a car, or a vehicle of the class that was asked for
-(``type:truck``); below, "car" means either. Among the cars that can have such a goal, it chooses one with a
-recorded path that can be driven, passes what the site is about, and runs along lanes that a planner with a reference
-path can follow: maps have corners, and sideways jogs where netconvert joins lanes that do not face each other. Recorded
-cars cut them; a planner that follows the lanes' centre lines may find no trajectory there.
+The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
+have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
+with a reference path can follow. Maps have corners, and netconvert joins lanes that do not face each other with
+sideways jogs. Recorded cars cut these; a planner that follows the centre lines may find no trajectory there.
 """
 
 import itertools
@@ -35,14 +35,14 @@ from .sites import SiteFocus
 from .turns import leads_without_change, makes
 
 SHORTEST_PATH_M = 10.0
-"""To a goal after a number of steps, a car has to drive this far at least (chosen): one that waits has no task."""
+"""Minimum distance to a goal after a number of steps (chosen): a car that waits has no task."""
 SHORTEST_ASKED_PATH_M = 4.0
-"""The same for a goal that was asked for by distance, of 5 m at least, or by lanelet (chosen)."""
+"""The same for a goal by distance, which is at least 5 m, or by lanelet (chosen)."""
 
 
 @dataclass(frozen=True)
 class TaskSpec:
-    """What is asked of a planning problem: the goal, the ego, and how long the scenario lasts."""
+    """The request for a planning problem: the goal, the ego, and how long the scenario lasts."""
 
     goal: AskedGoal
     ego: AskedEgo
@@ -50,33 +50,35 @@ class TaskSpec:
 
     @property
     def shortest_path_m(self) -> float:
-        """The least distance that a car has to drive to the goal."""
+        """Return the minimum distance that a car must drive to the goal."""
         return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_ASKED_PATH_M
 
 
 TIME_MARGIN_S = 1.5
 """The goal may be reached this much before and after the recorded car is there (chosen)."""
 THROUGH_MARGIN = 0.25
-"""The same for a goal behind the site, as a share of the time to it where that is more (chosen)."""
+"""The same for a goal beyond the site, as a share of the time to it if that is more (chosen)."""
 NO_TURN = "no_turn"
-"""Reason of the refusal of traffic in which no vehicle that can be the ego makes the turn that was asked for."""
+"""Reason for refusing traffic in which no possible ego makes the requested turn."""
 MOST_DETOUR = 1.5
-"""A way to the goal without a change of lane that is longer than the driven one by this factor is no way (chosen)."""
+"""A route to the goal without a lane change counts only up to this multiple of the driven length (chosen)."""
 HEADING_MARGIN_RAD = 0.25
-"""Deviation from the recorded heading at the goal, to either side (chosen)."""
+"""Allowed deviation from the recorded heading at the goal, to either side (chosen)."""
 
 
 @dataclass(frozen=True)
 class PlanningTask:
     """Initial state and goal of the ego.
 
-    The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, to be reached within
-    the steps of ``time_steps``. ``focus_passed``: how many areas of the site's focus the recorded path to it passes;
-    ``focus_left``: whether the goal lies behind them; ``takes_most``: whether a goal that should lie behind the site
-    takes half of the duration at least; ``followable``: whether a planner that drives there evenly can follow the
-    lanes, and whether a body other than a car's has room there, looked at for such goals. ``on_spot``: the path passes
-    the very spot of the site, not only another junction close by. ``stands_in``: the ego is not the car that was asked
-    for by its number, because that one has no such goal.
+    The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, that the ego must
+    reach within ``time_steps``. These fields rank egos:
+
+    - ``focus_passed``: how many areas of the site's focus the recorded path to the goal passes.
+    - ``on_spot``: the path passes the exact spot of the site, not only another junction nearby.
+    - ``focus_left``: the goal is beyond these areas.
+    - ``takes_most``: a goal that should be beyond the site takes at least half of the duration.
+    - ``followable``: for such goals, a planner at a steady speed can follow the lanes, and the body has room there.
+    - ``stands_in``: the ego is not the car requested by number, because that one has no such goal.
     """
 
     ego: GeneratedVehicle
@@ -105,18 +107,17 @@ def choose_task(
 ) -> PlanningTask:
     """Return the planning task of the requested car, or of the best vehicle of the class that can have the goal.
 
-    Where the car of the asked index has no such goal, because it waits in a queue for instance, the best of those after
-    it stands in.
+    If the car with the requested index has no such goal, for example because it waits in a queue, the best later car
+    replaces it.
 
-    The cars are ordered by these criteria, and the first that differs decides: their recorded path can be driven; it
-    passes what the site is about; it passes the very spot; it leaves the site and takes most of the duration, if the
-    goal is to lie behind the site; its lanes can be followed. Of equal cars the first is taken. A
-    task that ``accepts`` refuses does not count.
+    Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
+    spot; if the goal must be beyond the site, it leaves the site and takes most of the duration; its lanes can be
+    followed. Of equal cars the first is taken. A task that ``accepts`` rejects does not count.
 
     Raises:
-        NotPossible: no car, fewer cars than the asked index, or none that reaches such a goal.
+        NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
         UnknownName: the goal is on a lanelet that the site does not have.
-        InvalidRequest: the goal lies beyond its lanelet.
+        InvalidRequest: the goal is beyond its lanelet.
     """
     goal, index, name = spec.goal, spec.ego.index, spec.ego.vehicle_class
     top_mps = ego_class(name).vehicle.maximum_speed_mps
@@ -124,7 +125,7 @@ def choose_task(
     cars = [vehicle for vehicle in cars if vehicle.motion.speeds_mps[0] <= top_mps]
     if index is not None and index >= len(cars):
         raise NotPossible(
-            f"ego index:{index} asks for car number {index}; the traffic holds {len(cars)}",
+            f"ego index:{index} requests car number {index}, but the traffic has {len(cars)} to choose from",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
             remedies=[with_values(ego=None)],
@@ -138,8 +139,8 @@ def choose_task(
     if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"none of the {len(choice) + len(others)} {name}(s) to choose from has a goal {goal.in_words()} on its way "
-        f"(at least {spec.shortest_path_m:g} m within the recording, and not around its start)",
+        f"of {len(choice) + len(others)} possible {name}(s), not one has a goal {goal.in_words()} on its route "
+        f"(at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",
@@ -156,17 +157,18 @@ def _best_task(
     step_s: float,
     accepts: Callable[[PlanningTask], bool] | None,
 ) -> PlanningTask | None:
-    """The task of the best car, as ``choose_task`` ranks them; None where none has such a goal."""
+    """Return the task of the best car, as ``choose_task`` ranks them, or None if no car has the goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
         task = _task(car, spec, network, lookup, step_s)
-        if task is None or not _turns_as_asked(task, spec.goal.turn, network, lookup, focus):
+        if task is None or not _makes_requested_turn(task, spec.goal.turn, network, lookup, focus):
             continue
-        task = _seen_from_the_site(task, spec, focus, step_s)
+        task = _with_site_criteria(task, spec, focus, step_s)
         merit = (car.feasible, task.focus_passed, task.on_spot, task.focus_left, task.takes_most)
         if (best is not None and (*merit, True) <= best[0]) or (accepts is not None and not accepts(task)):
             continue
-        # Where a planner has most of the duration, it does not drive as the car did: slowly where that was held up.
+        # If a planner has most of the duration, it drives more evenly than the car, which other traffic may have
+        # delayed.
         evenly_mps = task.goal_distance_m / (task.goal_step * step_s) if spec.goal.is_through else 0.0
         smooth = car.feasible and follows_smooth_lanes(car, task.goal_step, network, lookup, evenly_mps)
         smooth = smooth and _has_room(car, task.goal_step, network)
@@ -177,7 +179,7 @@ def _best_task(
     return None if best is None else best[1]
 
 
-def _turns_as_asked(
+def _makes_requested_turn(
     task: PlanningTask, turn: Turn | None, network: RoadNetwork, lookup: LaneletLookup, focus: SiteFocus
 ) -> bool:
     if turn is None:
@@ -188,7 +190,7 @@ def _turns_as_asked(
 
 
 def _is_ahead_in_lane(task: PlanningTask, network: RoadNetwork, lookup: LaneletLookup) -> bool:
-    """Whether the goal can be reached in the lane of the start, so that the ego need not change it."""
+    """Return whether the ego can reach the goal in its start lane, without a lane change."""
     from shapely import Polygon
 
     start = _under(lookup, task.ego, 0)
@@ -196,8 +198,8 @@ def _is_ahead_in_lane(task: PlanningTask, network: RoadNetwork, lookup: LaneletL
     return start is not None and leads_without_change(start, region, network, MOST_DETOUR * task.goal_distance_m)
 
 
-def _seen_from_the_site(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
-    """The task with what of the site it passes and, where the goal is to lie behind it, whether it does."""
+def _with_site_criteria(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, step_s: float) -> PlanningTask:
+    """Return the task with the parts of the site that it passes and, if required, whether the goal is beyond it."""
     passed = focus.parts_passed(task.ego, task.goal_step)
     on_spot = not passed or focus.is_on_spot(task.ego, task.goal_step)
     if not spec.goal.is_through:
@@ -213,22 +215,22 @@ def _seen_from_the_site(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, st
 
 
 def _check_lanelet(goal: AskedGoal, network: RoadNetwork) -> None:
-    """Refuse a lanelet that the network does not have, or a position beyond it."""
+    """Raise an error if the network does not have the lanelet, or if the position is beyond it."""
     if goal.lanelet is None:
         return
     key = goal.lanelet.lanelet_id
     if key not in network.lanelets:
         raise UnknownName(
-            f"the site has no lanelet {key}: ids are known once a scenario of it is made",
+            f"the site has no lanelet {key}: its ids are known after a scenario of it exists",
             valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
-            next_step="generate with another goal and ask describe_scenario first, or use modify_scenario afterwards",
+            next_step="generate with another goal, then see describe_scenario, or set it with modify_scenario",
             remedies=[with_values(goal=None)],
         )
     station_m(goal.lanelet.position, key, float(arc_length(network.lanelets[key].center)[-1]))
 
 
 def _driven_lanelets(cars: Sequence[GeneratedVehicle], lookup: LaneletLookup) -> list[int]:
-    """The lanelets that the cars drive over, seen twice a second."""
+    """Return the lanelets that the cars drive over, sampled twice a second."""
     passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
     return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
 
@@ -240,7 +242,7 @@ def _under(lookup: LaneletLookup, vehicle: GeneratedVehicle, step: int) -> RoadL
 def _task(
     car: GeneratedVehicle, spec: TaskSpec, network: RoadNetwork, lookup: LaneletLookup, step_s: float
 ) -> PlanningTask | None:
-    """The task of a car; None where it is not at such a goal, or lanelets do not lead there."""
+    """Return the task of a car, or None if it does not reach the goal or lanelets do not lead there."""
     goal, at_goal = spec.goal, passage(spec, car, network, step_s)
     if at_goal is None:
         return None
@@ -265,7 +267,7 @@ def _task(
 
 
 def _window(spec: TaskSpec, step: int, step_s: float) -> tuple[int, int]:
-    """The first and last step at which a goal may be reached where the recorded car is there at a step."""
+    """Return the first and last step at which the goal may be reached if the recorded car is there at a step."""
     margin = round(TIME_MARGIN_S / step_s)
     if not spec.goal.is_through:
         return max(1, step - margin), step + margin
@@ -274,7 +276,7 @@ def _window(spec: TaskSpec, step: int, step_s: float) -> tuple[int, int]:
 
 
 def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple[float, float]:
-    """A rectangle as wide as the lanelet, 2 to 3.5 m, and as long as the car drives in 0.8 s, 6 to 20 m."""
+    """Return a rectangle as wide as the lanelet (2 to 3.5 m) and as long as the car drives in 0.8 s (6 to 20 m)."""
     station, _ = project(lanelet.center, center)
     width = float(np.interp(station, arc_length(lanelet.center), np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
     length = min(max(6.0, 0.8 * speed_mps), 20.0)
@@ -282,16 +284,16 @@ def _usual_size(lanelet: RoadLanelet, center: Points, speed_mps: float) -> tuple
 
 
 LARGEST_GAP_M = 3.0
-"""How far before or behind a point a car that drives over it is recorded at most: half its path between two steps."""
+"""Maximum distance of a recorded position from a point on the car's path: half its path between two steps."""
 STANDS_WITHIN_M = 0.5
-"""A car that waits creeps up by less (chosen)."""
+"""A waiting car creeps by less than this (chosen)."""
 FARTHEST_ASIDE_M = 1.5
-"""A car that passes a point farther beside it drives on another lane (chosen)."""
+"""A car that passes a point at a larger lateral distance is in another lane (chosen)."""
 
 
 @dataclass(frozen=True)
 class _Passage:
-    """A car at the goal: the step, the goal's middle (2,) in m and heading."""
+    """A car at the goal: the step, the centre of the goal (2,) in m, and the heading."""
 
     step: int
     center: Points
@@ -299,7 +301,7 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Where and when a car is at the goal; None if it is not there within its recording, or too near to its start."""
+    """Return where and when a car is at the goal, or None if it is not there or the goal is too close to its start."""
     goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
@@ -310,7 +312,7 @@ def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s:
 
 
 def _ahead(goal: AskedGoal, driven: Values) -> int | None:
-    """The step at which the asked steps or metres are behind the car; None beyond its recording."""
+    """Return the step at which the car has driven the requested steps or metres, or None beyond its recording."""
     if goal.steps is not None:
         return goal.steps if goal.steps < len(driven) else None
     reached = np.flatnonzero(driven >= (goal.distance_m or 0.0))
@@ -318,10 +320,10 @@ def _ahead(goal: AskedGoal, driven: Values) -> int | None:
 
 
 def _farthest(driven: Values, duration_s: float, step_s: float) -> int | None:
-    """The step at which the car comes as far as a goal can lie; None where it leaves the cut before.
+    """Return the step at which the car is as far as a goal can be, or None if it leaves the map section first.
 
-    At the end of the scenario there is time to be late, and at the end of the cut there are lanes beyond the goal. A
-    car that waits at last has been there since it came.
+    A goal at the end of the scenario keeps time to be late; at the end of the section, lanes continue beyond it. For a
+    car that waits at the end, the step is its arrival.
     """
     last_step = round(duration_s / step_s)
     if len(driven) > last_step:
@@ -332,9 +334,9 @@ def _farthest(driven: Values, duration_s: float, step_s: float) -> int | None:
 
 
 def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
-    """The step at which the car is nearest to the position, if it drives over it along the lanelet.
+    """Return the step at which the car is nearest to the position, if it drives over it along the lanelet.
 
-    A rectangle that already holds the car at its start is no goal.
+    A rectangle that contains the car at its start is not a goal.
     """
     station = station_m(goal.position, lanelet.lanelet_id, float(arc_length(lanelet.center)[-1]))
     center, heading = point_at(lanelet.center, station)
@@ -354,23 +356,23 @@ def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, 
 LARGEST_CURVATURE_PER_M = 0.2
 """A radius of 5 m (chosen); CommonRoad's vehicle 2 (BMW 320i) can turn more tightly, with 0.7 1/m at full lock."""
 LARGEST_CURVATURE_RATE_PER_MS = 0.4
-"""What the Frenetix core allows."""
+"""The Frenetix core's limit."""
 SMOOTHING_M = 2.0
-"""Standard deviation of the smoothing before curvature is measured: corners of a polyline have none (chosen)."""
+"""Standard deviation of the smoothing before curvature is measured: a polyline has no curvature at corners (chosen)."""
 BEFORE_M, BEYOND_M = 2.0, 20.0
-"""Lanes are looked at from before the start to beyond the goal, where a planner's horizon ends (chosen)."""
+"""Lanes are examined from before the start to beyond the goal, where a planner's horizon ends (chosen)."""
 OVERHANG_M = 0.3
-"""By how much a corner of a long body may reach over the edge of the road where it turns (chosen)."""
+"""Maximum overhang of a long body's corner beyond the road's edge in a turn (chosen)."""
 SAMPLED_EVERY = 5
-"""Steps (0.5 s) between two looks at the lanelet under a car and at its speed."""
+"""Steps (0.5 s) between two samples of the car's lanelet and speed."""
 
 
 def follows_smooth_lanes(
     car: GeneratedVehicle, last_step: int, network: RoadNetwork, lookup: LaneletLookup, least_mps: float = 0.0
 ) -> bool:
-    """Whether the centre lines under the car up to a step, and 20 m beyond, curve no more than it can steer.
+    """Return whether the centre lines under the car up to a step, and 20 m beyond, are within its steering limits.
 
-    It drives there as fast as it was recorded, and at ``least_mps`` at least.
+    The car drives at its recorded speed, but at least at ``least_mps``.
     """
     under = [_under(lookup, car, step) for step in range(0, last_step + 1, SAMPLED_EVERY)]
     route = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
@@ -378,7 +380,7 @@ def follows_smooth_lanes(
 
 
 def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bool:
-    """Return whether the recorded body stays on the road up to a step; long ones cut corners, cars always pass."""
+    """Return whether the recorded body stays on the road up to a step; long bodies cut corners, cars always pass."""
     if car.vehicle_class.name == "car":
         return True
     from shapely import contains_xy
@@ -393,7 +395,7 @@ def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bo
 
 
 def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
-    """The centre lines joined where one lanelet follows on another, apart where the car changes the lane."""
+    """Return the centre lines, joined along successors and split at lane changes."""
     lines: list[list[Points]] = []
     for before, lanelet in itertools.pairwise([None, *route]):
         if lanelet is None:
@@ -425,7 +427,7 @@ def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int, least_mps: f
 
 
 def _speeds_along(line: Points, stations: Points, car: GeneratedVehicle, last_step: int) -> Points:
-    """The car's recorded speed at every station, that at either end beyond."""
+    """Return the car's recorded speed at every station; beyond either end, the speed there."""
     steps = np.arange(0, last_step + 1, SAMPLED_EVERY)
     at = np.array([project(line, car.motion.positions[step])[0] for step in steps])
     order = np.argsort(at, kind="stable")

@@ -1,4 +1,4 @@
-"""The record of a generated scenario: what was asked beside what came out, with notes where the two differ."""
+"""Records a generated scenario: the request next to the result, with notes if they differ."""
 
 import logging
 from collections import Counter
@@ -29,7 +29,7 @@ from .writer import STEP_S
 
 logger = logging.getLogger(__name__)
 MISSED_BY = 0.25
-"""Share of the target by which the density may differ before a note tells why (chosen)."""
+"""Relative deviation from the target density above which a note gives the reason (chosen)."""
 
 
 def record_of(
@@ -44,13 +44,13 @@ def record_of(
     checks: Checks,
     notes: Iterable[str],
 ) -> GeneratedScenario:
-    """The answer about a scenario in its file; classes are counted without the ego.
+    """Return the answer about a scenario file; class counts exclude the ego.
 
     Args:
         vehicles: the ego and the others.
-        people: those on foot, who count as no vehicles.
-        obstacle_ids: CommonRoad's id by the vehicle's id, the ego left out.
-        notes: on its traffic and ego; those on what differs from the request follow them.
+        people: the pedestrians, which do not count as vehicles.
+        obstacle_ids: CommonRoad's id by the vehicle's id, without the ego.
+        notes: notes on traffic and ego; notes on differences from the request follow them.
     """
     spot, metadata = site.site, site.metadata
     others = [vehicle for vehicle in vehicles if vehicle is not task.ego]
@@ -106,17 +106,17 @@ def absences_of(
     *,
     stands_in: bool,
 ) -> tuple[VehicleAbsence, ...]:
-    """Return why vehicles that were asked for are not there as asked; by class they add up to those that are missing.
+    """Return why requested vehicles are missing or changed; by class, the counts add up to the missing vehicles.
 
-    A recorded vehicle that was taken out counts as replaced where another one of its class, a spare, is there for it.
+    A removed vehicle counts as replaced if a spare of its class takes its place.
 
     Args:
-        ego: as it was asked for.
-        asked: the vehicles that the request comes to at the site.
-        traffic: what was recorded, and the demand that was left of it.
-        vehicles: the ego and the others, as the file has them.
-        people: how many people on foot the request comes to.
-        stands_in: whether the ego is not the car that was asked for by its number.
+        ego: the requested ego.
+        asked: the vehicles that the request amounts to at this site.
+        traffic: what was recorded, and the remaining demand.
+        vehicles: the ego and the others in the file.
+        people: how many pedestrians the request amounts to.
+        stands_in: whether the ego is not the car requested by number.
     """
     found = []
     if stands_in:
@@ -140,7 +140,7 @@ def absences_of(
 
 
 def _absences(fate: AbsenceFate, name: str, dropped: Sequence[DroppedVehicle]) -> list[VehicleAbsence]:
-    """The absences of recorded vehicles of a class, together where the code is the same."""
+    """Return the absences of a class's recorded vehicles, grouped by code."""
     by_code: dict[AbsenceCode, list[str]] = {}
     for one in dropped:
         by_code.setdefault(one.code, []).append(one.vehicle.vehicle_id)
@@ -189,7 +189,7 @@ def with_scripted(scenario: GeneratedScenario, base: Path, path: Path, added: Ma
 
 
 def _staying(path: Path, last_step: int) -> int:
-    """Return how many vehicles of a file are there until the last step."""
+    """Return how many vehicles of a file are present until the last step."""
     tracks = kept_recording(path).tracks.values()
     return sum(track.kind != PEDESTRIAN.commonroad_type and track.last_step >= last_step - 1 for track in tracks)
 
@@ -197,7 +197,7 @@ def _staying(path: Path, last_step: int) -> int:
 def _density(
     request: GenerationRequest, aim: TrafficAim, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]
 ) -> DensityFacts:
-    """Vehicles per kilometre of lane that is open to cars at step 0 and at the last step, beside the target."""
+    """Return vehicles per kilometre of car lanes at step 0 and at the last step, next to the target."""
     lane_km, last_step = lane_km_of(site.net), round(request.duration_s / STEP_S)
     staying = sum(vehicle.steps > last_step - 1 for vehicle in vehicles)
     return DensityFacts(
@@ -212,7 +212,7 @@ def _density(
 
 
 def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[str]:
-    """How many vehicles found no room, and why the density misses its target, where it does."""
+    """Return how many vehicles found no room and, if the density misses its target, why."""
     notes = []
     if realised < demand.total:
         notes.append(f"{realised} of {demand.total} vehicles found room on the roads of the site")
@@ -228,25 +228,25 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
 def _miss_reason(density: DensityFacts, demand: Demand, *, too_many: bool) -> str:
     if too_many:
         small = f"the site has only {density.lane_km:g} lane-km, and no fewer than {FEWEST} vehicles are put on one"
-        return small if demand.total <= FEWEST else "so many vehicles were asked for by number"
+        return small if demand.total <= FEWEST else "the request sets so many vehicles by number"
     if demand.total >= (1 - MISSED_BY) * density.target_per_lane_km * density.lane_km:
-        return "no more found room"
-    return demand.bounded_by or "the number of cars was bounded"
+        return "no further vehicle found room"
+    return demand.bounded_by or "the number of cars was limited"
 
 
 def _duration_notes(duration_s: float, recorded_s: float) -> list[str]:
-    """A note where all vehicles have left before the time is up."""
+    """Return a note if all vehicles leave before the duration ends."""
     if recorded_s > duration_s - 2 * STEP_S:
         return []
-    left = "the last vehicle has left the site by then, and CommonRoad's schema lets none come later"
-    return [f"{recorded_s:g} s of the asked {duration_s:g} s are recorded: {left}"]
+    left = "the last vehicle leaves the site then, and CommonRoad's schema does not allow later arrivals"
+    return [f"{recorded_s:g} s of the requested {duration_s:g} s are recorded: {left}"]
 
 
 def _limit_notes(limits_kmh: Mapping[int, float]) -> list[str]:
     if not limits_kmh:
         return []
     values = ", ".join(f"{value:g}" for value in sorted(set(limits_kmh.values())))
-    return [f"the file holds no speed-limit signs: CommonRoad has none for this country; posted are {values} km/h"]
+    return [f"the file has no speed-limit signs, because CommonRoad lacks this country's; posted limits: {values} km/h"]
 
 
 def _ego_facts(task: PlanningTask, vehicles: Sequence[GeneratedVehicle]) -> GeneratedEgo:

@@ -1,6 +1,6 @@
-"""From a map to a site where traffic can drive: its SUMO net, its lanelets, and what the road rules find in them.
+"""Builds a site from a map: its SUMO net, its lanelets, and the findings of the road rules.
 
-A site's network is judged before traffic is made for it, so that an unfit site costs little.
+A site's network is checked before its traffic is generated, so that an unfit site costs little.
 """
 
 import math
@@ -62,19 +62,19 @@ JPN KEN KIR KNA LCA LKA LSO MAC MDV MLT MOZ MSR MUS MWI MYS NAM NFK NIU NPL NRU 
 SYC TCA THA TKL TLS TON TTO TUV TZA UGA VCT VGB VIR WSM ZAF ZMB ZWE
 """
 LEFT_HAND_COUNTRIES = frozenset(_LEFT.split())
-"""Countries (ISO 3166-1 alpha-3) where traffic keeps to the left."""
-UNKNOWN_SIDE = "the country of the map is unknown, so traffic keeps to the right; where it does not, name the country"
+"""Countries (ISO 3166-1 alpha-3) with left-hand traffic."""
+UNKNOWN_SIDE = "the country of the map is unknown, so traffic keeps right; for left-hand traffic, set the country"
 MANY_HAIRPINS = 10
-"""More turns than this that cannot be drawn mean that netconvert made one huge junction of several (chosen)."""
+"""More undrawable turns than this mean that netconvert merged several junctions into one huge one (chosen)."""
 MOST_CROWDED = 1.2
-"""More vehicles on a kilometre of lane than of high density by this factor rarely find room to move (chosen)."""
+"""More vehicles per lane kilometre than this multiple of high density rarely find room to move (chosen)."""
 MOST_WIDENED = 2.5
-"""A site is cut out no wider than by this factor (chosen)."""
+"""Maximum factor by which a site's cut is widened (chosen)."""
 WHOLE_LANE_KM = 15.0
-"""A lanelet network with no more of lanes is taken whole, whatever the site in it (chosen)."""
-NOT_LOCATED = "the road network does not say where on earth it lies; its positions in degrees are made up, near 0°, 0°"
+"""A lanelet network with at most this length of lanes is taken whole, regardless of the site (chosen)."""
+NOT_LOCATED = "the road network does not state its location on earth; its degrees are invented, near 0°, 0°"
 _NO_COUNTRY = "ZAM"
-"""Zamunda: CommonRoad's country for places that are in none."""
+"""Zamunda: CommonRoad's country for places that are not in any country."""
 _TAGS: dict[SiteType, tuple[str, ...]] = {
     "highway": ("highway", "multi_lane"),
     "ramp": ("highway", "slip_road", "merging_lanes"),
@@ -86,15 +86,16 @@ _TAGS: dict[SiteType, tuple[str, ...]] = {
 }
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 SITE_LOST = "site_lost"
-"""Reason of the refusal of a site whose type the net does not show."""
+"""Reason for refusing a site with a type that the net does not show."""
 
 
 @dataclass(frozen=True)
 class SiteNetwork:
     """A site as a SUMO net (in the file at ``net_path``) and as lanelets, ready for traffic.
 
-    ``notes`` are for the answer, ``warnings`` are netconvert's, ``findings`` those of the road rules. ``roads``: of a
-    lanelet network that was filled, what is taken over from its file. ``footways``: None where no people are asked for.
+    ``notes`` are for the answer, ``warnings`` are netconvert's, and ``findings`` are those of the road rules. ``roads``
+    is the content taken over from the file of a filled lanelet network. ``footways`` is None if no pedestrians are
+    requested.
     """
 
     site: Site
@@ -111,17 +112,17 @@ class SiteNetwork:
 
     @cached_property
     def focus(self) -> SiteFocus:
-        """The areas that the site is about."""
+        """The areas that the site consists of."""
         return SiteFocus(self.site, self.net, self.network)
 
 
 def prepare_site(
     request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
 ) -> SiteNetwork:
-    """Build a site's network in a folder and judge it; it is wider where the vehicles that are counted need more road.
+    """Build and check a site's network in a folder; widen it if the counted vehicles need more road.
 
     Raises:
-        NotPossible: the network does not show the site's type, breaks a rule, or no road there is open to cars.
+        NotPossible: the network does not show the site's type, breaks a rule, or has no road open to cars.
     """
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
@@ -135,22 +136,22 @@ def prepare_site(
     try:
         roomy = _known_sites().get(request, osm, site, wider_m, wider, report).judged(request, wider, report)
     except NotPossible as refusal:
-        note = f"a wider cut for so many vehicles is refused: {refusal.message}"
+        note = f"a wider cut for so many vehicles failed: {refusal.message}"
         narrow = usual.judged(request, folder, report)
         return replace(narrow, notes=(*narrow.notes, note))
-    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to have road for {asked} vehicles"
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to make room for {asked} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
 
 
 MOST_KNOWN = 24
-"""Networks that a worker keeps, some MB each (chosen): a map has as many sites of a type, few have more."""
+"""Networks that a worker keeps, some MB each (chosen): few maps have more sites of a type."""
 
 
 class _KnownSites:
-    """The networks of sites of one map that were asked for last, and the refusals of those that have none.
+    """The networks of recently used sites of one map, and the refusals of sites without a network.
 
-    Scenarios of a plan come back to the same sites with other traffic, and a network takes as long as the traffic. What
-    is kept is never changed; its file is written anew for each scenario.
+    Scenarios of a plan reuse sites with other traffic, and a network takes as long as the traffic. Stored networks
+    never change; their file is written again for each scenario.
     """
 
     def __init__(self) -> None:
@@ -166,7 +167,7 @@ class _KnownSites:
         folder: Path,
         report: ProgressReporter,
     ) -> "_KnownSite":
-        """What is known of a site with a radius for such a request; built in the folder where that is nothing yet."""
+        """Return the stored result for a site with a radius; build it in the folder if there is none."""
         if self._map is None or self._map() is not osm:
             self._map = weakref.ref(osm)
             self._kept.clear()
@@ -180,23 +181,23 @@ class _KnownSites:
         return known
 
     def forget(self) -> None:
-        """Build all networks anew from now on, as a worker does that has just started."""
+        """Discard all networks, so that each is built again, as in a new worker."""
         self._kept.clear()
 
 
 @cache
 def _known_sites() -> _KnownSites:
-    """One for the process: a worker does one thing at a time."""
+    """Return the process's store of sites: a worker does one thing at a time."""
     return _KnownSites()
 
 
 def forget_sites() -> None:
-    """Build the networks of all sites anew from now on."""
+    """Discard the networks of all sites, so that each is built again."""
     _known_sites().forget()
 
 
 class _KnownSite:
-    """A site's network with the text of its file, or why there is none; and the verdict on it once it was asked for."""
+    """A site's network with the text of its file, or the refusal; and the verdict on it after the first check."""
 
     def __init__(self, built: SiteNetwork | NotPossible, net: bytes) -> None:
         self._built, self._net = built, net
@@ -212,21 +213,21 @@ class _KnownSite:
         folder: Path,
         report: ProgressReporter,
     ) -> "_KnownSite":
-        """A site that is built in the folder."""
+        """Build a site in the folder."""
         try:
             built = build_network(request, osm, site, radius_m, folder, report)
             if is_lit := _lacks_lights(built, osm):
-                osm = _lit(osm, site)
+                osm = _with_signal_at_junction(osm, site)
                 built = build_network(request, osm, site, radius_m, folder, report)
             if built.network.folded_edges and summarise_findings(_network_findings(built), "error"):
                 built = build_network(request, osm, site, radius_m, folder, report, folded=built.network.folded_edges)
-            built = _with_lights(built) if is_lit else built
+            built = _note_added_lights(built) if is_lit else built
         except NotPossible as refusal:
-            return cls(_anew(refusal), b"")
+            return cls(_without_traceback(refusal), b"")
         return cls(built, built.net_path.read_bytes())
 
     def built(self, request: GenerationRequest, folder: Path) -> SiteNetwork:
-        """The network for a request, its file in a folder.
+        """Return the network for a request, with its file in a folder.
 
         Raises:
             NotPossible: as ``build_network``.
@@ -234,7 +235,7 @@ class _KnownSite:
         return self._for(self._built, request, folder)
 
     def judged(self, request: GenerationRequest, folder: Path, report: ProgressReporter) -> SiteNetwork:
-        """The network for a request, its file in a folder, with what the rules find in it.
+        """Return the network for a request with the rules' findings, and its file in a folder.
 
         Raises:
             NotPossible: as ``build_network`` and ``judged``.
@@ -243,12 +244,12 @@ class _KnownSite:
             try:
                 self._judged = judged(self.built(request, folder), report)
             except NotPossible as refusal:
-                self._judged = _anew(refusal)
+                self._judged = _without_traceback(refusal)
         return self._for(self._judged, request, folder)
 
     def _for(self, known: SiteNetwork | NotPossible, request: GenerationRequest, folder: Path) -> SiteNetwork:
         if isinstance(known, NotPossible):
-            raise _anew(known)
+            raise _without_traceback(known)
         net_path = folder / "scenario.net.xml"
         net_path.write_bytes(self._net)
         stated = known.metadata
@@ -257,33 +258,32 @@ class _KnownSite:
 
 
 def _lacks_lights(built: SiteNetwork, osm: OsmMap) -> bool:
-    """Whether netconvert made no lights at a junction that has signals on the map.
+    """Return whether netconvert created no lights at a junction that has signals on the map.
 
-    It makes lights where all roads that lead to a junction have a signal; some of them have it on a link road or a
-    crossing that is not cut out.
+    It creates lights only if all roads to a junction have a signal. Some have it on a link road or a crossing outside
+    the cut.
     """
     is_map_of_lines = not isinstance(osm, (LaneletMap, NetMap))
     is_wanted = built.site.kind == "signalised_intersection" and built.site.mark in osm.nodes
     return is_map_of_lines and is_wanted and why_not_realised(built.site, built.net) is not None
 
 
-def _lit(osm: OsmMap, site: Site) -> OsmMap:
-    """The map with a signal at the junction itself, where netconvert makes lights for all its roads."""
+def _with_signal_at_junction(osm: OsmMap, site: Site) -> OsmMap:
+    """Return the map with a signal at the junction itself; netconvert then creates lights for all its roads."""
     node = osm.nodes[site.mark]
     return replace(osm, nodes={**osm.nodes, site.mark: replace(node, tags={**node.tags, "highway": "traffic_signals"})})
 
 
-def _with_lights(built: SiteNetwork) -> SiteNetwork:
-    note = "the map has signals on some of the roads that lead to the junction; lights were made for all of them"
+def _note_added_lights(built: SiteNetwork) -> SiteNetwork:
+    note = "the map has signals on some of the junction's roads; lights were created for all of them"
     return replace(built, notes=(*built.notes, note))
 
 
 def with_later_lights(site: SiteNetwork, later_s: float, folder: Path) -> SiteNetwork:
-    """The site with all lights by so many seconds earlier in their cycles, its net in a folder.
+    """Return the site with all lights ``later_s`` seconds earlier in their cycles, and its net in a folder.
 
-    A site without lights stays as it is.
-
-    For nets of OpenStreetMap, which holds no programs of lights: netconvert makes them up, and where in it they begin.
+    A site without lights stays as it is. Use this only for nets of OpenStreetMap, which has no programs of lights:
+    netconvert invents them and their start.
     """
     if not site.network.lights or not later_s:
         return site
@@ -293,7 +293,7 @@ def with_later_lights(site: SiteNetwork, later_s: float, folder: Path) -> SiteNe
         program.set("offset", f"{float(program.get('offset', '0')) + later_s:g}")
     net_path.write_bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True))
     lights = tuple(_later(light, round(later_s / STEP_S)) for light in site.network.lights)
-    note = f"the lights begin {later_s:g} s earlier in their cycles, so that they let the ego pass in time"
+    note = f"the lights begin {later_s:g} s earlier in their cycles, so that the ego passes in time"
     network = replace(site.network, lights=lights)
     return replace(site, net_path=net_path, net=read_net(net_path), network=network, notes=(*site.notes, note))
 
@@ -302,22 +302,22 @@ def _later(light: TrafficLight, steps: int) -> TrafficLight:
     return replace(light, offset_steps=(light.offset_steps + steps) % sum(count for count, _ in light.cycle))
 
 
-def _streets_only_pass(site: Site, request: GenerationRequest) -> str:
-    """Return the note on a site that the streets that were asked for only pass: none of its junctions lies on them."""
+def _passing_note(site: Site, request: GenerationRequest) -> str:
+    """Return the note on a site that the requested streets only pass: none of its junctions is on them."""
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
         asked = cited_all((names[0] for names in request.streets), " and ")
         return f"{asked} do not meet at one point here, but pass this {kind}"
-    return f"no {kind} lies on {cited(request.streets[0][0])} itself; this is one close by"
+    return f"no {kind} is on {cited(request.streets[0][0])} itself; this one is nearby"
 
 
-def _anew(refusal: NotPossible) -> NotPossible:
-    """The same refusal without its traceback, which would keep all that was there when it was raised."""
+def _without_traceback(refusal: NotPossible) -> NotPossible:
+    """Return the same refusal without its traceback, which would keep all objects that existed when it was raised."""
     return NotPossible(refusal.message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason)
 
 
 def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
-    """A network with what the rules find in it.
+    """Return a network with the findings of the rules.
 
     Raises:
         NotPossible: it does not show the site's type, or breaks a rule.
@@ -329,10 +329,10 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
     report(0.25, "checking the network")
     findings = _network_findings(built)
     if built.roads is not None:
-        return _as_the_file_has_it(built, findings)
+        return _report_file_errors(built, findings)
     errors = list(summarise_findings(findings, "error"))
     if lost := built.network.lost_connections:
-        errors.append(f"{counted(len(lost), 'connection')} of the net lost, first: {lost[0][0]} to {lost[0][1]}")
+        errors.append(f"{counted(len(lost), 'connection')} of the net are lost, first: {lost[0][0]} to {lost[0][1]}")
     if errors:
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
@@ -342,10 +342,10 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
     return replace(built, findings=findings)
 
 
-def _as_the_file_has_it(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -> SiteNetwork:
-    """A filled network with what the rules find in it: errors of the file itself are told, and stay in it."""
+def _report_file_errors(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -> SiteNetwork:
+    """Return a filled network with the rules' findings; errors of the file itself are reported and remain."""
     errors = summarise_findings(findings, "error")
-    told = [f"errors of the given road network are left as they are: {'; '.join(errors)}"] if errors else []
+    told = [f"errors of the given road network remain: {'; '.join(errors)}"] if errors else []
     milder = tuple(finding.model_copy(update={"severity": "warning"}) for finding in findings)
     return replace(built, findings=milder, notes=(*built.notes, *told))
 
@@ -359,9 +359,9 @@ def build_network(
     report: ProgressReporter,
     folded: tuple[str, ...] = (),
 ) -> SiteNetwork:
-    """Cut a site out of the map and build its net and its lanelets, not judged yet.
+    """Cut a site out of the map and build its net and its lanelets, without checking them.
 
-    ``folded``: edges of the net of an OpenStreetMap extract that are left out, because no lanelet can follow them.
+    ``folded``: edges of an OpenStreetMap extract's net to leave out, because no lanelet can follow them.
 
     Raises:
         NotPossible: no road there is open to cars.
@@ -399,8 +399,8 @@ def build_network(
         )
         notes += [*reader.notes(), *hairpins]
     if site.only_passed:
-        notes.insert(0, _streets_only_pass(site, request))
-    if request.country is None and not isinstance(osm, NetMap):  # a network itself says on which side it drives
+        notes.insert(0, _passing_note(site, request))
+    if request.country is None and not isinstance(osm, NetMap):  # a network itself states its driving side
         notes.append(UNKNOWN_SIDE)
     if on_foot:
         open_footways(net_path)
@@ -412,21 +412,21 @@ def build_network(
     if footways is not None:
         network = with_walkways(network, footways)
         notes = [*footways.notes, *notes]
-    notes += _told_friction(request, friction)
+    notes += _friction_notes(request, friction)
     return SiteNetwork(site, radius_m, net_path, net, network, metadata, warnings, tuple(notes), footways=footways)
 
 
 def _friction_of(request: GenerationRequest, stated: frozenset[float | None]) -> float | None:
-    """Return the friction of the roads: of the weather that was asked for, else the one that the map states for all."""
+    """Return the friction of the roads: the requested weather's, else the one that the map states for all roads."""
     asked = None if request.conditions is None else request.conditions.friction
     return next(iter(stated)) if asked is None and len(stated) == 1 else asked
 
 
-def _told_friction(request: GenerationRequest, friction: float | None) -> tuple[str, ...]:
-    """Return a note on the friction of the roads if the map states it; the weather is told with what it does."""
+def _friction_notes(request: GenerationRequest, friction: float | None) -> tuple[str, ...]:
+    """Return a note on the friction of the roads if the map states it; the weather's note reports its own friction."""
     if friction is None or (request.conditions is not None and request.conditions.friction is not None):
         return ()
-    return (f"the map states a friction of {friction:g} for its roads, and the scenario has it too",)
+    return (f"the map states a friction of {friction:g} for its roads, and the scenario keeps it",)
 
 
 def _metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> ScenarioMetadata:
@@ -447,20 +447,20 @@ def _metadata_of(request: GenerationRequest, site: Site, net: SumoNet) -> Scenar
 
 
 def plain_name(place: str) -> str:
-    """A place's name in ASCII letters and digits, every word with a capital; ``Site`` if it has no letters."""
+    """Return a place's name in ASCII letters and digits, each word capitalised; ``Site`` if it has no letters."""
     spelled = unicodedata.normalize("NFKD", place.translate(_UMLAUTS))
     letters = spelled.encode("ascii", "ignore").decode()
     if not any(letter.isalpha() for letter in letters):
         from anyascii import anyascii
 
-        letters = anyascii(spelled)  # a name in another script, spelled by its letters
+        letters = anyascii(spelled)  # transliterate a name in another script
     words = "".join(letter if letter.isalnum() else " " for letter in letters).split()
     return "".join(word[0].upper() + word[1:] for word in words)[:40] or "Site"
 
 
 def _no_pavements_in_lanelets() -> NotPossible:
     return NotPossible(
-        "the lanelet network of this map is filled as it is, and pavements are not put beside it",
+        "the lanelet network of this map is used unchanged, without added pavements",
         next_step="leave pedestrian out of vehicles, or take an OpenStreetMap extract or a SUMO network as the map",
     )
 
@@ -473,12 +473,12 @@ def _fill_lanelets(
     folder: Path,
     report: ProgressReporter,
 ) -> SiteNetwork:
-    """A lanelet network as it is, or what of a large one lies around the site.
+    """Return a lanelet network unchanged, or the part of a large one around the site.
 
     Raises:
         NotPossible: no lanelet there is open to cars.
     """
-    report(0.05, "laying a net over the lanelets")
+    report(0.05, "building a net over the lanelets")
     net_path, cut = folder / "scenario.net.xml", folder / "roads.xml"
     net_path.write_bytes(lanelets.net)
     middle = middle_of(site, read_net(net_path))
@@ -497,7 +497,7 @@ def _fill_lanelets(
     points = np.concatenate([lanelet.polygon for lanelet in network.lanelets.values()])
     reach_m = float(np.linalg.norm(points - middle_of(site, net), axis=1).max())
     notes = () if lanelets.is_located else (NOT_LOCATED,)
-    notes = (*notes, *_told_friction(request, friction))
+    notes = (*notes, *_friction_notes(request, friction))
     return SiteNetwork(site, reach_m, net_path, net, network, metadata, (), notes, roads=roads)
 
 
@@ -511,13 +511,12 @@ def _convert_site(
     folded: tuple[str, ...],
     report: ProgressReporter,
 ) -> tuple[tuple[str, ...], list[str], list[str], RoadNetwork]:
-    """Convert what was cut out; junctions close together stay apart where the joined one swallows the site.
+    """Convert a cut; nearby junctions stay apart if joining them would lose the site.
 
-    Where turns that are too tight are a part of what the site is about, as on a small ring, the corners of junctions
-    are drawn tighter.
+    If turns that are too tight belong to the site, as on a small ring, the corners of junctions are drawn tighter.
 
     Returns:
-        netconvert's warnings, notes on what had to be changed, on turns that were taken out, and the lanelets.
+        netconvert's warnings, notes on changes, notes on removed turns, and the lanelets.
 
     Raises:
         NotPossible: no road there is open to cars.
@@ -558,16 +557,16 @@ def _convert_site(
         later += remove_edges(net_path, folded, cut.parent)
         again, more, network = _without_hairpins(_lanelets(read_net(net_path)), net_path, cut.parent)
         later, hairpins = (*later, *again), [*hairpins, *more]
-        notes.append(f"{counted(len(folded), 'road')} that no lanelet can follow left out: {_ways_of(folded)}")
+        notes.append(f"{counted(len(folded), 'road')} left out because no lanelet can follow them: {_ways_of(folded)}")
     return (*warnings, *later), notes, hairpins, network
 
 
 _SHOWN_WAYS = 3
-"""Ways that a note names, at most (chosen)."""
+"""Maximum number of ways that a note lists (chosen)."""
 
 
 def _ways_of(edges: tuple[str, ...]) -> str:
-    """Return the ids of the OSM ways that edges were made of; the first few are named, the others counted."""
+    """Return the ids of the OSM ways that edges come from; the first few are listed, the others counted."""
     ways = list(dict.fromkeys(edge.lstrip("-").partition("#")[0] for edge in edges))
     more = [f"{len(ways) - _SHOWN_WAYS} more"] if len(ways) > _SHOWN_WAYS else []
     return ", ".join([*(f"way {way}" for way in ways[:_SHOWN_WAYS]), *more])
@@ -576,14 +575,14 @@ def _ways_of(edges: tuple[str, ...]) -> str:
 def _without_hairpins(
     network: RoadNetwork, net_path: Path, folder: Path
 ) -> tuple[tuple[str, ...], list[str], RoadNetwork]:
-    """Take turns that no lanelet can follow out of a net, in place; netconvert's warnings, a note, and the lanelets.
+    """Remove turns that no lanelet can follow from a net, in place; return netconvert's warnings, a note, and lanelets.
 
-    ``network``: the lanelets of the net as it is.
+    ``network``: the lanelets of the unchanged net.
     """
     if not network.dropped_lanes:
         return (), [], network
     removed, warnings = remove_hairpins(net_path, folder)
-    note = f"{removed} turn(s) too tight to be drawn as a lanelet were taken out of the net"
+    note = f"{removed} turn(s) too tight for a lanelet were removed from the net"
     return warnings, [note], _lanelets(read_net(net_path))
 
 
@@ -593,10 +592,10 @@ def convert_map(
     """Convert with the mildest settings that give a net on which cars can drive.
 
     Returns:
-        netconvert's warnings, and notes on what had to be changed.
+        netconvert's warnings, and notes on changes.
 
     Raises:
-        NotPossible: no road of the extract is open to cars, however it is converted.
+        NotPossible: no setting gives a road that is open to cars.
     """
     warnings = convert_osm(cut, net_path, lefthand=lefthand, pavements=pavements)
     if _is_drivable(net_path):
@@ -604,7 +603,7 @@ def convert_map(
     warnings = convert_osm(cut, net_path, lefthand=lefthand, drivable_service_roads=True, pavements=pavements)
     if not _is_drivable(net_path):
         raise _closed_to_cars()
-    return warnings, ["only service roads lie here; they were opened to all vehicles"]
+    return warnings, ["this place has only service roads; they were opened to all vehicles"]
 
 
 def _is_drivable(net_path: Path) -> bool:
@@ -616,12 +615,12 @@ def _closed_to_cars() -> NotPossible:
 
 
 def _lanelets(net: SumoNet) -> RoadNetwork:
-    """The lanelets of a net, with the limits as posted: speeds are capped for curves afterwards."""
+    """Return the lanelets of a net with the posted limits: speeds are capped for curves afterwards."""
     return build_road_network(net, step_s=STEP_S, elapsed_s=WARM_UP_S)
 
 
 def _network_findings(built: SiteNetwork) -> tuple[RuleFinding, ...]:
-    """What the rules find in a network as it will stand in the file."""
+    """Return the rules' findings about a network as it will be in the file."""
     root = etree.Element("commonRoad", {"benchmarkID": built.metadata.benchmark_id})
     if built.roads is not None:
         copy_network(root, built.roads)

@@ -1,8 +1,8 @@
-"""Sites of a scenario: which of a map fit a request, whether a net shows one, and which areas a site is about.
+"""Selects the sites of a map that fit a request, checks whether a net shows one, and defines a site's areas.
 
-A *site* is a spot of a map with a type (:class:`~plannerforge.engine.maps.Site`), found in the map's tags. netconvert
-may lose what makes it one (a ring whose turns are too tight, signals that it makes none of); so a site is judged again
-on the net, before traffic is made for it. Distances in m.
+A *site* is a place on a map with a type (:class:`~plannerforge.engine.maps.Site`), found in the map's tags. netconvert
+may lose its defining feature, such as a ring with tight turns or signals. A site is therefore checked again on the net,
+before its traffic is generated. Distances in m.
 """
 
 import random
@@ -56,7 +56,7 @@ RADIUS_M: dict[SiteType, float] = {
     "signalised_intersection": 230.0,
     "roundabout": 220.0,
 }
-"""How much is cut out around a site (chosen); vehicles on fast roads need longer approaches."""
+"""Cut radius around a site (chosen); vehicles on fast roads need longer approaches."""
 ANY_ORDER: tuple[SiteType, ...] = (
     "roundabout",
     "signalised_intersection",
@@ -68,36 +68,37 @@ ANY_ORDER: tuple[SiteType, ...] = (
 )
 """All types, the rarer first."""
 SAME_PLACE_M = 60.0
-"""Sites of different types that lie closer together are one, as sites of one type are (``maps.site_search``)."""
+"""Sites of different types closer than this are one, like sites of one type (``maps.site_search``)."""
 SHOWN_NAMES = 3
-"""Road classes, and streets of a ramp, that a refusal names, at most."""
+"""Maximum number of road classes, or of a ramp's streets, that a refusal lists."""
 NEARBY_DEG = 0.0005
-"""Half the side of the box in which a refusal names another site: 56 m, as sites of a type lie 60 m apart."""
+"""Half the side of the box around another site in a refusal: 56 m, because sites of a type are at least 60 m apart."""
 _WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
     {"merge": ("an exit", "joins"), "exit": ("an entry", "leaves")}
 )
-"""What a ramp is at which a turn is not possible, and what no link does there."""
+"""The kind of ramp at which a turn is impossible, and the movement that no link there provides."""
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
-    """How many different sites of the map fit a request, at least one.
+    """Count the different sites of the map that fit a request; the count is at least 1.
 
     Raises:
-        NotPossible: none does; the types that the map holds there are named.
+        NotPossible: no site fits; the error lists the types that the map has there.
     """
     report(0.0, "looking for sites")
     return SiteCount(count=len(fitting_sites(read_map_file(Path(request.map_path)), request)))
 
 
 def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
-    """All different sites for a request, in an order that the seed shuffles; of any type: the types take turns.
+    """Return all different sites for a request, shuffled by the seed; if any type is allowed, the types take turns.
 
-    If streets are asked for, sites on them come first, each narrowed to its parts on them. Ramps with a link that leads
-    where the ego or another road user is to go come before others.
+    If the request has streets, sites on them come first, each narrowed to its parts on them. Ramps with a link in the
+    required direction come before others.
 
     Raises:
-        NotPossible: the map, street or box holds no such site of the road classes asked for; the types that it does
-            hold are named.
+        NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
+            that
+            it has.
         InvalidRequest: a ramp without link roads.
     """
     finder = site_finder(osm, request.road_classes)
@@ -118,7 +119,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     different: list[Site] = []
     taken = Gathering(SAME_PLACE_M)
     in_turn = [site for sites in zip_longest(*kinds) for site in sites if site is not None]
-    at_ramp = _asked_at_ramp(request)
+    at_ramp = _required_ramp_turn(request)
     for site in sorted(in_turn, key=lambda site: (site.only_passed, at_ramp is not None and at_ramp not in site.turns)):
         if taken.near(site.position) is None:
             taken.add(site.position)
@@ -126,16 +127,16 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     return different
 
 
-def _asked_at_ramp(request: GenerationRequest) -> Turn | None:
-    """What a link at a ramp has to make possible for the ego or another road user; None if nothing is asked of it."""
+def _required_ramp_turn(request: GenerationRequest) -> Turn | None:
+    """Return the turn that a link at a ramp must provide for the ego or another road user, or None."""
     if request.goal.turn in _WITHOUT_LINK:
         return request.goal.turn
     return "merge" if request.others is not None and request.others.name == "merging" else None
 
 
 def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
-    """Return the refusal of a merge at ramps that are all exits, or the other way round; None if that is not so."""
-    turn = _asked_at_ramp(request)
+    """Return the refusal of a merge at ramps that are all exits, or the reverse; None if that is not the case."""
+    turn = _required_ramp_turn(request)
     if turn is None:
         return None
     ramps = site_finder(osm, request.road_classes).find("ramp")
@@ -145,7 +146,7 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
         return None
     kind, link = _WITHOUT_LINK[turn]
     first = f"{cited_all(here[0].streets[:SHOWN_NAMES], ' / ')} ({here[0].latitude:.5f}, {here[0].longitude:.5f})"
-    which = "the ramp" if len(here) == 1 else f"each of the {len(here)} ramps here, such as the one"
+    which = "the ramp" if len(here) == 1 else f"each of the {len(here)} ramps here, for example the one"
     calls: dict[str, Remedy] = {}
     if turn == request.goal.turn:
         calls |= {f"goal={THROUGH}:{offer}": with_values(goal=f"{THROUGH}:{offer}") for offer in sorted(offered)}
@@ -162,17 +163,17 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
 
 
 def _box_around(site: Site) -> list[float]:
-    """A box (south, west, north, east) in degrees in which a site lies."""
+    """Return a box (south, west, north, east) in degrees around a site."""
     return [round(middle + aside, 4) for aside in (-NEARBY_DEG, NEARBY_DEG) for middle in site.position]
 
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
-    """The types besides the asked one of which the map holds a site on the asked streets, in the asked box."""
-    held = _held_types(site_finder(osm, request.road_classes), request)
+    """Return the types other than the requested one with a site of the map on the requested streets, in the box."""
+    held = _available_types(site_finder(osm, request.road_classes), request)
     return [kind for kind in held if kind != request.scenario_type]
 
 
-def _held_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
+def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
     held = [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
     if held or len(request.streets) < 2:
         return held
@@ -180,7 +181,7 @@ def _held_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
-    """The reason in words: the map, its street or box, or the road classes that were to be left of it."""
+    """Return the refusal with its cause: the map, its street or box, or the requested road classes."""
     wanted = request.scenario_type
     if wanted == "ramp" and request.road_classes and not set(request.road_classes) & set(LINKS):
         return InvalidRequest(
@@ -189,16 +190,16 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             next_step="add link to road_classes, or leave road_classes out",
             remedies=[with_values(road_classes=None)],
         )
-    held = _held_types(finder, request)
+    held = _available_types(finder, request)
     where = " on " + cited_all((names[0] for names in request.streets), " / ") if request.streets else ""
     if request.bbox is not None:
         south, west, north, east = request.bbox
-        where += f" in the part that was asked for ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
-    wish = "site of any type" if wanted == "any" else f"{wanted} site"
-    elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
+        where += f" in the requested part ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
+    wanted_site = "site of any type" if wanted == "any" else f"{wanted} site"
+    elsewhere = f"place={request.map_id} to search the whole map" if request.bbox is not None else "another place"
     if wanted == "highway" and not request.road_classes:
         where += (
-            "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road or is "
+            "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road, or is "
             f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
         )
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
@@ -206,16 +207,16 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         return _never_meet(finder, request)
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
-        where += f" that is made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
+        where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
     remedies = [with_values(scenario_type=kind) for kind in held[:1]]
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
-        where += f"; the nearest {wanted} of the map lies outside it, at {streets} ({at})"
+        where += f"; the nearest {wanted} of the map is outside it, at {streets} ({at})"
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
-        f"{cited(request.place)} ({request.map_id}) holds no {wish}{where}",
+        f"{cited(request.place)} ({request.map_id}) has no {wanted_site}{where}",
         valid=held,
         next_step=next_step,
         reason="no_such_site",
@@ -224,7 +225,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
 
 
 def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
-    """Whether roads of all these names share a node of the map."""
+    """Return whether roads of all these names share a node of the map."""
     nodes: list[set[int]] = [set() for _ in streets]
     for way in osm.ways:
         if not way.road_class:
@@ -237,14 +238,14 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _never_meet(finder: SiteFinder, request: GenerationRequest) -> NotPossible:
-    """The refusal of streets that do not meet, with those of them that hold the asked type alone."""
+    """Return the refusal of streets that do not meet; it lists those with a site of the requested type."""
     named = cited_all((names[0] for names in request.streets), " / ")
     kinds: tuple[SiteType, ...] = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
     alone = []
     for names in request.streets:
-        wish = request.model_copy(update={"streets": (names,)})
+        on_street = request.model_copy(update={"streets": (names,)})
         is_plain = len(place_parts(names[0])) == 1
-        if is_plain and any(_fitting(finder, finder.find(kind), wish) for kind in kinds):
+        if is_plain and any(_fitting(finder, finder.find(kind), on_street) for kind in kinds):
             alone.append(f"{names[0]}, {request.place}")
     return NotPossible(
         f"{named} do not meet on the map {cited(request.place)} ({request.map_id})",
@@ -256,7 +257,7 @@ def _never_meet(finder: SiteFinder, request: GenerationRequest) -> NotPossible:
 
 
 def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | None:
-    """The site of the asked type on the asked streets that lies nearest to the middle of the asked box, if any."""
+    """Return the requested type's site on the streets nearest to the middle of the box, or None."""
     if request.bbox is None or request.scenario_type == "any":
         return None
     south, west, north, east = request.bbox
@@ -267,10 +268,12 @@ def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | N
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """The sites that carry all the streets of a request and lie in its box, the nearest to the box's middle first."""
+    """Return the sites on all streets of a request and in its box, the nearest to the box's middle first."""
     if request.streets:
         sites = [
-            finder.narrowed(site, partial(_lies_on, request.streets)) for site in sites if _passes_by(site, request)
+            finder.narrowed(site, partial(_is_on_streets, request.streets))
+            for site in sites
+            if _passes_by(site, request)
         ]
         sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
     if request.bbox is None:
@@ -282,15 +285,15 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
 
 
 def _requested_first(site: Site, request: GenerationRequest) -> Site:
-    """Return the site with the requested streets ahead of the others that it is called after."""
+    """Return the site with the requested streets before the others in its name."""
     requested = [name for name in site.streets if any(_carries((name,), names) for names in request.streets)]
     return replace(site, streets=tuple(dict.fromkeys((*requested, *site.streets))))
 
 
 def _ramps_of(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """Return the ramps whose main road is one of the requested streets, without their other parts.
+    """Return the ramps with a requested street as main road, without their other parts.
 
-    A ramp is also called after the roads that its links lead to, which may be a kilometre away.
+    The name of a ramp also has the roads that its links lead to, which may be a kilometre away.
     """
 
     def is_of_street(part: SitePart) -> bool:
@@ -312,41 +315,41 @@ def _passes_by(site: Site, request: GenerationRequest) -> bool:
     return all(_carries(site.streets, names) for names in request.streets)
 
 
-def _lies_on(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool:
+def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool:
     return all(_carries(part.streets, names) for names in streets)
 
 
 def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
-    """Whether one of the names is among the streets; road numbers of a list (``A 4;E 40``) count one by one."""
+    """Return whether the streets include one of the names; numbers in a list (``A 4;E 40``) count individually."""
     single = [part.strip() for street in streets for part in street.split(";")]
     return bool({fold(name) for name in names} & {fold(name) for name in single})
 
 
 def radius_for(site: Site, request: GenerationRequest) -> float:
-    """Metres to cut out around a site: up to twice ``RADIUS_M`` for recordings of 20 s to 120 s.
+    """Return the cut radius around a site in m: up to twice ``RADIUS_M`` for recordings of 20 s to 120 s.
 
-    Vehicles can only leave after step 0, so that a longer recording needs more of them around the site.
+    Vehicles can only leave after step 0, so a longer recording needs more of them around the site.
     """
     return RADIUS_M[site.kind] * (1.0 + min(max(request.duration_s - 20.0, 0.0), 100.0) / 100.0)
 
 
 def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
-    """OSM classes to keep around a site: as asked, otherwise all roads, with links where the site is about them."""
+    """Return the OSM classes to keep around a site: as requested, or all roads, with links if the site has them."""
     return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") or site.by_links else ROADS)
 
 
 AT_M, JUNCTION_M = 40.0, 60.0
-"""From the middle of a site to its road, and to its junction; at the latter distance two sites are one (chosen)."""
+"""Distance from a site's middle to its road and its junction; within the latter, two sites are one (chosen)."""
 LEAST_ENTRIES = 2
-"""Roads that lead into a roundabout (chosen)."""
+"""Minimum number of roads that lead into a roundabout (chosen)."""
 RING_CLEAR_M = 15.0
-"""How far outside its ring the middle of a site may lie (chosen)."""
+"""Maximum distance of a site's middle from its ring, outside it (chosen)."""
 LEAST_ARMS = 3
-"""Roads that meet at a junction; two are one road."""
+"""Minimum number of roads at a junction; two count as one road."""
 
 
 def why_not_realised(site: Site, net: SumoNet) -> str | None:
-    """The reason why the net does not show the site's type near its middle; None where it does."""
+    """Return why the net does not show the site's type near its middle, or None if it does."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(net, middle)),
@@ -367,12 +370,12 @@ def why_not_realised(site: Site, net: SumoNet) -> str | None:
 
 
 def middle_of(site: Site, net: SumoNet) -> Points:
-    """The middle of the site in the net's coordinates, shape (2,)."""
+    """Return the middle of the site in the net's coordinates, shape (2,)."""
     return _place_of(site.position, net)
 
 
 def _place_of(position: tuple[float, float], net: SumoNet) -> Points:
-    """A latitude and longitude in the net's coordinates, shape (2,)."""
+    """Convert a latitude and longitude to the net's coordinates, shape (2,)."""
     from pyproj import Proj
 
     if not net.projection:
@@ -382,13 +385,13 @@ def _place_of(position: tuple[float, float], net: SumoNet) -> Points:
 
 
 def road_classes(edge: NetEdge) -> frozenset[str]:
-    """OSM's ``highway`` values of an edge: several where netconvert joined roads, "" where a user's net states none."""
+    """Return the OSM ``highway`` values of an edge: several if netconvert joined roads, "" if a user's net has none."""
     parts = edge.road_type.split("|")
     return frozenset(part.removeprefix("highway.") for part in parts if not part.startswith("service."))
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
-    """Whether a road of wanted classes comes nearer to the middle than a distance; 8 points on each segment count."""
+    """Return whether a road of wanted classes is within a distance of the middle; 8 points per segment are checked."""
     roads = {edge.edge_id for edge in net.edges.values() if not edge.internal and wanted(road_classes(edge))}
     lanes = (lane for lane in net.lanes.values() if lane.edge_id in roads)
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
@@ -400,7 +403,7 @@ def _dense(line: Points) -> Points:
 
 
 def _ring_edges_at(net: SumoNet, middle: Points) -> frozenset[str]:
-    """The edges of all roundabouts of the net that are closed, entered by roads, and at the middle."""
+    """Return the edges of all roundabouts at the middle that are closed and that roads enter."""
     before: dict[str, set[str]] = {}
     for turn in net.connections:
         before.setdefault(turn.to_edge, set()).add(turn.from_edge)
@@ -408,9 +411,9 @@ def _ring_edges_at(net: SumoNet, middle: Points) -> frozenset[str]:
 
 
 def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Mapping[str, Set[str]]) -> bool:
-    """Whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it.
+    """Return whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it.
 
-    ``before``: by edge, those that lead into it.
+    ``before``: the edges that lead into each edge.
     """
     inside = frozenset(ring)
     leading = {edge for follower in inside for edge in before.get(follower, ())}
@@ -424,7 +427,7 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 
 def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
-    """Junctions near the middle at which three roads or more meet, not only motorways; links are left out, or count."""
+    """Return junctions near the middle of at least three roads, not only motorways; ``with_links`` counts links too."""
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
     roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
@@ -448,12 +451,12 @@ def _is_crossing(junction: str, roads: list[NetEdge]) -> bool:
 
 
 def _is_lit(net: SumoNet, junction: str) -> bool:
-    """Whether a junction has traffic lights."""
+    """Return whether a junction has traffic lights."""
     return net.junction_types.get(junction, "").startswith("traffic_light")
 
 
 def _ramp_near(net: SumoNet, middle: Points) -> bool:
-    """Whether a link leaves or joins a motorway or trunk road near the middle."""
+    """Return whether a link leaves or joins a motorway or trunk road near the middle."""
     for turn in net.connections:
         before, after = (road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge))
         joins = (before & FAST_ROADS and after & RAMP_LINKS) or (after & FAST_ROADS and before & RAMP_LINKS)
@@ -469,16 +472,16 @@ FOCUS_NAMES: dict[SiteType, str] = {
     "urban": "the junction",
     "ramp": "the ramp",
 }
-"""What a site of a type is about, in words; sites of the other types are about a whole road."""
+"""The focus of a site of each type, as text; other types concern a whole road."""
 REACH_M = 200.0
-"""How far from a site's middle its areas reach (chosen): links and main roads go on beyond, to other ramps."""
+"""Maximum distance of a site's areas from its middle (chosen): links and main roads continue to other ramps."""
 
 
 class SiteFocus:
     """The areas of a site that its ego's path should pass: the ring, the junction, or link and main road.
 
-    ``ring``: the edges of a roundabout; ``junctions``: those that are near the middle of a site at junctions, and
-    ``spot_junctions``: those among them that the site was made of.
+    ``ring``: the edges of a roundabout. ``junctions``: the junctions near the middle of a site at junctions;
+    ``spot_junctions``: those of them that the site was made of.
     """
 
     def __init__(self, site: Site, net: SumoNet, network: RoadNetwork) -> None:
@@ -492,11 +495,11 @@ class SiteFocus:
 
     @property
     def parts(self) -> int:
-        """The most areas that a path can pass: two at a ramp, otherwise one."""
+        """The maximum number of areas that a path can pass: two at a ramp, otherwise one."""
         return max(len(self._areas), 1)
 
     def parts_passed(self, car: GeneratedVehicle, last_step: int) -> int:
-        """How many areas the car's centre is on by the step, none without the first; 1 where a road is the site."""
+        """Count the areas that the car's centre passes up to a step; 0 without the first, 1 if a road is the site."""
         from shapely import contains_xy
 
         if not self._areas:
@@ -506,7 +509,7 @@ class SiteFocus:
         return sum(passed) if passed[0] else 0
 
     def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Whether the car's centre comes by the step to a junction that the site was made of; True at other sites."""
+        """Return whether the car reaches a junction that the site was made of by a step; True at other sites."""
         from shapely import contains_xy
 
         if self._spot is None:
@@ -515,7 +518,7 @@ class SiteFocus:
         return bool(contains_xy(self._spot, x, y).any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
-        """At which steps the car's centre is on any of the areas; nowhere where a road is the site."""
+        """Return the steps at which the car's centre is in an area, as a mask; all False if a road is the site."""
         from shapely import contains_xy
 
         x, y = car.motion.positions.T
@@ -525,25 +528,25 @@ class SiteFocus:
         return within
 
     def is_left_by(self, car: GeneratedVehicle, step: int) -> bool:
-        """Whether the car's centre is on none of the areas at a step; so it is everywhere where a road is the site."""
+        """Return whether the car's centre is outside all areas at a step; always True if a road is the site."""
         from shapely import contains_xy
 
         x, y = car.motion.positions[step]
         return not any(bool(contains_xy(area, x, y)) for area in self._areas)
 
     def missed(self, *, only_car: bool) -> str:
-        """The note on an ego that passes none of the areas; ``only_car``: no other could be chosen."""
-        who = "the ego's way to its goal does not pass" if only_car else "no car's way to such a goal passes"
-        return f"{who} {self._name} that the site is about; a goal farther ahead or another seed may change it"
+        """Return the note on an ego that passes no area; ``only_car``: no other could be chosen."""
+        who = "the ego's route to its goal misses" if only_car else "every car's route to such a goal misses"
+        return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
-        """The note on an ego that passes another junction close by; ``only_car``: no other could be chosen."""
-        who = "the ego's way to its goal" if only_car else "the way of every car that has such a goal"
-        return f"{who} passes a junction close by, not the one that the site is about; another seed may change it"
+        """Return the note on an ego that passes another junction nearby; ``only_car``: no other could be chosen."""
+        who = "the ego's route to its goal" if only_car else "the route of every car with such a goal"
+        return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
 
 
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
-    """For each area, the most important first, whether a lanelet belongs to it."""
+    """Return a test for each area, the most important first, that tells whether a lanelet belongs to it."""
     if site.kind == "roundabout":
         edges = _ring_edges_at(net, middle)
         return [lambda lanelet: lanelet.edge_id in edges]
@@ -565,7 +568,7 @@ def _junctions_of(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
 def _spot(
     site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
 ) -> "tuple[frozenset[str], BaseGeometry | None]":
-    """The junctions that a site was made of, and the area around its nodes with them; None if no others are near."""
+    """Return the junctions that a site was made of, and the area around its nodes; None if no others are near."""
     from shapely import Point, union_all
 
     near = sorted(junctions) if len(junctions) > 1 else []
@@ -584,7 +587,7 @@ def _is_in(junction: str, lanelet: RoadLanelet) -> bool:
 
 
 def _junction(lanelet: RoadLanelet) -> str:
-    """The junction that an internal lanelet lies in: SUMO names its edges ``:junction_index``."""
+    """Return the junction that an internal lanelet is in: SUMO names its edges ``:junction_index``."""
     return lanelet.edge_id.removeprefix(":").rpartition("_")[0]
 
 

@@ -1,7 +1,7 @@
-"""Making the starter catalogue anew from the built-in maps with this generator.
+"""Builds the starter catalogue from the built-in maps with this generator.
 
-``python -m plannerforge.engine.generation.starter_catalog`` writes the catalogue package's ``starter.zip``; on one
-type of machine the bytes are always the same (fixed order, fixed times of day, no dates).
+``python -m plannerforge.engine.generation.starter_catalog`` writes the catalogue package's ``starter.zip``. On one type
+of machine, the bytes are always the same (fixed order, fixed times of day, no dates).
 """
 
 import json
@@ -19,16 +19,16 @@ from ..scenarios import read_facts
 from .generator import generate_scenario
 
 FIXED_TIME = (2025, 1, 1, 0, 0, 0)
-"""Of all members of the archive: a date would make its bytes differ from day to day."""
+"""The date of all members of the archive: a real date would make its bytes differ from day to day."""
 
 
 STARTER_GOAL = "steps:50"
-"""The goal of the starter's scenarios that name no other: most last 10 to 12 s, in which few cars pass a whole site."""
+"""The default goal of the starter's scenarios: most last 10 to 12 s, in which few cars pass a whole site."""
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """One scenario of the starter catalogue; ``classes`` drive there besides cars."""
+    """One scenario of the starter catalogue; ``classes`` are the classes other than car."""
 
     place: str
     scenario_type: SiteType
@@ -76,9 +76,9 @@ PLANS = (
 
 
 def build(target: Path) -> list[str]:
-    """Generate all scenarios, write the archive and return the scenarios' ids in order.
+    """Generate all scenarios, write the archive, and return the scenarios' ids in order.
 
-    The archive holds ``manifest.json`` (how each was made), ``facts.json`` (facts by id), and the files.
+    The archive contains ``manifest.json`` (each scenario's recipe), ``facts.json`` (facts by id), and the files.
     """
     maps = {entry.facts.place: entry for entry in built_in_maps()}
     members: dict[str, bytes] = {}

@@ -1,7 +1,6 @@
-"""Traffic for a generated scenario: drawn anew until each class that was asked for is there, and ordered.
+"""Generates a scenario's traffic: draws it again until every requested class is there, and orders it.
 
-Vehicles are ordered by how much the site matters to them, so that "the first car" is not one that waits at the edge of
-the map.
+Vehicles are ordered by their relevance to the site, so that "the first car" does not wait at the edge of the map.
 """
 
 import logging
@@ -50,29 +49,28 @@ logger = logging.getLogger(__name__)
 ATTEMPTS = 3
 """Simulations before a class that falls short is refused (chosen)."""
 MOST_STATES = 100_000
-"""Recorded states of vehicles in a file, at most: its reader bounds the elements of what it reads back."""
+"""Maximum recorded vehicle states in a file: its reader limits the elements that it reads back."""
 SPARE_SHARE = 0.12
-"""More vehicles than wanted are simulated, because some leave before step 0 or are left out (chosen)."""
+"""More vehicles than wanted are simulated, because some leave before step 0 or are removed (chosen)."""
 MORE_FOR_EACH_ABSENT = 2
-"""For each vehicle of a class that was missing, vehicles that the next attempt simulates beyond the wanted ones."""
+"""Extra vehicles that the next attempt simulates for each missing vehicle of a class."""
 FEW_ABSENT, ABSENT_SHARE = 10, 0.05
-"""Where more vehicles than both are absent, the site is full: further attempts never found room for all (measured)."""
+"""If more vehicles than both are missing, the site is full: further attempts never found room for all (measured)."""
 EGO_CANDIDATES = 4
-"""How many more vehicles of the ego's class are simulated unless it is a car, or has a turn to make (chosen): some of
-them have no goal."""
+"""Extra simulated vehicles of the ego's class unless it is a car or must turn (chosen): some have no goal."""
 NO_ROOM = "no_room"
-"""Reason of the refusal of a site that is full."""
+"""Reason for refusing a full site."""
 LASTING_S = 30.0
-"""Trips prefer routes that take so long; preferring longer ones would keep traffic off a small site's main roads."""
+"""Trips prefer routes of this duration; preferring longer ones would keep traffic off a small site's main roads."""
 
 
 @dataclass(frozen=True)
 class TrafficAim:
-    """How much traffic a site is to have: vehicles per kilometre of lane, what asked for it, and routes of counts.
+    """The traffic target of a site: vehicles per kilometre of lane, where the target comes from, and counted routes.
 
-    ``per_lane_km``: None where the request's density counts; ``asked_by``: a time or ``counts``, then; ``fewest``
-    vehicles are put on the site. ``turning``: vehicles of the ego's class are put on their way through the site by the
-    turn that the ego is asked to make.
+    ``per_lane_km`` is None if the request's density applies; otherwise ``asked_by`` is a time of day or ``counts``. The
+    site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through the site by the
+    ego's requested turn.
     """
 
     per_lane_km: float | None = None
@@ -83,10 +81,10 @@ class TrafficAim:
 
     @classmethod
     def of(cls, request: GenerationRequest, net: SumoNet) -> "TrafficAim":
-        """The aim of a request at a site.
+        """Return the target of a request at a site.
 
         Raises:
-            NotPossible: of the roads that were counted none is at the site.
+            NotPossible: no counted road is at the site.
         """
         conditions = request.conditions
         if conditions is None:
@@ -100,9 +98,9 @@ class TrafficAim:
 
 @dataclass(frozen=True)
 class GeneratedTraffic:
-    """Smoothed vehicles at a site, spare ones among them, the demand that they meet, and the pedestrians and cyclists.
+    """Smoothed vehicles at a site, including spares; the demand that they meet; pedestrians and cyclists.
 
-    ``dropped``: recorded vehicles that are not among them.
+    ``dropped``: recorded vehicles that were removed.
     """
 
     vehicles: tuple[GeneratedVehicle, ...]
@@ -120,12 +118,12 @@ def generate_traffic(
     scratch: Path,
     report: ProgressReporter,
 ) -> GeneratedTraffic:
-    """Traffic without overlaps that holds all vehicles that were asked for: the first of several attempts.
+    """Return traffic without overlaps that contains all requested vehicles: the first successful attempt.
 
     ``round_number`` draws other traffic with the same seed.
 
     Raises:
-        NotPossible: no road at the site is open to a class that was asked for, or too few of a class find room.
+        NotPossible: no road at the site is open to a requested class, or too few of a class find room.
     """
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {demand.ego_class: 1} | {name: count for name, count in demand.needed.items() if count}
@@ -141,7 +139,7 @@ def generate_traffic(
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
         turn = request.goal.turn if aim.turning and aim.plan is None else None
-        if turn is not None and (site.focus.junctions or site.focus.ring):  # not where a road or a ramp is the site
+        if turn is not None and (site.focus.junctions or site.focus.ring):  # not if a road or a ramp is the site
             before_s = WARM_UP_S + request.duration_s / 2
             ego_class = vehicle_classes()[demand.ego_class]
             trips = TurningTrips(site.net, lasting_s, choice, site.focus, turn, ego_class, before_s)
@@ -194,9 +192,9 @@ def generate_traffic(
         more.update({name: MORE_FOR_EACH_ABSENT * count for name, count in absent.items()})
     if not shortfalls and most_people < people:
         raise NotPossible(
-            f"asked for {counted(people, 'pedestrian')}; {most_people} found room on the pavements of this site",
+            f"{counted(people, 'pedestrian')} requested, but {most_people} found room on the pavements of this site",
             valid=[f"pedestrian={most_people}"] if most_people else [],
-            next_step="ask for fewer, or choose another place, scenario_type or seed",
+            next_step="request fewer, or choose another place, scenario_type or seed",
         )
     if not shortfalls:
         raise _too_large(request.duration_s)
@@ -204,7 +202,7 @@ def generate_traffic(
 
 
 def _is_counted(asked: VehicleDemand | None) -> bool:
-    """Whether a class is asked for by number."""
+    """Return whether the request sets a number of a class."""
     return asked is not None and asked.least is not None
 
 
@@ -214,11 +212,11 @@ def _trips(
     if aim.plan is not None:
         return FlowTrips(net, lasting_s, choice, aim.plan)
     kind = "usual" if request.conditions is None else request.conditions.trips
-    return TripMaker(net, lasting_s, choice, *_asked_ramps(request, net), kind=kind)
+    return TripMaker(net, lasting_s, choice, *_requested_ramps(request, net), kind=kind)
 
 
-def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
-    """Links of motorways where more trips are to begin, if the ego or another merges, or to lead, if the ego exits."""
+def _requested_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the motorway links where extra trips begin, if the ego or another merges, or end, if the ego exits."""
     begins = request.goal.turn == "merge" or (request.others is not None and request.others.name == "merging")
     if not begins and request.goal.turn != "exit":
         return frozenset(), frozenset()
@@ -228,7 +226,7 @@ def _asked_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[st
 
 
 def _style_of(request: GenerationRequest, friction: float | None) -> DrivingStyle | None:
-    """How all drive under the request's conditions, on roads of some friction; None: as usual."""
+    """Return the driving style under the request's conditions on roads of some friction; None means the usual style."""
     conditions = request.conditions
     if conditions is None:
         return None if friction is None else DrivingStyle(friction=friction)
@@ -240,7 +238,7 @@ def _style_of(request: GenerationRequest, friction: float | None) -> DrivingStyl
 
 
 class _Part:
-    """Reports the share of a part as that of the whole."""
+    """Reports the progress of a part as progress of the whole."""
 
     def __init__(self, whole: ProgressReporter, begin: float, size: float) -> None:
         self._whole, self._begin, self._size = whole, begin, size
@@ -250,17 +248,17 @@ class _Part:
 
 
 def _mixed_seed(seed: int, index: int, attempt: int) -> int:
-    """One seed out of three numbers, the same on every machine; the factors are primes, so that few sums coincide."""
+    """Combine three numbers to one seed, the same on every machine; prime factors keep equal sums rare."""
     return (seed * 1_000_003 + index * 7_919 + attempt * 104_729 + 17) % 2**31
 
 
 def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
-    """Fewer vehicles where a file would hold too many states; a twentieth less than the share, as those left drive on.
+    """Reduce the vehicles if a file would have too many states; the factor .95 allows for those left driving longer.
 
     Raises:
-        NotPossible: the request names them all.
+        NotPossible: the request sets the numbers of all vehicles.
     """
-    reason = f"a recording of {duration_s:g} s holds no more than {MOST_STATES:,} states of vehicles"
+    reason = f"a recording of {duration_s:g} s has at most {MOST_STATES:,} states of vehicles"
     less = demand.fewer(0.95 * share, reason)
     if less.counts == demand.counts:
         raise _too_large(duration_s)
@@ -270,12 +268,12 @@ def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
 def _too_large(duration_s: float) -> NotPossible:
     return NotPossible(
         f"so many vehicles for {duration_s:g} s make a file that is too large (more than {MOST_STATES:,} states)",
-        next_step="ask for a shorter duration_s, a lower density or fewer vehicles",
+        next_step="choose a shorter duration_s, a lower density or fewer vehicles",
     )
 
 
 def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
-    """Return how many vehicles of the classes asked for are not among so many; one is the ego and does not count."""
+    """Return how many requested vehicles are missing by class; one vehicle is the ego and does not count."""
     here = Counter(counts)
     here[demand.ego_class] -= 1
     absent = {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
@@ -285,7 +283,7 @@ def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
 
 
 def _is_hopeless(demand: Demand, absent: Mapping[str, int]) -> bool:
-    """Whether so many are absent that the site is full."""
+    """Return whether so many vehicles are missing that the site is full."""
     return sum(absent.values()) > max(FEW_ABSENT, ABSENT_SHARE * sum(demand.least.values()))
 
 
@@ -297,9 +295,9 @@ def _no_room(demand: Demand, absent: Mapping[str, int]) -> NotPossible:
     wanted = {name: max(demand.least.get(name, 0), absent[name]) for name in absent}
     room = {name: wanted[name] - absent[name] for name in absent}
     return NotPossible(
-        f"asked for {_listed(wanted)}; of them {_listed(room)} found room at this site",
+        f"{_listed(wanted)} requested, but only {_listed(room)} found room at this site",
         valid=[f"{name}={count}" for name, count in room.items() if count],
-        next_step="ask for fewer, or choose another place, scenario_type or seed",
+        next_step="request fewer, or choose another place, scenario_type or seed",
         reason=NO_ROOM if _is_hopeless(demand, absent) else "",
     )
 
@@ -309,7 +307,7 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tuple[GeneratedVehicle, ...]:
-    """Without the last vehicles of every class beyond those that are wanted; the ego has to come first."""
+    """Remove the last vehicles of each class beyond the wanted number; the ego must come first."""
     seen: Counter[str] = Counter()
     kept: list[GeneratedVehicle] = []
     for vehicle in vehicles:
@@ -323,11 +321,11 @@ def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tu
 STANDS_WITHIN_M = 15.0
 """A vehicle that ends nearer to its start has waited (chosen)."""
 NEARS_BY_M = 5.0
-"""A vehicle approaches the middle of the site where it comes nearer by more than this (chosen)."""
+"""A vehicle approaches the middle of the site if its distance falls by more than this (chosen)."""
 WATCHED_STEPS = 80
-"""Steps from the start on (8 s) that decide whether a vehicle reaches the site."""
+"""Steps from the start (8 s) that decide whether a vehicle reaches the site."""
 WATCHED_EVERY = 10
-"""Steps (1 s) between two looks at the road under a vehicle."""
+"""Steps (1 s) between two samples of the road under a vehicle."""
 ROADS_OF: dict[SiteType, frozenset[str]] = {
     "highway": FAST_ROADS,
     "ramp": FAST_ROADS | RAMP_LINKS | {"primary_link", "secondary_link"},
@@ -337,7 +335,7 @@ ROADS_OF: dict[SiteType, frozenset[str]] = {
 
 
 def along_the_site(vehicles: tuple[GeneratedVehicle, ...], site: SiteNetwork) -> tuple[GeneratedVehicle, ...]:
-    """Vehicles, those first that drive through the middle of the site, on the roads that its type is about."""
+    """Order vehicles: those that drive through the middle of the site on its main roads come first."""
     middle = middle_of(site.site, site.net)
     lookup = LaneletLookup(site.network)
 
@@ -346,7 +344,7 @@ def along_the_site(vehicles: tuple[GeneratedVehicle, ...], site: SiteNetwork) ->
         distance = np.linalg.norm(positions[:WATCHED_STEPS] - middle, axis=1)
         stands = bool(np.linalg.norm(positions[-1] - positions[0]) < STANDS_WITHIN_M)
         nears = float(distance[0]) > float(distance.min()) + NEARS_BY_M
-        nearest = round(float(distance.min()) + (0.0 if nears else 100.0), 3)  # 100 m: behind those that approach
+        nearest = round(float(distance.min()) + (0.0 if nears else 100.0), 3)  # 100 m: after those that approach
         away = not _on_road(vehicle, site, lookup)
         return away, not _takes_ramp(vehicle, site, lookup), stands, nearest, vehicle.vehicle_id
 
@@ -354,7 +352,7 @@ def along_the_site(vehicles: tuple[GeneratedVehicle, ...], site: SiteNetwork) ->
 
 
 def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
-    """Whether a vehicle begins on one of the roads that the site is about."""
+    """Return whether a vehicle begins on one of the roads that the site is about."""
     wanted = ROADS_OF.get(site.site.kind)
     if wanted is None:
         return True
@@ -363,7 +361,7 @@ def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup
 
 
 def _takes_ramp(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
-    """Whether a vehicle leaves or joins the main road over a link soon: what a ramp is for. True at other sites."""
+    """Return whether a vehicle soon leaves or joins the main road over a link, as on a ramp; True at other sites."""
     if site.site.kind != "ramp":
         return True
     steps = range(0, min(len(vehicle.motion.positions), WATCHED_STEPS), WATCHED_EVERY)
@@ -375,7 +373,7 @@ def _takes_ramp(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLoo
 def _classes_under(
     vehicle: GeneratedVehicle, step: int, site: SiteNetwork, lookup: LaneletLookup
 ) -> frozenset[str] | None:
-    """OSM classes of the road under a vehicle; empty inside a junction, None beside all roads."""
+    """Return OSM classes of the road under a vehicle; empty inside a junction, None off all roads."""
     lanelet = lookup.under(vehicle.motion.positions[step], float(vehicle.motion.headings_rad[step]))
     if lanelet is None:
         return None

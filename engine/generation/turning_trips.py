@@ -1,7 +1,7 @@
-"""Trips that lead through a site by the turn that the ego is to make: for traffic in which no vehicle made it.
+"""Makes trips through a site by the ego's requested turn, for use if no vehicle of the traffic made it.
 
-A way through the site is an edge that leads to it, edges inside it, and one that leads away; the headings of the first
-and the last tell the turn, as those of a recorded car do (``turns``).
+A route through the site is an edge that leads to it, edges inside it, and one that leads away. The headings of the
+first and the last determine the turn, as for a recorded car (``turns``).
 """
 
 import random
@@ -19,14 +19,14 @@ from .sites import SiteFocus
 from .turns import BESIDE_M, turn_of
 
 MOST_INSIDE = 12
-"""Edges inside a site that a way passes, at most (chosen): once round a ring with as many arms."""
+"""Maximum number of edges inside a site on a route (chosen): once around a ring with as many arms."""
 TURNING_SHARE = 0.5
-"""Share of the trips of the ego's class that make the turn (chosen): the others are what they have to mind."""
+"""Share of the trips of the ego's class that make the turn (chosen): the ego must interact with the others."""
 
 
 @dataclass(frozen=True)
 class SiteEdges:
-    """The junctions that a site is about, or the edges of its ring; ``spot``: junctions that a way has to pass."""
+    """The junctions of a site, or the edges of its ring; ``spot``: junctions that a route must pass."""
 
     junctions: frozenset[str]
     spot: frozenset[str]
@@ -34,28 +34,28 @@ class SiteEdges:
 
     @classmethod
     def of(cls, focus: SiteFocus) -> "SiteEdges | None":
-        """Those of a site with a turn to the left or right; None where a road or a ramp is the site."""
+        """Return the edges of a site with left or right turns, or None if a road or a ramp is the site."""
         if not focus.junctions and not focus.ring:
             return None
         return cls(focus.junctions, focus.spot_junctions, focus.ring)
 
     def is_passed(self, net: SumoNet, way: tuple[str, ...]) -> bool:
-        """Whether a way passes the very spot of the site."""
+        """Return whether a route passes the exact spot of the site."""
         return bool(self.ring) or any(net.edges[edge].to_junction in self.spot for edge in way[:-1])
 
     def is_inside(self, net: SumoNet, edge: str) -> bool:
-        """Whether an edge is a part of the ring, or leads from one of the junctions to another."""
+        """Return whether an edge is part of the ring, or leads from one of the junctions to another."""
         road = net.edges[edge]
         between = road.from_junction in self.junctions and road.to_junction in self.junctions
         return edge in self.ring or (between and not self.ring)
 
     def leads_in(self, net: SumoNet, edge: str, onward: str) -> bool:
-        """Whether the way from one edge to another enters the site."""
+        """Return whether the step from one edge to the next enters the site."""
         return onward in self.ring if self.ring else net.edges[edge].to_junction in self.junctions
 
 
-def ways_through(net: SumoNet, edges: OpenEdges, site: SiteEdges) -> Iterator[tuple[Turn, tuple[str, ...]]]:
-    """Every way from an edge outside a site through it to an edge outside, with its turn."""
+def routes_through(net: SumoNet, edges: OpenEdges, site: SiteEdges) -> Iterator[tuple[Turn, tuple[str, ...]]]:
+    """Yield every route through a site, from an edge outside to an edge outside, with its turn."""
     for entry in sorted(edges.following):
         if site.is_inside(net, entry):
             continue
@@ -66,27 +66,27 @@ def ways_through(net: SumoNet, edges: OpenEdges, site: SiteEdges) -> Iterator[tu
             way = waiting.pop()
             if not site.is_inside(net, way[-1]):
                 if site.is_passed(net, way):
-                    yield _turn_of_way(net, way), way
+                    yield _turn_of_route(net, way), way
             elif len(way) <= MOST_INSIDE:
                 waiting += [(*way, onward) for onward in edges.following[way[-1]] if onward not in way]
 
 
-def turns_there(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Turn] | None:
-    """The turns that a vehicle of a SUMO class can make at a site; None where a road or a ramp is the site."""
+def possible_turns(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset[Turn] | None:
+    """Return the turns that a vehicle of a SUMO class can make at a site, or None if a road or a ramp is the site."""
     site = SiteEdges.of(focus)
     if site is None:
         return None
-    turns = {turn for turn, _ in ways_through(net, OpenEdges.of(net, sumo_class), site)}
+    turns = {turn for turn, _ in routes_through(net, OpenEdges.of(net, sumo_class), site)}
     return frozenset(turns | ({"unprotected_left"} if "left" in turns else set()))
 
 
-def _turn_of_way(net: SumoNet, way: tuple[str, ...]) -> Turn:
+def _turn_of_route(net: SumoNet, way: tuple[str, ...]) -> Turn:
     before, behind = (net.lanes[net.edges[edge].lane_ids[0]].shape for edge in (way[0], way[-1]))
     return turn_of(wrap_angle(_heading(behind, at_end=False) - _heading(before, at_end=True)))
 
 
 def _heading(line: Points, *, at_end: bool) -> float:
-    """The heading of the last metres of a line, or of its first ones."""
+    """Return the heading of the last metres of a line, or of its first metres."""
     stations = arc_length(line)
     near = max(float(stations[-1]) - BESIDE_M, 0.0) if at_end else min(BESIDE_M, float(stations[-1]))
     point = interpolate(line, stations, np.array([near]))[0]
@@ -95,9 +95,9 @@ def _heading(line: Points, *, at_end: bool) -> float:
 
 
 class TurningTrips(TripMaker):
-    """Makes half of the trips of a class along ways through a site, begun up to so many seconds before it.
+    """Makes half of a class's trips along routes through a site, starting up to ``before_s`` seconds before it.
 
-    Where no way makes the turn, the trips are the usual ones.
+    If no route makes the turn, the trips are the usual ones.
     """
 
     def __init__(
@@ -112,12 +112,12 @@ class TurningTrips(TripMaker):
     ) -> None:
         super().__init__(net, lasting_s, choice)
         site, wanted = SiteEdges.of(focus), "left" if turn == "unprotected_left" else turn
-        ways = () if site is None else ways_through(net, self.open_to(vehicle_class), site)
+        ways = () if site is None else routes_through(net, self.open_to(vehicle_class), site)
         self._through = tuple(way for made, way in ways if made == wanted)
         self._class, self._before_s = vehicle_class.name, before_s
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """A trip by the turn, or the usual one: by turns for the ego's class."""
+        """Return a trip with the turn or a usual one; the ego's class gets both."""
         if vehicle_class.name != self._class or not self._through or self._choice.random() >= TURNING_SHARE:
             return super().trip(vehicle_class)
         edges = self.open_to(vehicle_class)
@@ -127,7 +127,7 @@ class TurningTrips(TripMaker):
         return (*self._approach(edges, way, wanted_s), *way, *onward[1:])
 
     def _approach(self, edges: OpenEdges, way: tuple[str, ...], wanted_s: float) -> tuple[str, ...]:
-        """Edges that lead to a way, as many as take the wanted time with its first one, or all that there are."""
+        """Return edges that lead to a route: enough for the wanted time with its first edge, or all that exist."""
         leading: dict[str, list[str]] = {}
         for edge, following in edges.following.items():
             for other in following:

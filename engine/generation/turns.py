@@ -1,8 +1,8 @@
-"""What an ego does at its site, as its recorded path to the goal shows it: turn, go straight, change lane, merge, exit.
+"""Classifies an ego's manoeuvre at its site from its recorded path: turn, go straight, change lane, merge, exit.
 
-At a junction or a roundabout the heading before the first metre on what the site is about is compared with that behind
-the last one, so that a way round a ring is one turn. On a ramp the classes of the roads tell. Left is positive. A left
-turn is unprotected where it crosses a lane of the other direction and no light stands on its way.
+At a junction or a roundabout, the heading before the site's first metre is compared with the heading after its last, so
+that a drive around a ring is one turn. On a ramp, the classes of the roads decide. Left is positive. A left turn is
+unprotected if it crosses a lane of the other direction and passes no light.
 """
 
 import math
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 TURN_RAD, BACK_RAD = math.radians(30.0), math.radians(150.0)
-"""A heading that changes by less is that of a car that goes straight on; by more, of one that turns back (chosen)."""
+"""A car with a smaller heading change goes straight; one with a larger change than the second turns back (chosen)."""
 OPPOSITE_RAD = math.radians(135.0)
-"""A lane that arrives turned by more than this comes from the other side (chosen: a quarter of a circle about it)."""
+"""A lane that arrives at a larger angle comes from the other side (chosen: a quarter of a circle around it)."""
 BESIDE_M = 10.0
-"""Before and behind what the site is about, where the headings are taken (chosen): lanes bend near a ring."""
+"""Distance before and after the site at which the headings are taken (chosen): lanes curve near a ring."""
 SEEN_EVERY = 5
-"""Steps (0.5 s) between two looks at the lanelet under a car."""
+"""Steps (0.5 s) between two samples of the lanelet under a car."""
 FARTHEST_HOPS = 4
-"""Lanelets that a car passes between two looks, at most: inside junctions they are short."""
+"""Maximum number of lanelets that a car passes between two samples: inside junctions they are short."""
 
 
 def makes(
     turn: Turn, car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
 ) -> bool:
-    """Whether a car makes a turn on its way up to a step.
+    """Return whether a car makes a turn on its path up to a step.
 
     A turn to the left or right belongs to a junction or ring: the car comes from outside and has left it by then. A car
-    that goes straight on does not change lane where a road is the site, and stays on the main road at a ramp.
+    that goes straight does not change lane if a road is the site, and stays on the main road at a ramp.
     """
     if turn == "lane_change":
         return _changes_lane(_under(car, last_step, lookup), network)
@@ -58,13 +58,13 @@ def makes(
 def _is_unprotected(
     car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
 ) -> bool:
-    """Whether a car crosses a lane of the direction opposite to its approach, and passes no light."""
+    """Return whether a car crosses a lane of the direction opposite to its approach, and passes no light."""
     from shapely import LineString
 
     lit = {light.lanelet_id for light in network.lights}
     passed = [lanelet.lanelet_id for lanelet in _under(car, last_step, lookup)]
     under = set(passed)
-    if lit & set(passed[:-1]):  # a light stands at the end of its lanelet
+    if lit & set(passed[:-1]):  # a light is at the end of its lanelet
         return False
     steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
     approach = float(car.motion.headings_rad[max(int(steps[0]) - 1, 0)])
@@ -80,7 +80,7 @@ def _is_unprotected(
 
 
 def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | None:
-    """Where the car goes at the junction or ring; None where it does not pass it from outside to outside."""
+    """Return the car's turn at the junction or ring, or None if it does not pass it from outside to outside."""
     steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
     if not len(steps) or steps[0] == 0 or steps[-1] == last_step:
         return None
@@ -92,7 +92,7 @@ def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | N
 
 
 def turn_of(turned_rad: float) -> Turn:
-    """The turn of a car at a junction or ring, by the change of its heading there, left positive."""
+    """Return the turn of a car at a junction or ring, by the change of its heading there, left positive."""
     if abs(turned_rad) > BACK_RAD:
         return "u_turn"
     if abs(turned_rad) < TURN_RAD:
@@ -101,14 +101,14 @@ def turn_of(turned_rad: float) -> Turn:
 
 
 def _keeps_road(car: GeneratedVehicle, last_step: int) -> bool:
-    """Whether the car never turns as sharply as at a junction: a road's own curves are long."""
+    """Return whether the car never turns as sharply as at a junction: a road's own curves are long."""
     driven, headings = arc_length(car.motion.positions), np.unwrap(car.motion.headings_rad)
     ahead = np.minimum(np.searchsorted(driven, driven[: last_step + 1] + 2 * BESIDE_M), last_step)
     return bool(np.abs(headings[ahead] - headings[: last_step + 1]).max() < TURN_RAD)
 
 
 def _under(car: GeneratedVehicle, last_step: int, lookup: LaneletLookup) -> list[RoadLanelet]:
-    """The lanelets under the car, seen twice a second, each once while it is there."""
+    """Return the lanelets under the car, sampled twice a second, each once per visit."""
     motion = car.motion
     steps = [*range(0, last_step, SEEN_EVERY), last_step]
     seen = [lookup.under(motion.positions[step], float(motion.headings_rad[step])) for step in steps]
@@ -120,7 +120,7 @@ def _changes_lane(under: list[RoadLanelet], network: RoadNetwork) -> bool:
 
 
 def _is_lane_change(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> bool:
-    """Whether the other lanelet lies beside the one, or on the way on from beside it and not from itself."""
+    """Return whether the other lanelet is adjacent, or follows an adjacent one without following the first itself."""
     if _leads_to(one, other, network):
         return False
     return any(key == other.lanelet_id or _leads_to(network.lanelets[key], other, network) for key in one.neighbours())
@@ -136,9 +136,9 @@ def _leads_to(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> boo
 
 
 def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: RoadNetwork, farthest_m: float) -> bool:
-    """Whether lanelets that follow one on another lead from a lanelet to a region, no farther than a distance.
+    """Return whether successive lanelets lead from a lanelet to a region within a distance.
 
-    Those that the region only touches do not count: their centre lines pass it.
+    Lanelets that the region only touches do not count: their centre lines miss it.
     """
     from shapely import LineString
 
@@ -159,12 +159,12 @@ def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: Ro
 
 
 def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]:
-    """The OSM classes of the roads under a car in turn, the insides of junctions left out."""
+    """Return the OSM classes of the roads under a car in order, without the insides of junctions."""
     return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
 
 
 def _takes_link(roads: list[frozenset[str]], *, onto_main: bool) -> bool:
-    """Whether a car comes over a link from beside the main road onto it, or the other way."""
+    """Return whether a car takes a link onto the main road from another road, or the reverse."""
     if not any(classes & RAMP_LINKS for classes in roads):
         return False
     begins, ends = bool(roads[0] & FAST_ROADS), bool(roads[-1] & FAST_ROADS)
@@ -176,4 +176,4 @@ _RAMP: Mapping[Turn, Callable[[list[frozenset[str]]], bool]] = {
     "exit": lambda roads: _takes_link(roads, onto_main=False),
     "straight": lambda roads: bool(roads) and all(classes & FAST_ROADS for classes in roads),
 }
-"""What a car does at a ramp, by the classes of the roads that it passes."""
+"""The test for each manoeuvre at a ramp, by the classes of the roads that the car passes."""

@@ -1,7 +1,7 @@
-"""Writing CommonRoad 2020a XML: the same content always gives the same bytes.
+"""Writes CommonRoad 2020a XML: the same content always gives the same bytes.
 
-The elements' order follows CommonRoad's schema; ids are given in the order of writing, numbers are decimals without
-exponents, and the date is fixed, because a date would make every file differ.
+Elements follow the order of CommonRoad's schema; ids follow the order of writing. Numbers are decimals without
+exponents. The date is fixed, because a date would make every file differ.
 """
 
 import textwrap
@@ -23,9 +23,9 @@ from .planning_problem import HEADING_MARGIN_RAD, PlanningTask
 
 _FIXED_DATE = "2025-01-01"
 STEP_S = 0.1
-"""Time step of all generated scenarios: that of nearly all scenarios of CommonRoad's collection."""
+"""Time step of all generated scenarios, as in nearly all scenarios of CommonRoad's collection."""
 _PROBLEM = b" <planningProblem"
-"""Where the planning problem begins: the obstacles stand before it."""
+"""Start tag of the planning problem: the obstacles come before it."""
 _NOON = 12
 
 
@@ -33,9 +33,9 @@ _NOON = 12
 class ScenarioMetadata:
     """The attributes of a file's root, its location and its tags.
 
-    ``latitude`` and ``longitude`` in degrees, ``offset_m`` of the projected coordinates. ``speed_sign``: the country's
-    sign for a speed limit, None where CommonRoad has none. ``friction``: the coefficient of friction of the roads, None
-    if neither the weather nor the map states it.
+    ``latitude`` and ``longitude`` are in degrees; ``offset_m`` is that of the projected coordinates. ``speed_sign`` is
+    the country's sign for a speed limit, or None if CommonRoad has none. ``friction`` is the friction coefficient of
+    the roads, or None if neither the weather nor the map states it.
     """
 
     benchmark_id: str
@@ -59,7 +59,7 @@ def write_scenario(
     task: PlanningTask,
     roads: RoadFile | None = None,
 ) -> dict[str, int]:
-    """Write a scenario; its roads are copied where they are a file's, otherwise those of the network.
+    """Write a scenario; copy the roads of ``roads`` if given, otherwise write those of the network.
 
     Returns:
         CommonRoad's obstacle id by the vehicle's id.
@@ -95,7 +95,7 @@ def write_scenario(
 
 
 def write_location(root: etree._Element, metadata: ScenarioMetadata, roads: RoadFile | None = None) -> None:
-    """Append where a scenario lies, as the file of its roads says if there is one, and under which conditions."""
+    """Append the location of a scenario, from the file of its roads if there is one, and its conditions."""
     if roads is None:
         location = _add(root, "location")
         _add(location, "geoNameId", "-999")
@@ -110,7 +110,7 @@ def write_location(root: etree._Element, metadata: ScenarioMetadata, roads: Road
 
 
 def _write_environment(location: etree._Element, conditions: TrafficConditions | None) -> None:
-    """Time and bad weather. Of a day and of good weather the schema has words that commonroad-io cannot read."""
+    """Append time and bad weather. commonroad-io cannot read the schema's values for daytime and good weather."""
     if conditions is None or conditions.weather is None:
         return
     hour = int(conditions.time[:2]) if conditions.time else _NOON
@@ -161,7 +161,7 @@ def write_network(root: etree._Element, network: RoadNetwork, speed_sign: str | 
 
 
 def copy_network(root: etree._Element, roads: RoadFile) -> None:
-    """Append the roads of a file as they are."""
+    """Append the roads of a file unchanged."""
     root.extend(deepcopy(element) for element in roads.elements)
 
 
@@ -173,7 +173,7 @@ def _write_point(parent: etree._Element, point: Points) -> None:
 
 
 def _add(parent: etree._Element, path: str, text: str | None = None) -> etree._Element:
-    """Append elements inside one another (``shape/rectangle``), the last with a text; returns the last."""
+    """Append nested elements (``shape/rectangle``), the last with a text; return the last."""
     for tag in path.split("/"):
         parent = etree.SubElement(parent, tag)
     parent.text = text
@@ -218,7 +218,7 @@ def _write_lanelet(root: etree._Element, lanelet: RoadLanelet, signs: list[int],
 
 
 def _write_walkway(root: etree._Element, walkway: Walkway) -> None:
-    """Append a way for people: they walk on it in both directions, and it leads vehicles nowhere."""
+    """Append a footway: pedestrians walk on it in both directions, and it leads vehicles nowhere."""
     element = etree.SubElement(root, "lanelet", {"id": str(walkway.lanelet_id)})
     for tag, line in (("leftBound", walkway.left), ("rightBound", walkway.right)):
         bound = etree.SubElement(element, tag)
@@ -294,7 +294,7 @@ _STATE = """<{tag}>
 
 
 def _obstacle_text(obstacle_id: int, vehicle: GeneratedVehicle) -> str:
-    """The element of a vehicle with its trajectory from step 0 on, on the first level of a file."""
+    """Return the element of a vehicle with its trajectory from step 0, at a file's first level."""
     states = "".join(_state_texts("state", vehicle.motion, range(1, vehicle.steps), 3))
     return _OBSTACLE.format(
         key=obstacle_id,
@@ -307,7 +307,7 @@ def _obstacle_text(obstacle_id: int, vehicle: GeneratedVehicle) -> str:
 
 
 def _state_texts(tag: str, motion: Motion, steps: range, level: int) -> Iterator[str]:
-    """The elements of states, on a level of a file: most of what is written, and never looked at as a tree."""
+    """Yield the elements of states at a level of a file, as text: they are most of the file, so no tree is built."""
     state = textwrap.indent(_STATE, " " * level)
     chosen = slice(steps.start, steps.stop)
     columns = motion.headings_rad, motion.speeds_mps, motion.accelerations_mps2
@@ -346,9 +346,9 @@ def planning_problem_element(problem_id: int, task: PlanningTask) -> etree._Elem
 
 
 def first_yaw_rate_radps(motion: Motion) -> float:
-    """How fast a vehicle turns at its first step, 0 where there is none other.
+    """Return a vehicle's yaw rate at its first step, or 0 if there is no other step.
 
-    A planner that is told 0 of an ego in a turn begins with straight wheels, and may leave the road before they turn.
+    A planner that gets 0 for a turning ego starts with straight wheels, and may leave the road before they turn.
     """
     turned = motion.headings_rad[:2]
     return wrap_angle(float(turned[1] - turned[0])) / STEP_S if len(turned) > 1 else 0.0

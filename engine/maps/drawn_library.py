@@ -1,8 +1,8 @@
-"""The built-in maps: invented towns in the open sea, drawn here, one for each kind of site.
+"""Draws the built-in maps: invented towns in the open sea, one for each kind of site.
 
 Roads in metres on paper become OpenStreetMap XML.
 
-``python -m plannerforge.engine.maps.drawn_library`` draws them anew, with the catalogue of what they show.
+``python -m plannerforge.engine.maps.drawn_library`` draws them again, with the catalogue of their content.
 """
 
 import math
@@ -18,9 +18,9 @@ Point = tuple[float, float]
 
 @dataclass
 class Sketch:
-    """A map being drawn; points are metres east and north of the origin, given in degrees.
+    """A map being drawn; points are metres east and north of the origin, which is given in degrees.
 
-    Roads that name the same point meet there. Ids count from 1 in the order of drawing.
+    Roads that share a point meet there. Ids count from 1 in the order of drawing.
     """
 
     place: str
@@ -30,7 +30,7 @@ class Sketch:
     ways: list[tuple[list[Point], dict[str, str]]] = field(default_factory=list)
 
     def road(self, points: list[Point], highway: str, name: str = "", **tags: str | int) -> None:
-        """Draw a road along the points; tag names are written with ``_`` for ``:``."""
+        """Draw a road along the points; tag names use ``_`` for ``:``."""
         rounded = [(round(x, 2), round(y, 2)) for x, y in points]
         line = [point for index, point in enumerate(rounded) if index == 0 or point != rounded[index - 1]]
         for point in line:
@@ -73,14 +73,14 @@ class Sketch:
 
 
 def _arc(center: Point, radius: float, start_deg: float, end_deg: float, step_deg: float = 15.0) -> list[Point]:
-    """Points on a circle from one angle to another (counter-clockwise where it grows; 0° is east)."""
+    """Return points on a circle from one angle to another (counter-clockwise if it increases; 0° is east)."""
     count = max(2, round(abs(end_deg - start_deg) / step_deg) + 1)
     angles = [math.radians(start_deg + (end_deg - start_deg) * index / (count - 1)) for index in range(count)]
     return [(center[0] + radius * math.cos(angle), center[1] + radius * math.sin(angle)) for angle in angles]
 
 
 def _curve(*corners: Point, step_m: float = 12.0) -> list[Point]:
-    """A smooth line through the corners (centripetal enough for even spacing: Catmull–Rom, tension ½)."""
+    """Return a smooth line through the corners (Catmull–Rom, tension ½; near enough to even spacing)."""
     padded = [_beyond(corners[0], corners[1]), *corners, _beyond(corners[-1], corners[-2])]
     points = [corners[0]]
     for index in range(1, len(padded) - 2):
@@ -101,8 +101,8 @@ def _catmull_rom(before: Point, start: Point, end: Point, after: Point, t: float
     return along(before[0], start[0], end[0], after[0]), along(before[1], start[1], end[1], after[1])
 
 
-def _beside(line: list[Point], distance: float) -> list[Point]:
-    """The line moved to its left (to its right where negative)."""
+def _shifted(line: list[Point], distance: float) -> list[Point]:
+    """Return the line shifted to its left, or to its right if the distance is negative."""
     moved = []
     for index, point in enumerate(line):
         one, other = line[max(index - 1, 0)], line[min(index + 1, len(line) - 1)]
@@ -118,7 +118,7 @@ NORTH_SEA = (54.60, 5.20)
 
 
 def _signalised_crossing() -> Sketch:
-    """Two main streets cross at traffic lights, with turn lanes; side streets around."""
+    """Draw two main streets that cross at traffic lights, with turn lanes and side streets around."""
     town = Sketch("Musterstadt", *NORTH_SEA)
     west = _curve((-420, -36), (-300, -22), (-180, -4), (-80, 0))
     town.road(west, "secondary", "Hauptstraße", lanes=2, maxspeed=50)
@@ -139,7 +139,7 @@ def _signalised_crossing() -> Sketch:
 
 
 def _t_junction() -> Sketch:
-    """A street ends at a main road that has priority."""
+    """Draw a street that ends at a main road with priority."""
     town = Sketch("Fahrhausen", NORTH_SEA[0], NORTH_SEA[1] + 0.05)
     shore = [
         *_curve((-430, 60), (-320, 44), (-200, 12), (-90, 0), (0, 0)),
@@ -160,7 +160,7 @@ def _t_junction() -> Sketch:
 
 
 def _roundabout() -> Sketch:
-    """Four roads meet at a roundabout of 20 m radius."""
+    """Draw a roundabout of 20 m radius with four roads."""
     town = Sketch("Kreiselheim", NORTH_SEA[0] + 0.03, NORTH_SEA[1])
     ring = _arc((0, 0), 20.0, 0, 360, 10.0)
     town.road(
@@ -183,10 +183,10 @@ def _roundabout() -> Sketch:
 
 
 def _motorway() -> Sketch:
-    """A motorway in a long curve with a diamond interchange and the road that crosses above it."""
+    """Draw a motorway in a long curve with a diamond interchange and a road that crosses above it."""
     town = Sketch("Neuland", NORTH_SEA[0] + 0.03, NORTH_SEA[1] + 0.06)
     axis = _curve((-1300, -150), (-900, -60), (-450, -8), (0, 0), (450, -8), (900, -60), (1300, -150), step_m=30.0)
-    east, west = _beside(axis, -11.0), _beside(axis[::-1], -11.0)
+    east, west = _shifted(axis, -11.0), _shifted(axis[::-1], -11.0)
     for line in (east, west):
         town.road(line, "motorway", "", ref="A 901", oneway="yes", lanes=2, maxspeed=120)
     crossing = [
@@ -221,7 +221,7 @@ def _nearest(line: list[Point], east: float) -> Point:
 
 
 def _urban_grid() -> Sketch:
-    """Five by five streets; the two main ones carry traffic lights at their crossings."""
+    """Draw a grid of five by five streets; the two main ones have traffic lights at their crossings."""
     town = Sketch("Quadratstadt", NORTH_SEA[0], NORTH_SEA[1] + 0.10)
     lines = [-200.0, -95.0, 0.0, 90.0, 190.0]
     edge = (-280.0, 270.0)
@@ -240,7 +240,7 @@ def _urban_grid() -> Sketch:
 
 
 def _rural_road() -> Sketch:
-    """A country road in curves through open land, with a side road and a track."""
+    """Draw a country road in curves through open land, with a side road and a track."""
     town = Sketch("Landmoor", NORTH_SEA[0] + 0.03, NORTH_SEA[1] + 0.14)
     bends: list[Point] = [
         (-900, -120),
@@ -271,7 +271,7 @@ PLANS = {
 
 
 def draw(folder: Path) -> list[Path]:
-    """Draw all maps into a folder, with ``catalogue.json`` beside them."""
+    """Draw all maps into a folder, together with ``catalogue.json``."""
     from ...schemas.generation import MapList, ReadMapRequest
     from ..execution import silent
     from .facts import read_map

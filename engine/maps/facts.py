@@ -1,7 +1,7 @@
-"""What a map shows, read from the file itself: place, country, roads, sites.
+"""Reads the facts of a map from its file: place, country, roads, sites.
 
-A country is told by a table of borders (Natural Earth 1:10m, public domain, simplified to about 2 km). The table is
-coarse, so the answer is cautious: near a border, where it could be wrong, there is none.
+A table of borders (Natural Earth 1:10m, public domain, simplified to about 2 km) determines the country. The table is
+coarse, so there is no answer near a border, where it could be wrong.
 """
 
 import gzip
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from shapely import Polygon, STRtree
 
 MOST_STREETS = 10_000
-"""Names of streets, and numbers of roads, that the facts of a map hold, those with most road first (chosen)."""
+"""Maximum number of street names, and of road numbers, in a map's facts, the longest roads first (chosen)."""
 
 
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
-    """Read an OpenStreetMap extract or a SUMO network and say what is in it; place and country are never guessed.
+    """Read a map file and return its facts; place and country are never guessed.
 
     A place is known from place nodes and addresses in the file, or from the caller; a country from the caller, from
-    addresses (``addr:country``), or from where the map lies (``borders.py``).
+    addresses (``addr:country``), or from the map's location (``borders.py``).
 
     Raises:
-        UnsafeInput: the file is broken, hostile or no map.
+        UnsafeInput: the file is broken, hostile or not a map.
     """
     path = Path(request.path)
     report(0.0, "reading the map")
@@ -49,7 +49,7 @@ def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
 
 
 def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
-    """What a map shows that was read from the request's file."""
+    """Return the facts of a map that was read from the request's file."""
     path = Path(request.path)
     given = one_line(request.place or osm.name)
     names = list(dict.fromkeys(([given] if given else []) + places_shown(osm)))
@@ -80,7 +80,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
 
 
 def _shown_name(path: Path) -> str:
-    """A file's name on one line, with its endings, which say what is in it."""
+    """Return a file's name on one line, with its endings, which state its format."""
     stem, ending = next(
         ((path.name[: -len(end)], path.name[-len(end) :]) for end in MAP_ENDINGS if path.name.lower().endswith(end)),
         (path.stem, path.suffix),
@@ -89,12 +89,12 @@ def _shown_name(path: Path) -> str:
 
 
 def _map_id_of(path: Path) -> str:
-    """``map_`` and the file's name in small letters and digits."""
+    """Return ``map_`` and the file's name in small letters and digits."""
     return "map_" + (re.sub(r"[^a-z0-9]+", "_", path.name.split(".osm")[0].lower()).strip("_") or "unnamed")
 
 
 def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
-    """Names of roads and motorway junctions that have several: the main one, then the others, sorted by the main."""
+    """Return the names of roads and motorway junctions with several names: the main one first, sorted by it."""
     found: dict[str, dict[str, None]] = {}
     junctions = (node.tags for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
     for tags in (*(way.tags for way in osm.roads()), *junctions):
@@ -107,7 +107,7 @@ def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
 
 
 def _country(osm: OsmMap) -> str | None:
-    """The country that most addresses name, as ISO 3166-1 alpha-3."""
+    """Return the country of most addresses, as ISO 3166-1 alpha-3."""
     codes = Counter(
         code
         for tags in [*(node.tags for node in osm.nodes.values()), *(way.tags for way in osm.ways)]
@@ -117,7 +117,7 @@ def _country(osm: OsmMap) -> str | None:
 
 
 def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
-    """Values of a road tag, those with most road first; road numbers of a list one by one."""
+    """Return values of a road tag, the longest roads first; road numbers of a list count individually."""
     lengths: dict[str, float] = {}
     for way in osm.roads():
         values = way.tags.get(key, "").split(";") if key == "ref" else [way.tags.get(key, "")]
@@ -128,7 +128,7 @@ def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
 
 
 def _junction_names(osm: OsmMap) -> tuple[str, ...]:
-    """Names of motorway junctions."""
+    """Return the names of motorway junctions."""
     nodes = (node for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
     return tuple(sorted({node.tags["name"] for node in nodes if node.tags.get("name")}))
 
@@ -137,14 +137,14 @@ BORDERS = Path(__file__).parent / "borders.json.gz"
 UNITS_PER_DEG = 250
 """The table's grid: about 440 m."""
 DOUBT_M = 6000.0
-"""How far off the table may be: its simplification, its grid and the scale of its source together."""
+"""Maximum error of the table: its simplification, its grid and the scale of its source together."""
 
 
 def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]:
-    """ISO 3166-1 alpha-3 codes of all countries within ``DOUBT_M`` of a box, sorted.
+    """Return ISO 3166-1 alpha-3 codes of all countries within ``DOUBT_M`` of a box, sorted.
 
-    The box is (south, west, north, east) in degrees. Empty at sea, and in areas that several countries claim. A map
-    lies in a country if no other one is near.
+    The box is (south, west, north, east) in degrees. The result is empty at sea, and in areas that several countries
+    claim. A map is in a country if no other one is near.
     """
     from shapely import box
 
@@ -159,7 +159,7 @@ def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]
 
 @lru_cache(maxsize=1)
 def _table() -> tuple["STRtree", tuple[str, ...]]:
-    """A tree of all areas with the code of each."""
+    """Return a tree of all areas, with the code of each."""
     from shapely import STRtree
 
     rows = json.loads(gzip.decompress(BORDERS.read_bytes()))
@@ -168,7 +168,7 @@ def _table() -> tuple["STRtree", tuple[str, ...]]:
 
 
 def _polygon(rings: list[list[int]]) -> "Polygon":
-    """The area inside the first ring and outside the others; a ring is steps (east, north) from (0, 0) in units."""
+    """Return the area inside the first ring and outside the others; rings are steps (east, north) in units."""
     from shapely import Polygon
 
     lines = [list(zip(_summed(steps[::2]), _summed(steps[1::2]), strict=True)) for steps in rings]

@@ -1,7 +1,6 @@
-"""The maps at hand, and finding one by what the user calls it: place, street, crossing, road number, id, box.
+"""Finds an available map by what the user calls it: place, street, crossing, road number, id, box.
 
-What became of the files in the map folders is kept in the database, so that each is unpacked and read once and not at
-every call.
+The database stores the result for each file in the map folders, so that a file is unpacked and read once only.
 """
 
 import math
@@ -39,11 +38,11 @@ from .naming.tags import CITY_PEOPLE, PLACE_KINDS, ROAD_PLACES, SETTLEMENTS
 
 LIBRARY = Path(__file__).parent / "library"
 NOT_SHOWN = "not_shown"
-"""Reason of a refusal because no map shows the place, the country or the box."""
+"""The refusal's reason if no map shows the place, the country or the box."""
 _NEAREST_SHOWN = 4
-"""Maps that a refusal of a box names (chosen)."""
+"""Maximum number of maps that a refusal of a box lists (chosen)."""
 _NEAR_KM = 50.0
-"""A settlement that lies further from a map is another one of the same name (chosen)."""
+"""A settlement farther from a map is another one of the same name (chosen)."""
 _EARTH_RADIUS_KM = 6371.0088
 """Mean radius of the Earth (IUGG)."""
 
@@ -56,9 +55,9 @@ _BEFORE_BOTH = (
     "(?:angle|croisement) (?:de|du)",
     "перекр[её]сток",
 )
-"""What libpostal does not know, before or between the roads of a crossing; East Asia writes it without blanks."""
+"""Words before or between the roads of a crossing that libpostal lacks; East Asia writes them without blanks."""
 _SHORTEST_OF_FILE = 5
-"""Letters of a word in a file's name that may be a place (chosen)."""
+"""Minimum length of a word in a file's name that may be a place (chosen)."""
 _NO_PLACES = frozenset(
     [
         "planet",
@@ -102,15 +101,16 @@ _NO_PLACES = frozenset(
         "oneway",
     ]
 )
-"""Words of file names that say what kind of map it is (chosen): nothing prescribes how files are called."""
+"""Words in file names that state the kind of map (chosen): there is no standard for file names."""
 _PLACE_WORDS = (
     r"city|town|village|quarter|district|suburb|borough|ward|parish|county|township|municipality|neighbou?rhood|stadt(?:teil)?|viertel|"
     r"gemeinde|bezirk|(?:land)?kreis|ville|commune|quartier|arrondissement|ciudad|municipio|barrio|distrito|"
     r"cidade|bairro|freguesia|concelho|citt[aà]|comune|quartiere|miasto|gmina|powiat|kommune?n?|wijk|gemeente|"
     r"ilçe(?:si)?|mahalle(?:si)?|г\.?|город|район|(?:муниципальный )?округ|м[іi]сто"
 )
-"""What a place is, as people and maps write it before or behind its name: OSM's values of ``place``, and what the
-wiki's table of ``admin_level`` calls municipalities and their parts in these languages."""
+"""Words for a kind of place before or after its name: OSM's values of ``place``, and the wiki's words for
+municipalities and their parts in its table of ``admin_level`` in these languages.
+"""
 _PLACE_FRAME = re.compile(
     rf"^\d{{4,6}}\s+|\s+\d{{5}}(?:-\d{{4}})?$|^(?:the\s+)?(?:{_PLACE_WORDS})(?:\s+(?:of|de|do|da|di|von))?\s+"
     rf"|\s+(?:{_PLACE_WORDS})$|(?<=[\u4e00-\u9fff])[市区區县縣里]$|(?<=[\uac00-\ud7a3])[시구군동]$",
@@ -120,26 +120,26 @@ _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", 
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
 _WORDS_BEFORE = 3
-"""Words of a phrase before the first of two roads (chosen): a preposition, a noun and its preposition."""
+"""Maximum number of words before the first of two roads (chosen): a preposition, a noun and its preposition."""
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
-"""What stands between a road and its place: those of libpostal's stopwords that say where."""
+"""Words between a road and its place: libpostal's stopwords that express a location."""
 _EARTH_RADIUS_M = 6_371_008.8
 _LEAST_LIKENESS, _LEAST_WORD_LIKENESS, _TELLING_LETTERS = 78, 85, 4
-"""Of 100: from which a name is worth suggesting, or a name with such words; letters of a word that tells (chosen)."""
+"""Minimum similarity (of 100) of a name, or of its words, for a suggestion; minimum length of these words (chosen)."""
 _MOST_NEAR, _COMPARED = 4, 2000
-"""Suggestions, and names that are compared, at most (chosen)."""
+"""Maximum number of suggestions, and of compared names (chosen)."""
 _FEW_WORDS = 4
-"""Words of which both the place and the road may be only like those of the map (chosen)."""
+"""Maximum number of words in a text for inexact matches of both the place and the road (chosen)."""
 _SHOWN_ROADS, _MOST_WORDS, _LONGEST_UNSPACED = 3, 12, 24
-"""Roads that a sentence names, words that are tried in all splits, letters that are (chosen)."""
+"""Maximum numbers of roads that a sentence lists, of words tried in all splits, and of letters (chosen)."""
 
 
 class Closeness(IntEnum):
-    """How near words must come to what a map shows.
+    """How closely a text must match the names on a map.
 
-    SAME: they are its words, in another spelling. TRANSLATED: they are what GeoNames calls one of its places in another
-    language. KNOWN: they are a settlement that GeoNames knows there. HEARD: they sound like its words in another
-    script, or shorten them. PLACE_PART: they are a part of a place's name, or its beginning. PART: the same of a road.
+    SAME: the map's own name, in any spelling. TRANSLATED: GeoNames's name for one of its places in another language.
+    KNOWN: a settlement that GeoNames has there. HEARD: sounds like the map's name in another script, or shortens it.
+    PLACE_PART: a part or the beginning of a place's name. PART: the same of a road's name.
     """
 
     SAME = 0
@@ -152,7 +152,7 @@ class Closeness(IntEnum):
 
 @dataclass(frozen=True)
 class MapEntry:
-    """A map at hand: what it shows, and the file."""
+    """An available map: its facts and its file."""
 
     facts: MapFacts
     path: Path
@@ -160,11 +160,11 @@ class MapEntry:
 
 @dataclass(frozen=True)
 class MapMatch:
-    """A map that shows the asked place.
+    """A map that shows the requested place.
 
-    ``streets``: by their names in the map, that the site must carry; ``unnamed``: words of the request that the map
-    does not name, though it names the street beside them. ``area``: the part of the map that was meant; None: all of
-    it. ``understood``: what words were taken for, a sentence each, where they are not the map's own.
+    ``streets``: the streets, by their names on the map, that the site must be on. ``unnamed``: words of the request
+    that the map does not contain, although it has the street next to them. ``area``: the requested part of the map;
+    None means all of it. ``understood``: a sentence for each interpretation of words that differ from the map's own.
     """
 
     entry: MapEntry
@@ -175,22 +175,22 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """The whole map for streets that lie outside the circle of the place named with them; None if it is a bound.
+        """Return a match of the whole map if the streets are outside their place's circle, or None if it is a limit.
 
-        A town's circle is mostly guessed, and where streets cross is one place. A quarter tells which part of a single
-        street is meant.
+        The circle of a town is mostly a guess, and a crossing of streets is unique. A quarter, however, states which
+        part of a single street is requested.
         """
         if self.area is None or not self.streets:
             return None
         if self.area.kind not in SETTLEMENTS and len(self.streets) < 2:
             return None
-        note = f"the streets lie outside {_area_text(self.area)}; the whole map was searched"
+        note = f"the streets are outside {_area_text(self.area)}; the whole map was searched"
         kept = tuple(text for text in self.understood if not text.endswith(_area_text(self.area)))
         return replace(self, area=None, understood=(*kept, note))
 
     @property
     def box(self) -> Box | None:
-        """The box around ``area``, inside the core of a fetched map; None where the whole map is meant."""
+        """Return the box around ``area``, inside the core of a fetched map; None if the whole map is requested."""
         area = None if self.area is None else _box_around(self.area)
         core = None if self.entry.facts.source is None else self.entry.facts.source.core
         if area is None or core is None:
@@ -202,7 +202,7 @@ class MapMatch:
 
 @cache
 def built_in_maps() -> tuple[MapEntry, ...]:
-    """The maps that come with the package, by id; read once, as nothing changes them."""
+    """Return the maps that come with the package, by id; they are read once, because they never change."""
     listed = MapList.model_validate_json((LIBRARY / "catalogue.json").read_bytes())
     return tuple(MapEntry(facts, LIBRARY / facts.file_name) for facts in listed.maps)
 
@@ -216,12 +216,12 @@ def find_maps(
     scenario_type: ScenarioType = "any",
     closeness: Closeness = Closeness.PART,
 ) -> list[MapMatch]:
-    """All maps that fit; those that hold the asked type of site first, otherwise in the order given.
+    """Return all maps that fit; those with the requested type of site come first, otherwise in the given order.
 
-    Where no map shows the very words, those that show something like them count, up to the given closeness.
+    If no map shows the exact name, similar names count, up to the given closeness.
 
     Raises:
-        UnknownName: no map shows the place, country or box; the error names what can be had, the closest first.
+        UnknownName: no map shows the place, country or box; the error lists what is available, the closest first.
     """
     if not maps:
         raise UnknownName("there is no map", next_step="import an .osm file with import_files")
@@ -234,7 +234,7 @@ def find_maps(
     if place is not None:
         shown = _showing(matches, place, code, closeness)
         if not shown:
-            raise _not_shown(place, country, bbox, matches, _showing(everywhere, place, code, closeness))
+            raise _not_shown_error(place, country, bbox, matches, _showing(everywhere, place, code, closeness))
         matches = shown
     return sorted(
         matches,
@@ -245,7 +245,7 @@ def find_maps(
 
 
 def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) -> MapMatch:
-    """A fetched map as one that shows what was asked for, where the map itself has other words for it."""
+    """Return a fetched map as one that shows the requested place, even if the map has other names for it."""
     if asked is None:
         return MapMatch(entry)
     try:
@@ -257,7 +257,7 @@ def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) 
 
 
 def _streets_of(facts: MapFacts, place: NamedPlace | None) -> tuple[tuple[str, ...], ...]:
-    """The roads that were asked for, by the names that they have on the map; none of those that it does not name."""
+    """Return the requested roads by their names on the map, without those that it does not have."""
     if place is None:
         return ()
     known = {fold(name): name for name in (*facts.streets, *facts.refs)}
@@ -266,17 +266,17 @@ def _streets_of(facts: MapFacts, place: NamedPlace | None) -> tuple[tuple[str, .
 
 
 def same_street(one: str, other: str) -> bool:
-    """Whether two spellings name one street, whatever their case, accents, script, word order, abbreviations."""
+    """Return whether two spellings refer to one street: case, accents, script, abbreviations may differ."""
     return bool(road_keys(one) & road_keys(other))
 
 
 def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMatch]:
-    """Maps that lie there, and those that may: whose own country is not known, and no other is nearer."""
+    """Return maps in a country, and maps that may be: their own country is unknown, and no other one is nearer."""
     fitting = [match for match in matches if code in _countries(match.entry.facts) or not _countries(match.entry.facts)]
     if not fitting:
         known = sorted({code for match in matches for code in _countries(match.entry.facts)})
         raise UnknownName(
-            f"no map lies in {country!r}",
+            f"no map is in {country!r}",
             valid=known,
             next_step="leave country out, or import a map",
             reason=NOT_SHOWN,
@@ -289,7 +289,7 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
 
 
 def _countries(facts: MapFacts) -> tuple[str, ...]:
-    """Where a map lies or may lie; empty where nothing is known."""
+    """Return the countries that a map is or may be in; empty if unknown."""
     return facts.countries_near if facts.country is None else (facts.country,)
 
 
@@ -306,7 +306,7 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
     if not fitting:
         nearest = sorted((match.entry.facts for match in matches), key=lambda facts: _km_between(_box_of(facts), bbox))
         raise UnknownName(
-            f"no map shows the box {list(bbox)}; the nearest are named",
+            f"no map shows the box {list(bbox)}; the nearest maps are listed",
             valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
             next_step="choose a box inside one of these",
             reason=NOT_SHOWN,
@@ -320,7 +320,7 @@ def _box_of(f: MapFacts) -> Box:
 
 
 def _km_between(one: Box, other: Box) -> float:
-    """Distance between the middles of two boxes on a sphere (haversine formula)."""
+    """Return the distance between the middles of two boxes on a sphere (haversine formula)."""
     (south, west), (north, east) = (
         (math.radians((box[0] + box[2]) / 2), math.radians((box[1] + box[3]) / 2)) for box in (one, other)
     )
@@ -333,25 +333,25 @@ def _box_text(f: MapFacts) -> str:
 
 
 def _showing(found: list[MapMatch], place: str, country: str | None, closeness: Closeness) -> list[MapMatch]:
-    """Maps in which every part of the text (``street, city`` or ``street A / street B``) is a place or a road.
+    """Return maps on which every part of the text (``street, city`` or ``street A / street B``) is a place or a road.
 
-    Of those only the closest; and if the text names a town behind a comma that is at hand, only maps that show it, so
-    that ``Oxford Street, Sydney`` is no crossing in another town.
+    Only the closest matches count. If the text has the town of an available map after a comma, only maps that show this
+    town count, so that ``Oxford Street, Sydney`` does not match a crossing in another town.
     """
-    if (town := _town_named(place[:LONGEST_TEXT], found)) is not None:
+    if (town := _find_town(place[:LONGEST_TEXT], found)) is not None:
         found = [map_ for map_ in found if map_ in town.maps or _read_place(town.words, map_.entry.facts) is not None]
     for level in range(closeness + 1):
         matches = (_match(map_.entry, place[:LONGEST_TEXT], country, Closeness(level)) for map_ in found)
         if shown := [match for match in matches if match is not None]:
             shown = [match for match in shown if not match.streets] or shown  # a town rather than a road of its name
             is_half = closeness is Closeness.PART
-            return _with_begun(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
+            return _add_incomplete_roads(shown, found, place[:LONGEST_TEXT], Closeness(level)) if is_half else shown
     return []
 
 
 @dataclass(frozen=True)
 class _Town:
-    """A town that a text names behind a street: its words, the other parts of the text, and the maps of the town."""
+    """A town after a street in a text: its name, the other parts of the text, and the maps of the town."""
 
     words: str
     others: tuple[str, ...]
@@ -359,16 +359,16 @@ class _Town:
 
     @property
     def roads(self) -> list[str]:
-        """The roads of the other parts, one by one."""
+        """The roads in the other parts, one by one."""
         return [part for listed in self.others for part in crossing_parts(listed)]
 
 
-def _is_named_on(facts: MapFacts, part: str) -> bool:
+def _is_on_map(facts: MapFacts, part: str) -> bool:
     return _read_part(part, facts, Closeness.HEARD) is not None
 
 
-def _town_named(place: str, found: Sequence[MapMatch]) -> _Town | None:
-    """The last part between commas that names the town of a map at hand; None if the place has no other part."""
+def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
+    """Return the last part between commas that is the town of an available map; None if the place has one part only."""
     listed = listed_parts(place)
     for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
         if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
@@ -377,7 +377,7 @@ def _town_named(place: str, found: Sequence[MapMatch]) -> _Town | None:
 
 
 def _is_town_of(part: str, facts: MapFacts) -> bool:
-    """Whether the words are the map's place, or a settlement that the map names or GeoNames knows there."""
+    """Return whether the text is the map's place, or a settlement that the map shows or GeoNames knows there."""
     keys = _framed_keys(part)
     towns = (area for area in facts.areas if area.kind in SETTLEMENTS)
     names = (facts.place, *(name for area in towns for name in (area.name, *area.other_names)))
@@ -388,11 +388,11 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
     )
 
 
-def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Add the roads that begin with the words as they stand, since the words may be half typed.
+def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
+    """Add the roads that begin with the text as it stands, since the last word may be half typed.
 
-    ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. Nothing is added to a place,
-    to a road that is called just so, or to one that the words are short for (``Main St``: ``Main Street``).
+    ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
+    to a road with exactly this name, or to one that the text abbreviates (``Main St``: ``Main Street``).
     """
     names = {name for match in shown for group in match.streets for name in group}
     is_telling = any(map(distinctive, road_readings(text)))  # more than a kind of road
@@ -413,7 +413,7 @@ def _with_begun(shown: list[MapMatch], found: list[MapMatch], text: str, level: 
 
 
 def _joined(match: MapMatch, begun: tuple[str, ...], text: str) -> MapMatch:
-    """A match with the roads that begin so as other meanings; they alone where the words were read as several names."""
+    """Return a match with these roads as alternatives; only these if the text was read as several names."""
     if not begun:
         return match
     is_one = len(match.streets) == 1 and match.area is None and not match.unnamed
@@ -426,17 +426,17 @@ def _as_match(entry: MapEntry, roads: tuple[str, ...], text: str) -> MapMatch:
 
 
 def place_parts(place: str) -> list[str]:
-    """What stands between commas, and around the words for a crossing."""
+    """Split the text of a place at commas and at the words for a crossing."""
     return [part for listed in listed_parts(place) for part in crossing_parts(listed)]
 
 
 def listed_parts(place: str) -> list[str]:
-    """The parts of a place that stand between commas."""
+    """Split the text of a place at commas."""
     return [part.strip() for part in re.split(r"[,;，；]", place) if part.strip()]
 
 
 def crossing_parts(text: str) -> list[str]:
-    """The roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``); otherwise the text alone."""
+    """Return the roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``), or the text alone."""
     between, around = _crossing_patterns()
     inner = around.sub("", text).strip()
     return [part.strip() for part in between.split(inner) if part.strip()]
@@ -444,7 +444,7 @@ def crossing_parts(text: str) -> list[str]:
 
 @cache
 def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
-    """What stands between the roads of a crossing, and what stands before or behind all of them."""
+    """Return patterns for what is between the roads of a crossing, and for what is before or after all of them."""
     joining, corners = words_for_crossings()
     phrases = sorted({*map(re.escape, corners), *_BEFORE_BOTH}, key=lambda phrase: (-len(phrase), phrase))
     words = "|".join([*map(re.escape, (*joining, *_JOINING)), *phrases])
@@ -453,15 +453,15 @@ def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     return re.compile(between, re.IGNORECASE), re.compile(around, re.IGNORECASE)
 
 
-def _not_shown(
+def _not_shown_error(
     place: str, country: str | None, bbox: Box | None, matches: list[MapMatch], elsewhere: list[MapMatch]
 ) -> UnknownName:
-    """No map that is left shows the place; where it is shown elsewhere, box or country contradict it."""
+    """Return the error that no remaining map shows the place; if others do, the box or country contradicts it."""
     if elsewhere:
         limits = [f"the box {list(bbox)}"] if bbox is not None else []
         limits += [f"{country!r}"] if country is not None else []
         return UnknownName(
-            f"no map shows {place!r} in {' and '.join(limits)}: it lies elsewhere",
+            f"no map shows {place!r} in {' and '.join(limits)}: it is elsewhere",
             valid=[_box_text(match.entry.facts) for match in elsewhere],
             next_step=f"leave {' and '.join(['bbox'] * (bbox is not None) + ['country'] * (country is not None))} out, "
             "or choose another place",
@@ -475,19 +475,19 @@ def _not_shown(
     ]
     if nameless:
         return UnknownName(
-            f"no map shows {place!r}; {nameless[0].map_id} shows such a road, but does not say in which place it lies",
+            f"no map shows {place!r}; {nameless[0].map_id} shows such a road, but does not state its place",
             valid=[facts.map_id for facts in nameless],
-            next_step="name the road alone, name its country, or add the map with its place",
+            next_step="give the road alone, give its country, or add the map with its place",
             reason=NOT_SHOWN,
         )
     shown = sorted({match.entry.facts.place for match in matches})
-    town = _town_named(place[:LONGEST_TEXT], matches)
+    town = _find_town(place[:LONGEST_TEXT], matches)
     why = ""
     if town is not None:
         near = _near_in_town(town)
         own = town.maps[0].entry.facts
-        missing = [part for part in town.roads if not any(_is_named_on(map_.entry.facts, part) for map_ in town.maps)]
-        why = f": {cited(own.place)} ({own.map_id}) is at hand, and names no {cited_all(missing or town.roads, ' or ')}"
+        missing = [part for part in town.roads if not any(_is_on_map(map_.entry.facts, part) for map_ in town.maps)]
+        why = f": {cited(own.place)} ({own.map_id}) is available, but has no {cited_all(missing or town.roads, ' or ')}"
     else:
         towns = [part for part in listed_parts(place[:LONGEST_TEXT])[1:] if country_code(part) is None]
         is_elsewhere = any(settlements_called(without_frame(part)) for part in towns)
@@ -501,7 +501,7 @@ def _not_shown(
             remedies=[with_values(place=one) for one in near],
         )
     return UnknownName(
-        f"no map shows {place!r} or a name like it: there is no map of that city or country",
+        f"no map shows {place!r} or a similar name: there is no map of that city or country",
         valid=map(cited, shown),
         next_step="choose one of these places, or import an .osm extract of the place with import_files",
         reason=NOT_SHOWN,
@@ -509,7 +509,7 @@ def _not_shown(
 
 
 def _near_in_town(town: _Town) -> list[str]:
-    """The streets of a town at hand that are like the other parts of a text, then the town itself: all can be found."""
+    """Return the streets of an available town that resemble the other parts of a text, then the town."""
     scores: dict[str, float] = {}
     for match in town.maps:
         facts = match.entry.facts
@@ -523,13 +523,13 @@ def _near_in_town(town: _Town) -> list[str]:
     streets = sorted(scores, key=lambda name: (-scores[name], name))[: _MOST_NEAR - 1]
     towns = [town.words, *(match.entry.facts.place for match in town.maps)]
     whole = next((one for one in towns if _showing(list(town.maps), one, None, Closeness.KNOWN)), None)
-    wishes = (f"{name}, {town.words}" for name in streets)
-    near = [wish for wish in wishes if _showing(list(town.maps), wish, None, Closeness.KNOWN)]
+    names = (f"{name}, {town.words}" for name in streets)
+    near = [name for name in names if _showing(list(town.maps), name, None, Closeness.KNOWN)]
     return [*near, *([] if whole is None else [whole])]
 
 
 def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
-    """Names that are like the text or a part of it in spelling or sound, the most alike first."""
+    """Return names that resemble the text or a part of it in spelling or sound, the most similar first."""
     parts = [
         part for part in dict.fromkeys((place, *place_parts(place))) if len(part) >= _TELLING_LETTERS or part == place
     ]
@@ -552,7 +552,7 @@ def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
 
 
 def _likeness(asked: tuple[str, ...], telling: tuple[str, ...]) -> float:
-    """How alike two names are in spelling or sound, from 0 to 100; a part of a name is nearly as good as the whole."""
+    """Return the similarity of two names in spelling or sound (0 to 100); a part of a name scores nearly as high."""
     from rapidfuzz import fuzz
 
     together = fuzz.ratio("".join(asked), "".join(telling), score_cutoff=_LEAST_LIKENESS)
@@ -564,7 +564,7 @@ def _likeness(asked: tuple[str, ...], telling: tuple[str, ...]) -> float:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _telling(name: str) -> tuple[str, ...]:
-    """The words that tell a name from others, in Latin letters; all of them where it has no such words."""
+    """Return the words that distinguish a name, in Latin letters; all words if there are no such words."""
     readings = road_readings(name)
     telling = distinctive(frozenset.intersection(*readings)) if readings else frozenset()
     return tuple(sorted(telling)) or tuple(latin(word) for word in name.split())
@@ -572,7 +572,7 @@ def _telling(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _sound(text: str) -> str:
-    """How a name sounds, roughly: letters that are spoken alike in European languages are one, doubled ones too."""
+    """Return a rough phonetic form: letters that sound alike in European languages, and doubled ones, become one."""
     for letters, sound in (("sch", "s"), ("sh", "s"), ("ph", "f"), ("ck", "k"), ("th", "t"), ("ee", "i"), ("oo", "u")):
         text = text.replace(letters, sound)
     text = text.replace("h", "").translate(str.maketrans("czwyq", "ksvik"))
@@ -580,10 +580,10 @@ def _sound(text: str) -> str:
 
 
 def _match(entry: MapEntry, place: str, country: str | None, closeness: Closeness) -> MapMatch | None:
-    """The map with the streets that are meant, where it shows every part.
+    """Return the map with the requested streets if it shows every part.
 
-    A part that it does not name is let pass beside a street where another part names the map, or where the map knows
-    no place and the caller names its country.
+    A part that the map lacks is accepted next to a street if another part is the map's name, or if the map knows no
+    place and the caller gives its country.
     """
     facts = entry.facts
     reading = _read_whole(place, facts)
@@ -606,9 +606,9 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
             reading += found or _Reading(unnamed=(part,))
-    reading = _with_words_of_the_file(reading, facts)
+    reading = _match_file_name(reading, facts)
     if reading.named:
-        reading = _with_quarters_of_roads(reading, facts)
+        reading = _match_road_names(reading, facts)
     if reading.streets and reading.area is not None and _is_called(reading.area, facts.place):
         reading = _without_area(reading, reading.area)
     known = reading.named or (not facts.places and country in _countries(facts))
@@ -618,14 +618,14 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
 
 
 def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
-    """The reading without the circle of the map's own town, which is only the context of the road that is asked for."""
+    """Remove the circle of the map's own town, which is only the context of the requested road."""
     told = (text.replace(_area_text(area), cited(area.name)) for text in reading.understood)
     return replace(reading, area=None, understood=tuple(text for text in told if text != cited(area.name)))
 
 
-def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """The reading with words that nothing on a map is called, but its file is: people name extracts after places."""
-    named = _named_by_file(file_stem(facts.file_name))
+def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
+    """Accept words of the map's file name although nothing on it has this name: people name files after places."""
+    named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
         by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {cited(facts.file_name)}",))
@@ -633,9 +633,9 @@ def _with_words_of_the_file(reading: "_Reading", facts: MapFacts) -> "_Reading":
     return rest
 
 
-def _with_quarters_of_roads(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """The reading with words that a map does not name but a road of it is called after (``Northgate``: ``NE Northgate
-    Way``), where the map itself was named.
+def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
+    """Accept words after which a road of a map is called (``Northgate``: ``NE Northgate Way``), although the map itself
+    has no such name, if the text gives the map's place.
     """
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -645,7 +645,7 @@ def _with_quarters_of_roads(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 @dataclass(frozen=True)
 class _Reading:
-    """What words mean on a map; ``named``: they name the map or a part of it."""
+    """The meaning of a text on a map; ``named``: it refers to the map or a part of it."""
 
     streets: tuple[tuple[str, ...], ...] = ()
     unnamed: tuple[str, ...] = ()
@@ -665,15 +665,15 @@ class _Reading:
 
 
 def _read_part(part: str, facts: MapFacts, closeness: Closeness, *, settled: bool = False) -> _Reading | None:
-    """The words as one place or one road; None where they are neither."""
+    """Read the text as one place or one road; return None if it is neither."""
     return _read_whole(part, facts) or _read_road(part, facts) or _read_alike(part, facts, closeness, settled=settled)
 
 
 def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
-    """The words as the whole name of a place or a road.
+    """Read the text as the whole name of a place or a road.
 
-    A square is its roads, where there are any; and a place that only addresses or borders name, so that the map does
-    not say where it lies, is the road of its very name.
+    A square is read as its roads, if there are any. A place known only from addresses or borders, so that its position
+    is unknown, is read as the road of exactly this name.
     """
     place = _read_place(part, facts)
     is_square = place is not None and place.area is not None and place.area.kind in ROAD_PLACES
@@ -683,7 +683,7 @@ def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _is_a_road_s_name(part: str, facts: MapFacts) -> bool:
-    """Whether a road is called just so, and neither the map nor a place that it locates."""
+    """Return whether a road has exactly this name, and neither the map nor a place that it locates has it."""
     word = fold(part)
     places = (facts.map_id, facts.place, *(name for area in facts.areas for name in (area.name, *area.other_names)))
     return word in map(fold, facts.streets) and word not in map(fold, places)
@@ -692,10 +692,10 @@ def _is_a_road_s_name(part: str, facts: MapFacts) -> bool:
 def _read_alike(
     part: str, facts: MapFacts, closeness: Closeness, *, wide: bool = False, settled: bool = False
 ) -> _Reading | None:
-    """The words as a place or a road that is only like them.
+    """Read the text as a place or a road with a similar name.
 
-    ``wide``: a settlement counts whose outskirts the map may lie in, because a road was named with it. ``settled``:
-    other words name a place of the map, so that these name none elsewhere.
+    ``wide``: the map may be in the outskirts of a settlement, because a road is given with it. ``settled``: other words
+    refer to a place of the map, so these do not refer to one elsewhere.
     """
     if closeness is Closeness.SAME or not any(map(str.isalpha, part)):
         return None
@@ -706,7 +706,7 @@ def _read_alike(
         alike = (is_transliterated, is_abbreviated, is_with_kind)
         readings = (read(part, facts, is_like) for is_like in alike for read in (_read_place_like, _read_road_like))
         found = next((reading for reading in readings if reading is not None), None)
-    if found is None and closeness >= Closeness.PLACE_PART and (settled or not _lies_elsewhere(part, facts)):
+    if found is None and closeness >= Closeness.PLACE_PART and (settled or not _is_elsewhere(part, facts)):
         words = without_frame(part)
         found = _read_place_like(words, facts, is_half_of)
         if found is None and closeness is Closeness.PART:
@@ -715,7 +715,7 @@ def _read_alike(
 
 
 def _read_name_elsewhere(part: str, facts: MapFacts) -> _Reading | None:
-    """The words as what a place of the map is called in another language, by GeoNames."""
+    """Read the text as GeoNames's name for a place of the map in another language."""
     for settlement in settlements_called(without_frame(part)):
         if settlement.country not in _countries(facts) and not _is_near(settlement, facts):
             continue
@@ -726,34 +726,34 @@ def _read_name_elsewhere(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | None:
-    """The words as a settlement that GeoNames knows where the map lies, which does not name it."""
+    """Read the text as a settlement that GeoNames has at the map's location but the map does not show."""
     for settlement in settlements_called(without_frame(part)):
         away_m = 1000.0 * _km_between(_as_box(settlement), _nearest_spot(settlement, facts))
         if away_m <= settlement.reach_m(wide=wide):
             where = f"{away_m / 1000:.1f} km from the map" if away_m else "inside the map"
-            taken = f"{part!r} is taken as {settlement.name} (GeoNames), whose centre lies {where}"
+            taken = f"{part!r} is taken as {settlement.name} (GeoNames), with its centre {where}"
             return _Reading(named=True, understood=(taken,))
     return None
 
 
 def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
-    """The words as a place of the map with the number of a district of it (``Dublin 4``, ``Praha 5``)."""
+    """Read the text as a place of the map with a district number (``Dublin 4``, ``Praha 5``)."""
     unnumbered = _DISTRICT_NUMBER.sub("", part)
     if unnumbered == part:
         return None
-    found = _read_named_place(unnumbered, facts, place_keys) or _read_name_elsewhere(unnumbered, facts)
+    found = _read_place_by_keys(unnumbered, facts, place_keys) or _read_name_elsewhere(unnumbered, facts)
     found = found or _read_settlement(unnumbered, facts, wide=False)
     if found is None:
         return None
-    return replace(found, understood=(f"{part!r} is taken as {unnumbered}: the map names no district of that number",))
+    return replace(found, understood=(f"{part!r} is taken as {unnumbered}: the map has no district with that number",))
 
 
 def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
     return _km_between(_as_box(settlement), _nearest_spot(settlement, facts)) <= _NEAR_KM
 
 
-def _lies_elsewhere(part: str, facts: MapFacts) -> bool:
-    """Whether the words name a city of the world, and nothing in the map's country: no road that begins so is meant."""
+def _is_elsewhere(part: str, facts: MapFacts) -> bool:
+    """Return whether the text is a city of the world but nothing in the map's country, so it is no road's beginning."""
     known = settlements_called(without_frame(part))
     return any(settlement.population >= CITY_PEOPLE for settlement in known) and not any(
         settlement.country in _countries(facts) or _is_near(settlement, facts) for settlement in known
@@ -769,16 +769,16 @@ def _as_box(settlement: Settlement) -> Box:
 
 
 def _nearest_spot(settlement: Settlement, facts: MapFacts) -> Box:
-    """The spot of a map that lies nearest to a settlement's centre, as a box."""
+    """Return the point of a map nearest to a settlement's centre, as a box."""
     latitude = min(max(settlement.latitude, facts.south), facts.north)
     longitude = min(max(settlement.longitude, facts.west), facts.east)
     return latitude, longitude, latitude, longitude
 
 
 def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bool]) -> _Reading | None:
-    """The words as a place of the map that is like them in the given way.
+    """Read the text as a place of the map with a name that is similar in the given way.
 
-    Words that say that they are a street are no part of a town that is called alike (``玄武大道``: ``玄武区``).
+    A text that is a street's name is not part of a town with a similar name (``玄武大道``: ``玄武区``).
     """
     is_street = names_a_street(part)
     for area in facts.areas:
@@ -795,19 +795,19 @@ def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], b
 
 
 def _read_road_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bool]) -> _Reading | None:
-    """The words as the roads of the map that are like them in the given way."""
+    """Read the text as the roads of the map with names that are similar in the given way."""
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     roads = tuple(name for name, spellings in index.spellings.items() if any(is_like(part, one) for one in spellings))
     return _as_roads(part, roads) if roads else None
 
 
 def _read_place(part: str, facts: MapFacts) -> _Reading | None:
-    """The words as the map itself (its id, its file, its place, region or country) or as a place inside it."""
+    """Read the text as the map itself (its id, file, place, region or country) or as a place inside it."""
     own = {facts.map_id, facts.map_id.removeprefix("map_"), file_stem(facts.file_name)}
     if {fold(part), fold(file_stem(part))} & {fold(name) for name in own}:
         return _Reading(named=True)
     for keys_of in (place_keys, _framed_keys):
-        if (found := _read_named_place(part, facts, keys_of)) is not None:
+        if (found := _read_place_by_keys(part, facts, keys_of)) is not None:
             return found
     code = country_code(part)
     if (code is not None and code == facts.country) or region_of(
@@ -817,10 +817,10 @@ def _read_place(part: str, facts: MapFacts) -> _Reading | None:
     return None
 
 
-def _read_named_place(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
-    """The words as a place inside the map, or as its own place, by the given keys of names.
+def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], frozenset[str]]) -> _Reading | None:
+    """Read the text as a place inside the map, or as its own place, by the given keys of names.
 
-    The map's own name means its town and never a quarter that is called alike (``竹北``: ``竹北市``, not ``竹北里``).
+    The map's own name means its town, never a quarter with the same name (``竹北``: ``竹北市``, not ``竹北里``).
     """
     keys = keys_of(part)
     is_own = not keys.isdisjoint(keys_of(facts.place))
@@ -845,9 +845,9 @@ def _is_called(area: PlaceArea, name: str) -> bool:
 
 
 def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
-    """The place and those of its kind that are it as well: a map may draw one twice, in two languages.
+    """Return the place and its duplicates of the same kind: a map may draw one twice, in two languages.
 
-    They share a name, and the centre of one lies within the other.
+    Duplicates share a name, and the centre of one is within the other.
     """
     names = {fold(name) for name in (area.name, *area.other_names)}
     return [
@@ -863,17 +863,17 @@ def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
 
 
 def file_stem(name: str) -> str:
-    """A file's name without the endings of maps: what a map is converted to has another ending than its file."""
+    """Return a file's name without the endings of maps: a converted map has another ending than its file."""
     return _FILE_ENDINGS.sub("", name)
 
 
 def without_frame(part: str) -> str:
-    """A place's name without a postcode and the words for what it is (``city of``, ``Stadtteil``)."""
+    """Return a place's name without a postcode and the words for its kind (``city of``, ``Stadtteil``)."""
     return _PLACE_FRAME.sub("", part)
 
 
-def _named_by_file(stem: str) -> frozenset[str]:
-    """The words of a file's name that may be a place: people name extracts after what they show."""
+def _words_of_file_name(stem: str) -> frozenset[str]:
+    """Return the words of a file's name that may be a place: people name extracts after their places."""
     words = {fold(word) for word in re.split(r"[\W_\d]+", stem)}
     return frozenset(word for word in words if len(word) >= _SHORTEST_OF_FILE and word not in _NO_PLACES)
 
@@ -886,7 +886,7 @@ def _area_text(area: PlaceArea) -> str:
 
 
 def _is_whole(area: PlaceArea, facts: MapFacts) -> bool:
-    """Whether a place is what the map shows and not a part of it: its largest, or one that covers the map."""
+    """Return whether a place is the whole map rather than a part: its largest one, or one that covers it."""
     largest = _same_place(facts.areas[0], facts)
     alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == len(largest)
     if alone and area in largest and area.kind in SETTLEMENTS:
@@ -903,17 +903,17 @@ def _box_around(area: PlaceArea) -> Box:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _framed_keys(name: str) -> frozenset[str]:
-    """The keys of a place's name, with and without the words for what it is."""
+    """Return the keys of a place's name, with and without the words for its kind."""
     return place_keys(name) | place_keys(without_frame(name))
 
 
 def _read_road(
     part: str, facts: MapFacts, *, short: bool = False, whole: bool = False, core: bool = False
 ) -> _Reading | None:
-    """The words as a road.
+    """Read the text as a road.
 
-    ``short``: a single word that tells it is enough, as people name the roads of a crossing; ``whole``: nothing of its
-    name may be left out; ``core``: they are all that tells it from other roads.
+    ``short``: a single distinctive word suffices, as people write the roads of a crossing. ``whole``: the text must be
+    the whole name. ``core``: the text is everything that distinguishes the road from others.
     """
     roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
@@ -924,7 +924,7 @@ def _read_road(
 
 
 def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
-    """Roads as what the words mean."""
+    """Return a reading of the text as these roads."""
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
     taken = f"{part!r} is taken as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
@@ -932,10 +932,10 @@ def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
 
 
 def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
-    """The words as several roads or a road near a place; None where one of them is unknown.
+    """Read the text as several roads or a road near a place; return None if one of them is unknown.
 
-    Beside a road that the map calls so, another one may be of another kind than the words say (``Colina Drive`` for
-    ``Colina Street``): the roads have to meet, and the answer says as what it is taken.
+    If one road has exactly its name on the map, another one may be of another kind than in the text (``Colina Drive``
+    for ``Colina Street``): the roads must meet, and the answer states the interpretation.
     """
     parts = crossing_parts(text)
     if len(parts) < 2:
@@ -959,9 +959,9 @@ def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
 
 
 def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
-    """The words as roads that meet, if every part is one: a quarter that is called like a road is not meant then.
+    """Read the text as roads that meet, if every part is one; a quarter with the name of a road does not count then.
 
-    The town of the map is a place even so: ``Main Street at Springfield`` has a road and a town.
+    The town of the map still counts as a place: ``Main Street at Springfield`` has a road and a town.
     """
     parts = crossing_parts(text)
     if len(parts) < 2 or any(not place_keys(part).isdisjoint(place_keys(facts.place)) for part in parts):
@@ -978,7 +978,10 @@ def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
-    """The words as a road of that name but of another kind; a number is no name (``5th Street``, ``5th Avenue``)."""
+    """Read the text as a road with that name but of another kind.
+
+    A number is not a name: ``5th Street`` is not ``5th Avenue``.
+    """
     told_by = [distinctive(words) for words in road_readings(part)]
     is_number = any(all(map(str.isdecimal, words)) for words in told_by)
     if is_number or not kinds_of_road(part):
@@ -988,7 +991,7 @@ def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
-    """The words as a road and a place with nothing between (``I-5 Seattle``, ``上海中山北路``), in either order."""
+    """Read the text as a road and a place with nothing between (``I-5 Seattle``, ``上海中山北路``), in either order."""
     for head, tail in _splits(text):
         if (one := _read_road(head, facts, whole=True)) and (other := _read_road(tail, facts, whole=True)):
             return one + other
@@ -1012,10 +1015,10 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
 
 
 def _read_roads_in_a_phrase(text: str, facts: MapFacts) -> _Reading | None:
-    """The words as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
+    """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
 
-    Both roads need their whole names. Up to three words may stand before them and one between them, as long as these
-    are not written like names: a first word, or one without a capital letter.
+    Both roads need their whole names, with up to three words before them and one between. These words may not look
+    like names: only the first may have a capital letter.
     """
     words = text.split()
     if not 3 <= len(words) <= _MOST_WORDS:
@@ -1037,7 +1040,7 @@ def _is_no_name(word: str) -> bool:
 
 
 def _splits(text: str) -> Iterator[tuple[str, str]]:
-    """All ways to part a text in two: between words, or between letters where there are no spaces as in Chinese."""
+    """Yield all splits of a text in two: between words, or between letters in scripts without spaces."""
     words = text.split()
     if len(words) == 1 and len(text) <= _LONGEST_UNSPACED and re.search(r"[\u3040-\u30ff\u4e00-\u9fff]", text):
         yield from ((text[:index], text[index:]) for index in range(2, len(text) - 1))
@@ -1075,13 +1078,13 @@ def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) ->
 
 @lru_cache(maxsize=256)
 def _beginnings(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, str], ...]:
-    """The words of all names of roads, joined and sorted, each with the road's main name."""
+    """Return the words of all road names, joined and sorted, each with the road's main name."""
     spellings = _road_index(known, several).spellings
     return tuple(sorted((" ".join(words_of_name(one)), name) for name, every in spellings.items() for one in every))
 
 
 def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
-    """Roads with names that begin with the words in their order; the last word may be only begun."""
+    """Return roads with names that begin with the words in this order; the last word may be incomplete."""
     known, several = (*facts.streets, *facts.refs), facts.road_names
     begun = " ".join(words_of_name(text))
     if not begun or not is_long_enough(text):
@@ -1093,8 +1096,8 @@ def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
 
 
 def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:
-    """Roads of that name with their sections; otherwise those whose names hold all its words (``Loop 101`` in
-    ``AZ 101 Loop``), or carry the number (``Route 99``).
+    """Return roads of that name with their sections; otherwise roads with all its words (``Loop 101`` in ``AZ 101
+    Loop``) or its number (``Route 99``).
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     keys = road_keys(part)
@@ -1111,7 +1114,7 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
         same = {
             name
             for name, spellings in index.spellings.items()
-            if enough and any(words <= held for words in asked for held in _held(spellings))
+            if enough and any(words <= held for words in asked for held in _all_readings(spellings))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
 
@@ -1122,18 +1125,18 @@ def _is_spelling(typed: str, name: str) -> bool:
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:
-    """Roads that are called after a word: nothing else but their kind and a direction is in their names."""
+    """Return roads called after a word: their names otherwise contain only their kind and a direction."""
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     asked = {telling for words in road_readings(part) if (telling := distinctive(words))}
     return tuple(
         name
         for name, spellings in index.spellings.items()
-        if any(distinctive(words) in asked for words in _held(spellings))
+        if any(distinctive(words) in asked for words in _all_readings(spellings))
     )
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _held(spellings: tuple[str, ...]) -> tuple[frozenset[str], ...]:
+def _all_readings(spellings: tuple[str, ...]) -> tuple[frozenset[str], ...]:
     return tuple(words for spelling in spellings for words in road_readings(spelling))
 
 
@@ -1144,26 +1147,26 @@ def _words(name: str) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class SeenFile:
-    """A file of a map folder: the map that it became, or why it was refused (the other is empty)."""
+    """A file of a map folder: the resulting map, or the reason for its refusal (the other is empty)."""
 
     map_id: str
     refusal: str
 
 
 class SeenFiles:
-    """The files that were looked at, by path; one that was changed since, or read by another version, is new again."""
+    """The files that were read, by path; a file counts as new if it has changed, or another version read it."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def find(self, path: Path) -> SeenFile | None:
-        """What became of a file; None where it is new or gone."""
+        """Return the result for a file, or None if it is new or missing."""
         query = "SELECT map_id, refusal FROM map_files WHERE path = ? AND stamp = ?"
         row = self._database.connection().execute(query, (str(path), _stamp(path))).fetchone()
         return None if row is None else SeenFile(row["map_id"], row["refusal"])
 
     def keep(self, path: Path, seen: SeenFile) -> None:
-        """Remember what became of a file as it is now.
+        """Store the result for a file in its current state.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -1174,7 +1177,7 @@ class SeenFiles:
 
 
 def _stamp(path: Path) -> str:
-    """Size, time of the last change and this program's version; empty for a file that is gone."""
+    """Return a file's size, modification time and this program's version; empty for a missing file."""
     try:
         stat = path.stat()
     except OSError:

@@ -1,7 +1,6 @@
-"""Files that scenarios are made from: OpenStreetMap extracts, SUMO networks, lanelet networks.
+"""Reads the files that scenarios are generated from: OpenStreetMap extracts, SUMO networks, lanelet networks.
 
-The scenarios of one call are mostly made from one map, so a process keeps the one that it read last, and the sites that
-were found on it.
+Most scenarios of one call come from one map. A process therefore keeps the last map it read, and the sites found on it.
 """
 
 from collections.abc import Callable, Iterable
@@ -17,56 +16,56 @@ from .site_search.finder import SiteFinder
 from .unpacking import LANELETS_ENDING, NET_ENDING
 
 _MOST_FINDERS = 4
-"""Kept for one map (chosen): each holds lines and areas of all of it, and few calls name road classes."""
+"""Finders kept for one map (chosen): each stores lines and areas of all of it, and few calls set road classes."""
 FileState = tuple[Path, int, int, int]
-"""What tells a file from another, and from itself after a change: path, number on the disk, time of change, size."""
+"""Identifies a file and its changes: path, inode, time of change, size."""
 
 
 def read_map_file(path: Path) -> OsmMap:
     """Return the map in a file of any format; a network gives a ``NetMap``. The last map read is kept.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.
+        UnsafeInput: the file is hostile, broken or not a map, or has no road for vehicles.
     """
     return _last_map().get(path)
 
 
 def site_finder(osm: OsmMap, classes: Iterable[str] = ()) -> SiteFinder:
-    """The finder of sites on a map for some road classes; of the map that was read last, the one that has searched it.
+    """Return the finder of sites on a map for some road classes; for the last map read, reuse its finder.
 
-    ``classes``: as of ``SiteFinder``.
+    ``classes``: as for ``SiteFinder``.
     """
     return _last_map().finder(osm, frozenset(classes))
 
 
 @cache
 def _last_map() -> "LastMap":
-    """One for the process: a worker does one thing at a time."""
+    """Return the process's store: a worker does one thing at a time."""
     return LastMap()
 
 
 class LastMap:
-    """The map that was read last; a map is never changed, so that it can be handed out again."""
+    """The last map read; a map never changes, so it can be returned again."""
 
     def __init__(self) -> None:
         self._kept: tuple[FileState, OsmMap] | None = None
         self._finders: dict[frozenset[str], SiteFinder] = {}
 
     def get(self, path: Path) -> OsmMap:
-        """The map in the file as it is now, read only where it is another one or has changed.
+        """Return the map in the file; read it only if it is another one or has changed.
 
         Raises:
-            UnsafeInput: the file is hostile, broken, no map, or holds no road for vehicles.
+            UnsafeInput: the file is hostile, broken or not a map, or has no road for vehicles.
         """
         state = _state_of(path)
         if self._kept is None or self._kept[0] != state:
-            self._kept = None  # two large maps at once may be more than a worker's memory
+            self._kept = None  # two large maps at once may exceed a worker's memory
             self._finders.clear()
             self._kept = state, _read(path)
         return self._kept[1]
 
     def finder(self, osm: OsmMap, classes: frozenset[str]) -> SiteFinder:
-        """The finder of a map for road classes, kept where it is the last one."""
+        """Return the finder of a map for road classes; keep it if the map is the last one read."""
         if self._kept is None or self._kept[1] is not osm:
             return SiteFinder(osm, classes)
         if classes not in self._finders:
@@ -92,6 +91,6 @@ def _state_of(path: Path) -> FileState:
 MAP_READERS: dict[str, Callable[[Path], OsmMap]] = {NET_ENDING: read_net_map, LANELETS_ENDING: read_lanelet_map}
 """Readers of maps by the ending of their format (``unpacking.MAP_FORMATS``); other files are read as OpenStreetMap.
 
-A reader gives an ``OsmMap``: whatever the file is, sites are found on it and cut out of it, and netconvert builds them,
-as with an extract of OpenStreetMap.
+A reader returns an ``OsmMap``: for every format, sites are found on it and cut out of it, and netconvert builds them,
+as with an OpenStreetMap extract.
 """

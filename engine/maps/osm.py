@@ -1,11 +1,11 @@
-"""OpenStreetMap extracts as plain values: nodes, roads, and what else helps to name and judge a place.
+"""Reads OpenStreetMap extracts into plain values: nodes, roads, and data that helps to name and judge a place.
 
-XML (.osm) is read element by element; the binary format (.osm.pbf) is first written as XML, as far as roads, their
-names and surroundings need it. Positions in degrees (WGS 84), distances in m on the ground (equirectangular, good for
-the size of an extract).
+XML (.osm) is read element by element. The binary format (.osm.pbf) is first written as XML, as far as roads, their
+names and surroundings need it. Positions are in degrees (WGS 84), distances in m on the ground (equirectangular, good
+for the size of an extract).
 
-Whatever is read of a file is whole: every node of a way exists, no two ways have one id, no way runs over the
-antimeridian, and every tag is short and on one line. A file whose numbers are none is refused.
+The result is consistent: every node of a way exists, ids are unique, no way crosses the antimeridian, and every tag is
+short and on one line. A file with invalid numbers is rejected.
 """
 
 import math
@@ -30,23 +30,24 @@ from .road_tags.limits import signed_kmh
 from .unpacking import LARGEST_BYTES
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=8, elements=4_000_000)
-"""What a worker reads within its memory and time: the size is also what an extract may be unpacked into."""
+"""Limits for a worker's memory and time; an extract may be unpacked up to this size."""
 OSM_ATTRIBUTION = "© OpenStreetMap contributors, ODbL"
 SHOWN_CLASSES = 5
-"""Values of ``highway`` that a refusal names, at most."""
+"""Maximum number of values of ``highway`` that a refusal lists."""
 EARTH_RADIUS_M = 6_371_008.8
 """Mean radius of the Earth (IUGG)."""
 HALF_TURN_DEG = 180.0
-"""Of longitude: neighbouring nodes of a way that differ by more lie on either side of the antimeridian."""
+"""Longitude: consecutive nodes of a way that differ by more are on different sides of the antimeridian."""
 SOUTHMOST_DEG, NORTHMOST_DEG = -80.0, 84.0
-"""Of latitude: where the projection ends in which networks are built (UTM). Nothing nearer to a pole can be drawn in
-metres, and no public road lies there."""
+"""Latitude limits of the projection in which networks are built (UTM). Nearer to a pole, nothing can be drawn in
+metres, and there is no public road.
+"""
 LARGEST_ID = 2**63
 """OpenStreetMap's ids are whole numbers of 64 bits."""
 MOST_EMPTY = 10.0
-"""Ratio of a declared box's longer side to that of the box around all nodes, beyond which it is not believed."""
+"""Maximum ratio of a declared box's longer side to that of the box around all nodes; beyond it, the box is ignored."""
 NO_TAGS: Mapping[str, str] = MappingProxyType({})
-"""One for all nodes that have none, which are most."""
+"""Shared by all nodes without tags, which are most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ class OsmNode:
 
 @dataclass(frozen=True)
 class OsmWay:
-    """A line through nodes that the extract holds, with its tags."""
+    """A line through nodes of the extract, with its tags."""
 
     way_id: int
     node_ids: tuple[int, ...]
@@ -74,17 +75,17 @@ class OsmWay:
 
     @property
     def road_class(self) -> str:
-        """OSM's ``highway`` value; empty where the way is no road."""
+        """OSM's ``highway`` value; empty if the way is not a road."""
         return self.tags.get("highway", "")
 
     @property
     def maxspeed_kmh(self) -> float | None:
-        """The signed limit in km/h; None where none is signed or it is not a number."""
+        """The signed limit in km/h; None if there is no sign or it is not a number."""
         return signed_kmh(self.tags)
 
     @cached_property
     def is_for_cars(self) -> bool:
-        """Whether its access tags leave it open to cars, in one direction at least."""
+        """Whether its access tags leave it open to cars in at least one direction."""
         return is_for_cars(self.tags)
 
 
@@ -101,8 +102,8 @@ class OsmRelation:
 class OsmMap:
     """An extract: all nodes by id, ways in the file's order, relations, and the bounds that its header declares.
 
-    ``attribution`` is empty for OpenStreetMap's own data; ``name`` and ``country`` (ISO 3166-1 alpha-3) are those of a
-    file that states them of itself.
+    ``attribution`` is empty for OpenStreetMap's own data; ``name`` and ``country`` (ISO 3166-1 alpha-3) are set if the
+    file states them.
     """
 
     nodes: dict[int, OsmNode]
@@ -114,12 +115,12 @@ class OsmMap:
     country: str | None = None
 
     def roads(self, classes: frozenset[str] = ALL_ROADS, *, cars_only: bool = True) -> list[OsmWay]:
-        """Ways of the given ``highway`` values that cars may use; ``cars_only``: otherwise those closed to them too."""
+        """Return ways with the given ``highway`` values; ``cars_only``: leave out those closed to cars."""
         return [way for way in self.ways if way.road_class in classes and (not cars_only or way.is_for_cars)]
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(south, west, north, east) in degrees: as declared, or around all roads where that cannot be this map's."""
+        """(south, west, north, east) in degrees: as declared, or around all roads if that is not plausible."""
         declared = self.declared_bounds
         if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
             return declared
@@ -128,19 +129,19 @@ class OsmMap:
 
 
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
-    """Scan and read an extract; references to nodes that it does not hold are left out.
+    """Scan and read an extract; leave out references to nodes that it does not contain.
 
-    Nodes without a position are left out, and so are those beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``. Of nodes or
-    ways with one id the last counts. A way over the antimeridian is parted there. The document is read element by
-    element: of a million nodes only the values stay in memory.
+    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. Of nodes or ways with one
+    id, the last counts. A way over the antimeridian is split there. The document is read element by element: of a
+    million nodes, only the values stay in memory.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or holds no road.
+        UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or has no road.
     """
     root_name = scan_xml(path, limits).name
     if root_name != "osm":
         raise UnsafeInput(
-            f"{shown_name(path.name)} is no OpenStreetMap extract: its root element is "
+            f"{shown_name(path.name)} is not an OpenStreetMap extract: its root element is "
             f"<{shown_name(root_name)}>, not <osm>"
         )
     try:
@@ -155,20 +156,20 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
         if closed := extract.roads(cars_only=False):
             tags = in_words(dict.fromkeys(closing_tag(way.tags) for way in closed))
             raise UnsafeInput(
-                f"{shown_name(path.name)} holds no road that is open to cars: {len(closed)} are closed ({tags})",
+                f"{shown_name(path.name)} has no road that is open to cars: {len(closed)} are closed ({tags})",
                 next_step="use an extract with open streets in it",
             )
         others = sorted({way.road_class for way in extract.ways if way.road_class})[:SHOWN_CLASSES]
         only = f", only {', '.join(others)}" if others else ""
-        only += "; what lies beyond 80° S or 84° N, where map projections end, is not read" if beyond else ""
+        only += "; data beyond 80° S or 84° N, where map projections end, is not read" if beyond else ""
         raise UnsafeInput(
-            f"{shown_name(path.name)} holds no road for vehicles{only}", next_step="use an extract with streets in it"
+            f"{shown_name(path.name)} has no road for vehicles{only}", next_step="use an extract with streets in it"
         )
     return extract
 
 
 def _read(path: Path) -> tuple[OsmMap, int]:
-    """The extract, and how many of its nodes were left out because they lie too near to a pole."""
+    """Return the extract, and how many of its nodes were left out because they are too close to a pole."""
     nodes: dict[int, OsmNode] = {}
     ways: dict[int, OsmWay] = {}
     relations: list[OsmRelation] = []
@@ -179,7 +180,7 @@ def _read(path: Path) -> tuple[OsmMap, int]:
         )
         for _, element in document:
             if element.get("action") == "delete" or element.get("visible") == "false":
-                pass  # an editor or the history keeps what was taken off the map
+                pass  # an editor or the history keeps objects that were deleted from the map
             elif element.tag == "node":
                 if "lat" in element.attrib and "lon" in element.attrib:  # deleted and unknown nodes have no position
                     node = _node(element)
@@ -202,14 +203,14 @@ def _read(path: Path) -> tuple[OsmMap, int]:
 
 
 def _names_a_place(way: OsmWay) -> bool:
-    """Whether a way is the outline of a place: one corner of it in the extract tells where the place lies."""
+    """Return whether a way outlines a place: one corner in the extract gives its location."""
     return bool(way.node_ids) and "place" in way.tags and not way.road_class
 
 
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:
-    """Ways that stay on one side of the antimeridian; the further parts of one that does not have new ids.
+    """Split ways at the antimeridian; further parts of a way have new ids.
 
-    Longitudes jump there by 360 degrees: what measures, cuts or draws a way would lead it round the world.
+    Longitudes jump there by 360 degrees: measuring, cutting or drawing the way would lead around the world.
     """
     new_ids = count(max((way.way_id for way in ways), default=0) + 1)
     parted: list[OsmWay] = []
@@ -234,7 +235,7 @@ def _forget(element: Any) -> None:
 
 
 def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -> float:
-    """Distance in m of two (latitude, longitude) pairs in degrees (equirectangular: good for the size of a map)."""
+    """Return the distance in m between (latitude, longitude) pairs in degrees (equirectangular, within a map)."""
     middle = math.radians((first[0] + second[0]) / 2)
     north = math.radians(second[0] - first[0])
     east = math.radians(math.remainder(second[1] - first[1], 2 * HALF_TURN_DEG)) * math.cos(middle)
@@ -242,7 +243,7 @@ def ground_distance_m(first: tuple[float, float], second: tuple[float, float]) -
 
 
 def length_m(osm: OsmMap, way: OsmWay) -> float:
-    """Length of a way in m."""
+    """Return the length of a way in m."""
     return sum(
         ground_distance_m(one, other) for one, other in pairwise(osm.nodes[key].position for key in way.node_ids)
     )
@@ -280,7 +281,7 @@ def _around(nodes: Collection[OsmNode]) -> tuple[float, float, float, float]:
 
 
 def _fits(declared: tuple[float, float, float, float], nodes: Collection[OsmNode]) -> bool:
-    """Whether a declared box is not far larger than what the file holds: some tools declare the whole world."""
+    """Return whether a declared box is not far larger than the file's content: some tools declare the whole world."""
 
     def longer_side(south: float, west: float, north: float, east: float) -> float:
         return max(north - south, east - west)
@@ -295,14 +296,14 @@ def _tags(element: Any) -> Mapping[str, str]:
 
 
 def tag_text(text: str) -> str:
-    """A tag as it is, where it is short and on one line; otherwise made so: it will stand in answers and in files."""
+    """Return a tag's text unchanged if it is short and on one line, otherwise shortened for answers and files."""
     return text if len(text) <= LONGEST_TEXT and text.isprintable() else one_line(text)
 
 
 def _node(element: Any) -> OsmNode:
     latitude, longitude = float(element.attrib["lat"]), float(element.attrib["lon"])
     if not (-90 <= latitude <= 90 and -HALF_TURN_DEG <= longitude <= HALF_TURN_DEG):
-        raise ValueError(f"node {element.get('id')} lies at {latitude}, {longitude}")
+        raise ValueError(f"node {element.get('id')} is at {latitude}, {longitude}")
     return OsmNode(_id(element), latitude, longitude, _tags(element))
 
 
@@ -329,7 +330,7 @@ def _bounds(element: Any) -> tuple[float, float, float, float]:
 
 
 def _own_attribution(root: Any) -> str:
-    """The attribution of a map that PlannerForge drew; other files are OpenStreetMap's, whatever they say."""
+    """Return the attribution of a map that PlannerForge drew; other files are always OpenStreetMap's."""
     return one_line(str(root.get("attribution", ""))) if root.get("generator") == "PlannerForge" else ""
 
 
@@ -345,11 +346,11 @@ KEPT_KEYS = (
     "addr:city",
     "addr:country",
 )
-"""Objects with any of these tags are kept, and the nodes of such ways: what sites are found, judged and named by."""
+"""Objects with any of these tags are kept, and the nodes of such ways: sites are found, judged and named by them."""
 
 
 def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
-    """Write a binary extract as XML into a folder, unless it holds more than is read at once.
+    """Write a binary extract as XML into a folder, unless it exceeds the limits for one reading.
 
     Raises:
         UnsafeInput: the file is broken.
@@ -360,13 +361,13 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     target = Path(request.folder) / path.stem
     report(0.1, "unpacking the map")
     try:
-        # Read once before: osmium's writer would leave half a map, without a word, where reading breaks off.
-        if sum(1 for _ in _kept(path)) > LIMITS.elements:
+        # Read once first: if reading fails, osmium's writer silently leaves half a map.
+        if sum(1 for _ in _kept_objects(path)) > LIMITS.elements:
             return ConvertedMap(path="", too_large=True)
         with osmium.BackReferenceWriter(str(target), ref_src=str(path), overwrite=True) as writer:
-            for element in _kept(path):
+            for element in _kept_objects(path):
                 writer.add(element)
-    except (RuntimeError, ValueError) as error:  # all that osmium raises on a broken file
+    except (RuntimeError, ValueError) as error:  # all that osmium raises for a broken file
         raise UnsafeInput(
             f"{shown_name(path.name)} cannot be unpacked: {cited(error)}",
             next_step="get the extract again, or convert it to .osm",
@@ -377,7 +378,7 @@ def write_as_xml(request: ConvertMapRequest, report: ProgressReporter) -> Conver
     return ConvertedMap(path=str(target))
 
 
-def _kept(path: Path) -> Iterable[Any]:
+def _kept_objects(path: Path) -> Iterable[Any]:
     import osmium
 
     kept: Iterable[Any] = osmium.FileProcessor(str(path)).with_filter(osmium.filter.KeyFilter(*KEPT_KEYS))

@@ -16,10 +16,10 @@ GROUPS = {"roads": ROADS, "link": LINKS, "all": (*ROADS, *LINKS)}
 
 
 def resolve_road_classes(words: Iterable[str]) -> tuple[str, ...]:
-    """The ``highway`` values that groups (roads, link, all) and values name together, each once.
+    """Return the ``highway`` values that groups (roads, link, all) and values stand for, each once.
 
     Raises:
-        UnknownName: a word that is neither.
+        UnknownName: a word is neither.
     """
     values: dict[str, None] = {}
     for word in words:

@@ -1,8 +1,8 @@
-"""Files of maps: what format they have, and those that come compressed: unpacked, never into more than may be read.
+"""Recognises the format of map files, and unpacks compressed ones within a size limit.
 
-Names only say which files are looked at; what a file is, its content tells.
+Names only select candidates; the content determines what a file is.
 
-Nothing heavy is imported here: the server's process asks.
+This module imports nothing heavy, because the server's process uses it.
 """
 
 import bz2
@@ -27,11 +27,10 @@ _PACKED = (".gz", ".bz2")
 
 @dataclass(frozen=True)
 class MapFormat:
-    """A format of maps: what its files are called, and how their content tells them from others.
+    """A format of maps: its file names, and how to recognise its content.
 
-    ``ending``: of the name under which a map is kept, in lower case. ``endings``: of the files that are taken for maps
-    by their names; packed files are told by the same ones. ``root``: the root element of its XML; empty if the ending
-    alone tells.
+    ``ending``: of the name of a stored map, in lower case. ``endings``: of file names that count as maps; packed files
+    have the same ones before their own. ``root``: the root element of its XML; empty if the ending alone decides.
     """
 
     ending: str
@@ -43,9 +42,9 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
     MapFormat(".osm", (".osm", ".osm.xml"), "osm"),
     MapFormat(NET_ENDING, (NET_ENDING,), "net"),
     MapFormat(DRIVE_ENDING, (DRIVE_ENDING,), "OpenDRIVE"),
-    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, such a file is a scenario
+    MapFormat(LANELETS_ENDING, (), "commonRoad"),  # by its name, the file is a scenario
 )
-"""All formats but OpenStreetMap's binary one. Of two endings that fit a name, the first counts.
+"""All formats except OpenStreetMap's binary one. If two endings fit a name, the first counts.
 
 To add one, enter it here, and its reader in ``map_file.MAP_READERS``.
 """
@@ -57,24 +56,24 @@ _ENDINGS = {one.root: one.ending for one in MAP_FORMATS if one.root}
 """The ending that a file gets, by the root element of its XML."""
 _ROOT = re.compile(r"<(?:[\w.-]{1,99}:)?([A-Za-z_][\w.-]{0,99})")
 _ASIDES = {"<?": "?>", "<!--": "-->"}
-"""Begins and ends of what may stand before the root element: declarations and comments."""
+"""Start and end of what may precede the root element: declarations and comments."""
 _HEAD_BYTES = 16_384
-"""That are read to find a document's root element (chosen): it comes after comments, if at all."""
+"""Bytes read to find a document's root element (chosen): it comes after comments, if at all."""
 ForeignFormat = Literal["OpenDRIVE", "CommonRoad", "Lanelet2"]
 _LANELET_VALUE = re.compile(rb"""v\s*=\s*["']lanelet["']""")
 LARGEST_BYTES = 60_000_000
-"""Of a map: what a worker reads within its memory (docs/generation.md states it)."""
+"""Maximum size of a map: what a worker reads within its memory (docs/generation.md states it)."""
 LARGE_BINARY_BYTES = 24_000_000
-"""Of a binary extract: roads and houses of a larger one are hardly ever less than what a worker reads (chosen)."""
+"""Maximum size of a binary extract (chosen): roads and houses of a larger one hardly ever fit into a worker."""
 CHUNK_BYTES = 1 << 20
-"""Bytes that are in memory at a time."""
+"""Bytes in memory at a time."""
 
 
 def unpacked(path: Path, folder: Path, limit_bytes: int = LARGEST_BYTES) -> Path:
-    """The map as a plain file: the file itself, or its content unpacked into the folder.
+    """Return the map as a plain file: the file itself, or its content unpacked into the folder.
 
     Raises:
-        UnsafeInput: the content is larger than the limit (a few bytes can hold gigabytes), or the file is broken.
+        UnsafeInput: the content is larger than the limit (a few bytes can contain gigabytes), or the file is broken.
     """
     packed_name = path.suffix.lower() in _PACKED
     opened = _opener(path)
@@ -105,18 +104,18 @@ def _bunzip(path: Path) -> IO[bytes]:
 
 
 _OPENERS: Mapping[bytes, Callable[[Path], IO[bytes]]] = {b"\x1f\x8b": _gunzip, b"BZh": _bunzip}
-"""What unpacks a file, by its first bytes."""
+"""The function that unpacks a file, by its first bytes."""
 
 
 def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
-    """What unpacks a file; None for one that is not packed."""
+    """Return the function that unpacks a file, or None if it is not packed."""
     with path.open("rb") as stream:
         head = stream.read(3)
     return next((opened for magic, opened in _OPENERS.items() if head.startswith(magic)), None)
 
 
 def root_element(path: Path) -> str | None:
-    """The local name of the root element of a file, packed or not, as far as formats of maps have it; else None.
+    """Return the local name of a file's root element, packed or not, if a map format has it; else None.
 
     ``osm``, ``net``, ``OpenDRIVE``, ``commonRoad``.
     """
@@ -138,7 +137,7 @@ def _root_of(path: Path) -> str | None:
 
 
 def _begin_of_root(text: str) -> int:
-    """Where the root element begins: behind declarations and comments."""
+    """Return the index at which the root element begins: after declarations and comments."""
     at = 0
     while True:
         at += len(text[at:]) - len(text[at:].lstrip())
@@ -150,7 +149,7 @@ def _begin_of_root(text: str) -> int:
 
 
 def named_by_content(path: Path, folder: Path) -> Path:
-    """A map that is not packed under a name with the ending of its format: the file itself, or a copy in the folder."""
+    """Return an unpacked map under a name with its format's ending: the file itself, or a copy in the folder."""
     ending = _ENDINGS.get(root_element(path) or "")
     name = path.name.lower()
     if ending is None or (name.endswith(ending) and not (ending == LANELETS_ENDING and name.endswith(NET_ENDING))):
@@ -162,23 +161,23 @@ def named_by_content(path: Path, folder: Path) -> Path:
 
 
 def is_map(path: Path) -> bool:
-    """Whether a file is a map by its name."""
+    """Return whether a file's name is that of a map."""
     return path.name.lower().endswith(MAP_ENDINGS)
 
 
 def is_net(path: Path) -> bool:
-    """Whether a file, not packed, is a SUMO network by its name."""
+    """Return whether an unpacked file's name is that of a SUMO network."""
     return path.name.lower().endswith(NET_ENDING)
 
 
 def is_binary(path: Path) -> bool:
-    """Whether a file is an extract in OpenStreetMap's binary format by its name, or by its head if it is just .pbf."""
+    """Return whether a file is in OpenStreetMap's binary format, by its name or, for plain .pbf, by its head."""
     name = path.name.lower()
     return name.endswith(BINARY_ENDING) or (name.endswith(".pbf") and _is_pbf(path))
 
 
 def _is_pbf(path: Path) -> bool:
-    """Whether a file begins with the header of OpenStreetMap's binary format: a length, and the word for it."""
+    """Return whether a file begins with the header of OpenStreetMap's binary format: a length, and its keyword."""
     try:
         with path.open("rb") as stream:
             return b"OSMHeader" in stream.read(32)
@@ -187,12 +186,12 @@ def _is_pbf(path: Path) -> bool:
 
 
 def is_large(path: Path) -> bool:
-    """Whether a file is a binary extract that is read into tiles without trying to read it at once."""
+    """Return whether a file is a binary extract so large that it is read into tiles at once."""
     return is_binary(path) and path.stat().st_size > LARGE_BINARY_BYTES
 
 
 def stored_name(path: Path) -> str:
-    """The name under which a map is kept, not packed: ``map`` with the ending of its kind."""
+    """Return the name for storing a map, unpacked: ``map`` with the ending of its kind."""
     name = path.name.lower()
     plain = name.removesuffix(path.suffix.lower()) if path.suffix.lower() in _PACKED else name
     kept = (one.ending for one in MAP_FORMATS if plain.endswith((*one.endings, one.ending)))
@@ -200,9 +199,9 @@ def stored_name(path: Path) -> str:
 
 
 def foreign_format(path: Path) -> ForeignFormat | None:
-    """The format of a map, not packed, that has to be converted before it is read; None for the others.
+    """Return the format of an unpacked map that needs conversion before it can be read, or None.
 
-    A Lanelet2 map has the ending of OpenStreetMap's streets: its content tells.
+    A Lanelet2 map has the ending of OpenStreetMap's extracts: the content decides.
     """
     name = path.name.lower()
     if name.endswith(DRIVE_ENDING):
@@ -213,7 +212,7 @@ def foreign_format(path: Path) -> ForeignFormat | None:
 
 
 def _holds_lanelets(path: Path) -> bool:
-    """Whether a file of OpenStreetMap's XML holds lanelets: no file of streets has a tag with that value."""
+    """Return whether an OpenStreetMap XML file contains lanelets: no file of streets has a tag with that value."""
     rest = b""
     with path.open("rb") as stream:
         while chunk := stream.read(CHUNK_BYTES):

@@ -1,9 +1,9 @@
-"""Left and right bounds for all lanes of a SUMO net: shared between neighbours, continuous from lane to lane.
+"""Draws left and right bounds for all lanes of a SUMO net: shared between neighbours, continuous from lane to lane.
 
-A SUMO lane is a centre line and a width, a lanelet two bounds. Drawn at half the width beside the centre line, bounds
-fold in tight curves, and those of consecutive lanes do not meet. So parallel lanes of an edge are drawn together, lanes
-inside junctions are drawn onto the ends of the lanes before and behind them, and what still crosses itself is drawn
-again, each time more mildly, until it encloses a simple polygon.
+A SUMO lane is a centre line and a width; a lanelet has two bounds. If bounds are drawn at half the width from the
+centre line, they fold in tight curves, and those of consecutive lanes do not meet. Parallel lanes of an edge are
+therefore drawn together. Lanes inside junctions are drawn onto the ends of the lanes before and after them. A lane that
+still crosses itself is drawn again, each time more mildly, until it encloses a simple polygon.
 
 All lines have shape (n, 2), in metres; bounds have as many vertices as their centre line.
 """
@@ -19,21 +19,21 @@ from .net_parser import LaneGraph, NetLane, SumoNet
 from .road_network import ROAD_DECIMALS
 
 _WIDEST_JOINT_M = 3.0
-"""Chosen, about a lane's width: lanes whose ends lie farther apart do not follow each other without a junction."""
+"""Chosen, about a lane's width: lanes with ends farther apart do not follow each other without a junction."""
 _SAME_LINE_M = 0.5
-"""Chosen: bounds nearer to each other than this along their whole length are one line."""
+"""Chosen: bounds closer together than this along their whole length are one line."""
 _SHORTEST_SEGMENT_M = 0.25
-"""Chosen: vertices of parallel lanes nearer to each other than this are one, so that segments keep a direction."""
+"""Chosen: vertices of parallel lanes closer together than this are merged, so that segments keep a direction."""
 _LEAST_AREA_M2 = 0.01
-"""Chosen: a lanelet of 10 by 10 cm; bounds that fall into one line enclose none."""
+"""Chosen: a lanelet of 10 by 10 cm; bounds on one line enclose no area."""
 
 
 @dataclass
 class LaneBounds:
     """A lane while its bounds are drawn, which changes them.
 
-    ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound, ``oncoming`` is one of the
-    other direction that does. ``is_folded``: however it is drawn, it crosses itself or leads backwards.
+    ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound; ``oncoming`` is one of the
+    other direction that does. ``is_folded``: every drawing of it crosses itself or leads backwards.
     """
 
     lane: NetLane
@@ -46,7 +46,7 @@ class LaneBounds:
     is_folded: bool = False
 
     def part(self) -> None:
-        """Forget the neighbours: they no longer share a bound."""
+        """Remove the neighbours: they no longer share a bound."""
         if self.on_left is not None:
             self.on_left.on_right = None
         if self.on_right is not None:
@@ -54,7 +54,7 @@ class LaneBounds:
         self.on_left = self.on_right = None
 
     def move_end(self, index: int, left: Points, right: Points) -> None:
-        """Set the first (0) or last (−1) vertices of both bounds, for sharing neighbours too."""
+        """Set the first (0) or last (−1) vertices of both bounds, including those of sharing neighbours."""
         self.left[index], self.right[index] = left, right
         if self.on_left is not None:
             self.on_left.right[index] = left
@@ -63,9 +63,9 @@ class LaneBounds:
 
 
 def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBounds], tuple[str, ...]]:
-    """The bounds of all lanes of the graph by lane id, and the internal lanes that have none (hairpins).
+    """Return the bounds of all lanes of the graph by lane id, and the internal lanes without bounds (hairpins).
 
-    Bounds that lead against their own direction or enclose no area count as none.
+    Bounds that lead against their own direction or enclose no area do not count.
     """
     drawn: dict[str, LaneBounds] = {}
     for edge in net.edges.values():
@@ -80,11 +80,11 @@ def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBoun
         if following.lane.internal:
             _meet(bounds, following)
     for bounds in inside:
-        _share_again(bounds)
+        _share_bounds(bounds)
     for key, bounds in drawn.items():
         _close_joint(key, bounds, drawn, graph)
     for bounds in drawn.values():
-        bounds.is_folded = not (_repair(bounds) and _leads_on(bounds))
+        bounds.is_folded = not (_repair(bounds) and _leads_forward(bounds))
     dropped = tuple(key for key, bounds in drawn.items() if bounds.is_folded and bounds.lane.internal)
     for key in dropped:
         drawn.pop(key).part()
@@ -92,15 +92,15 @@ def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBoun
     return drawn, dropped
 
 
-def _leads_on(bounds: LaneBounds) -> bool:
-    """Whether the left bound lies on the left, seen in driving direction, and the bounds enclose an area."""
+def _leads_forward(bounds: LaneBounds) -> bool:
+    """Return whether the left bound is on the left in driving direction, and the bounds enclose an area."""
     ahead, across = np.diff((bounds.left + bounds.right) / 2, axis=0), bounds.left - bounds.right
     between = (across[:-1] + across[1:]) / 2
     return float((ahead[:, 0] * between[:, 1] - ahead[:, 1] * between[:, 0]).sum()) > _LEAST_AREA_M2
 
 
 def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:
-    """Lanes of an edge in order of their index, in groups of those that run side by side all along."""
+    """Return the lanes of an edge in order of their index, in groups that are parallel over their whole length."""
     groups: list[list[NetLane]] = []
     for lane in lanes:
         if groups and lane.index == groups[-1][-1].index + 1 and _parallel(groups[-1][-1], lane):
@@ -111,14 +111,14 @@ def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:
 
 
 def _parallel(lane: NetLane, other: NetLane) -> bool:
-    """Whether the centre lines keep half of both widths apart, to about a third (chosen) of a width."""
+    """Return whether the centre lines are half of both widths apart, to about a third (chosen) of a width."""
     distance = np.linalg.norm(resample(lane.shape, 9) - resample(other.shape, 9), axis=1)
     width = (lane.width_m + other.width_m) / 2
     return bool(np.max(np.abs(distance - width)) < 0.35 * width + 0.1)
 
 
 def _draw_group(group: list[NetLane]) -> dict[str, LaneBounds]:
-    """Bounds of parallel lanes, given from right to left, with vertices at the same shares of their length."""
+    """Draw bounds of parallel lanes, given from right to left, with vertices at the same shares of their length."""
     shares = _common_shares(group)
     drawn = []
     for lane in group:
@@ -134,7 +134,7 @@ def _draw_group(group: list[NetLane]) -> dict[str, LaneBounds]:
 
 
 def _common_shares(group: list[NetLane]) -> Values:
-    """The shares of their length, from 0 to 1, at which all lanes of a group have vertices."""
+    """Return the shares of their length, from 0 to 1, at which all lanes of a group have vertices."""
     stations = [stations_along(lane.shape) for lane in group]
     longest = max(float(station[-1]) for station in stations)
     kept = [0.0]
@@ -147,7 +147,7 @@ def _common_shares(group: list[NetLane]) -> Values:
 
 
 def _stitch(bounds: LaneBounds, drawn: dict[str, LaneBounds], graph: LaneGraph) -> None:
-    """Draw an internal lane's ends onto those of the lanes before and after, faded out along its length."""
+    """Draw an internal lane's ends onto those of the lanes before and after, fading out along its length."""
     before = drawn[graph.predecessors[bounds.lane.lane_id][0]]
     after = drawn[graph.successors[bounds.lane.lane_id][0]]
     at_start, at_end = not before.lane.internal, not after.lane.internal
@@ -169,14 +169,14 @@ def _stitch(bounds: LaneBounds, drawn: dict[str, LaneBounds], graph: LaneGraph) 
 
 
 def _meet(before: LaneBounds, after: LaneBounds) -> None:
-    """Two internal lanes in a row share the middle of their end points."""
+    """Move the ends of two consecutive internal lanes to their common middle."""
     left, right = (before.left[-1] + after.left[0]) / 2, (before.right[-1] + after.right[0]) / 2
     before.left[-1], before.right[-1] = left, right
     after.left[0], after.right[0] = left, right
 
 
-def _share_again(bounds: LaneBounds) -> None:
-    """After stitching: internal neighbours share the middle of their bounds, or are neighbours no more."""
+def _share_bounds(bounds: LaneBounds) -> None:
+    """Move the shared bounds of internal neighbours to their middle after stitching, or separate the neighbours."""
     other = bounds.on_left
     if other is None:
         return
@@ -189,7 +189,7 @@ def _share_again(bounds: LaneBounds) -> None:
 
 
 def _close_joint(key: str, bounds: LaneBounds, drawn: dict[str, LaneBounds], graph: LaneGraph) -> None:
-    """Two normal lanes that follow each other directly share their end points."""
+    """Make two normal lanes that follow each other directly share their end points."""
     if len(graph.successors[key]) != 1 or bounds.lane.internal:
         return
     after = drawn[graph.successors[key][0]]
@@ -202,7 +202,7 @@ def _close_joint(key: str, bounds: LaneBounds, drawn: dict[str, LaneBounds], gra
 
 
 def _repair(bounds: LaneBounds) -> bool:
-    """Draw bounds that cross themselves again; whether they then enclose a simple polygon."""
+    """Redraw bounds that cross themselves; return whether they then enclose a simple polygon."""
     lines = repaired(bounds.center, bounds.left, bounds.right)
     if lines is None:
         return False
@@ -213,7 +213,7 @@ def _repair(bounds: LaneBounds) -> bool:
 
 
 def _find_oncoming(net: SumoNet, drawn: dict[str, LaneBounds]) -> None:
-    """Pair the innermost lanes of two edges between the same junctions that share their inner bound, each with one."""
+    """Pair the innermost lanes of opposite edges between the same junctions that share their inner bound."""
     innermost: dict[tuple[str, str], list[LaneBounds]] = {}
     for edge in net.edges.values():
         lanes = [drawn[key] for key in edge.lane_ids if key in drawn]
@@ -238,11 +238,11 @@ def _find_oncoming(net: SumoNet, drawn: dict[str, LaneBounds]) -> None:
 _FOLD_STEP_M = 1e-2
 """Chosen: vertices that would fold back are put this far apart; equal ones would have no direction."""
 _NEAREST_VERTICES_M = 0.05
-"""Chosen: of two vertices nearer to each other than this one is left out."""
+"""Chosen: of two vertices closer together than this, one is left out."""
 
 
 def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
-    """Arc lengths of all vertices, filled up so that no step is longer than the maximum (chosen); at least three."""
+    """Return arc lengths of all vertices, with steps of at most the maximum (chosen), and at least three of them."""
     vertices = np.unique(np.round(arc_length(points), 4))
     total = float(vertices[-1])
     stations = [0.0]
@@ -259,7 +259,7 @@ def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
 
 
 def _normals(points: Points) -> Points:
-    """Left normals at the vertices, lengthened in curves so that an offset keeps its distance (at most doubled)."""
+    """Return left normals at the vertices, up to doubled in curves so that an offset keeps its distance."""
     step = np.diff(points, axis=0)
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)
     normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
@@ -274,12 +274,12 @@ def _normals(points: Points) -> Points:
 
 
 def offset(points: Points, distance_m: float) -> Points:
-    """The line moved to the left by the distance (to the right where negative), without folds."""
+    """Return the line shifted to the left by the distance (to the right if negative), without folds."""
     return _unfolded(points, points + _normals(points) * distance_m)
 
 
 def _unfolded(center: Points, bound: Points, rounds: int = 50) -> Points:
-    """The bound with every run of vertices that goes backward along the centre line drawn together."""
+    """Return the bound with every run of vertices that goes backward along the centre line pulled together."""
     bound = bound.copy()
     along = np.diff(center, axis=0)
     for _ in range(rounds):
@@ -292,7 +292,7 @@ def _unfolded(center: Points, bound: Points, rounds: int = 50) -> Points:
 
 
 def _draw_together(center: Points, bound: Points, first: int, last: int) -> None:
-    """Put the vertices from the first to the last close to each other, in the direction of the centre line there."""
+    """Pull the vertices from the first to the last close together, in the direction of the centre line there."""
     count, direction = last - first + 1, unit(center[last] - center[first])
     if first == 0 and last == len(bound) - 1:
         middle = bound.mean(axis=0)
@@ -308,7 +308,7 @@ def _draw_together(center: Points, bound: Points, first: int, last: int) -> None
 
 
 def is_valid(left: Points, right: Points) -> bool:
-    """Whether the two bounds enclose a simple polygon, also with the digits that a file has: they may close a gap."""
+    """Return whether the bounds enclose a simple polygon, even after rounding as in a file, which may close a gap."""
     from shapely.geometry import Polygon
 
     polygon = Polygon(np.round(np.concatenate([left, right[::-1]]), ROAD_DECIMALS))
@@ -316,7 +316,7 @@ def is_valid(left: Points, right: Points) -> bool:
 
 
 def repaired(center: Points, left: Points, right: Points) -> tuple[Points, Points] | None:
-    """The bounds, or the first milder ones with the same ends that enclose a simple polygon; None where none do."""
+    """Return the bounds, or the first milder ones with the same ends that enclose a simple polygon, or None."""
     if is_valid(left, right):
         return left, right
     for candidate in _redrawings(center, left, right):
@@ -326,10 +326,10 @@ def repaired(center: Points, left: Points, right: Points) -> tuple[Points, Point
 
 
 def _redrawings(center: Points, left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
-    """Bounds with the same ends, those most like the given ones first.
+    """Yield bounds with the same ends, those most similar to the given ones first.
 
-    Narrower where they cross themselves; curves between the ends, each with less tension; straight lines; at a smaller
-    distance from the centre line.
+    These are narrower bounds at self-crossings; curves between the ends with less and less tension; straight lines;
+    bounds closer to the centre line.
     """
     yield from _narrowings(left, right)
     count = len(center)
@@ -348,14 +348,14 @@ def _redrawings(center: Points, left: Points, right: Points) -> Iterator[tuple[P
 
 
 def _curve(bound: Points, start_direction: Points, end_direction: Points, tension: float) -> Points:
-    """A curve between the ends of a bound in the given directions; without tension a straight line."""
+    """Return a curve between the ends of a bound in the given directions; without tension, a straight line."""
     reach_m = float(np.linalg.norm(bound[-1] - bound[0])) * tension
     shares = np.linspace(0, 1, len(bound))
     return hermite(bound[0], start_direction, bound[-1], end_direction, shares, (reach_m, reach_m))
 
 
 def _narrowings(left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
-    """The bounds, step by step nearer to each other where one crosses itself."""
+    """Yield the bounds, step by step closer together where one crosses itself."""
     middle = (left + right) / 2
     for _ in range(8):
         width = np.ones(len(left))
@@ -370,7 +370,7 @@ def _narrowings(left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
 
 
 def _self_crossings(line: Points) -> list[tuple[int, int]]:
-    """Pairs of segment indices that cross."""
+    """Return pairs of indices of segments that cross."""
     crossings: list[tuple[int, int]] = []
     for first in range(len(line) - 3):
         step = line[first + 1] - line[first]

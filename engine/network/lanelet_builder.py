@@ -1,7 +1,7 @@
-"""From a SUMO net to a road network of lanelets with one geometry for both, signs, lights and intersections.
+"""Builds a road network of lanelets from a SUMO net, with one geometry for both, signs, lights and intersections.
 
-SUMO's lanes become lanelets one by one, those inside junctions included. Connections so tight that no lanelet can
-follow them (hairpins) are left out, and ``remove_hairpins`` takes them out of the net too, so that both stay the same.
+Each SUMO lane becomes a lanelet, including those inside junctions. Connections too tight for a lanelet (hairpins) are
+left out, and ``remove_hairpins`` also removes them from the net, so that both stay the same.
 """
 
 from collections import defaultdict
@@ -16,7 +16,7 @@ from .netconvert import remove_connections
 from .road_network import Incoming, Intersection, RoadLanelet, RoadNetwork, SpeedSign, TrafficLight
 
 _COUNTRY_ROAD_MPS = 70 / 3.6 - 0.1
-"""Chosen: roads with a limit of 70 km/h and more lead through the country; 0.1 m/s for SUMO's rounding."""
+"""Chosen: roads with a limit of 70 km/h or more are rural; 0.1 m/s for SUMO's rounding."""
 _USERS = {
     "passenger": "car",
     "truck": "truck",
@@ -29,17 +29,17 @@ _USERS = {
 }
 """CommonRoad's road user by SUMO's vehicle class."""
 _BUS_LANE_CLASSES = frozenset({"bus", "coach", "taxi", "emergency", "bicycle", "authority", "delivery", "army", "tram"})
-"""SUMO's classes on a lane that is for buses: none that private cars belong to."""
+"""SUMO's classes on a bus lane: private cars belong to no other class."""
 _BICYCLE_LANE_CLASSES = frozenset({"bicycle", "pedestrian", "wheelchair", "scooter", "moped"})
 
 
 def build_road_network(net: SumoNet, *, step_s: float, elapsed_s: float) -> RoadNetwork:
-    """All lanes of the net that road vehicles may use, as lanelets.
+    """Return all lanes of the net that road vehicles may use, as lanelets.
 
     Args:
         net: the SUMO net.
-        step_s: duration of a time step of the scenario, in which the lights' cycles are counted.
-        elapsed_s: simulated time that has gone by at step 0 (the warm-up), for the lights' offsets.
+        step_s: duration of the scenario's time step, the unit of the lights' cycles.
+        elapsed_s: simulated time before step 0 (the warm-up), for the lights' offsets.
     """
     graph = connect(net)
     drawn, dropped = draw_lane_bounds(net, graph)
@@ -83,16 +83,18 @@ def _lanelet(key: str, bounds: LaneBounds, ids: dict[str, int], graph: LaneGraph
     )
 
 
-def _neighbour(beside: LaneBounds | None, oncoming: LaneBounds | None, ids: dict[str, int]) -> tuple[int | None, bool]:
-    if beside is not None and beside.lane.lane_id in ids:
-        return ids[beside.lane.lane_id], True
+def _neighbour(
+    adjoining: LaneBounds | None, oncoming: LaneBounds | None, ids: dict[str, int]
+) -> tuple[int | None, bool]:
+    if adjoining is not None and adjoining.lane.lane_id in ids:
+        return ids[adjoining.lane.lane_id], True
     if oncoming is not None and oncoming.lane.lane_id in ids:
         return ids[oncoming.lane.lane_id], False
     return None, False
 
 
 def _types(edge: NetEdge, allowed: frozenset[str], speed_mps: float) -> tuple[str, ...]:
-    """CommonRoad's lanelet types, from the road's OSM class, its users and its speed."""
+    """Return CommonRoad's lanelet types, from the road's OSM class, its users and its speed."""
     types = []
     if edge.internal:
         types.append("intersection")
@@ -113,33 +115,35 @@ def _types(edge: NetEdge, allowed: frozenset[str], speed_mps: float) -> tuple[st
 
 _COLOURS = {"r": "red", "R": "red", "y": "yellow", "Y": "yellow", "g": "green", "G": "green", "s": "green"}
 _COLOURS |= {"u": "redYellow", "o": "inactive", "O": "inactive"}
-"""CommonRoad's colour by SUMO's letter for the state of a link (https://sumo.dlr.de/docs/Simulation/Traffic_Lights.html)."""
+"""CommonRoad's colour by SUMO's letter for the state of a link
+(https://sumo.dlr.de/docs/Simulation/Traffic_Lights.html).
+"""
 _SIDES = {"r": "right", "R": "right", "l": "left", "L": "left", "t": "left"}
 """Side to which a connection turns, by SUMO's letter for its direction; all others lead straight on."""
 _DIRECTIONS = {side: side for side in ("left", "straight", "right")}
 _DIRECTIONS |= {"left straight": "leftStraight", "right straight": "straightRight", "left right": "leftRight"}
-"""CommonRoad's direction of a light by the sides that it holds for."""
+"""CommonRoad's direction of a light by the sides that it applies to."""
 
 
 def _speed_signs(net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int) -> tuple[SpeedSign, ...]:
-    """One sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
+    """Return one sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
     signs: list[SpeedSign] = []
     for edge in net.edges.values():
-        beside = [by_lane[key] for key in edge.lane_ids if key in by_lane]
-        if edge.internal or not beside:
+        adjoining = [by_lane[key] for key in edge.lane_ids if key in by_lane]
+        if edge.internal or not adjoining:
             continue
-        position = beside[0].left[0] if net.lefthand else beside[0].right[0]
-        numbers = tuple(lanelet.lanelet_id for lanelet in beside)
-        signs.append(SpeedSign(first_id + len(signs), beside[0].speed_mps, position, numbers))
+        position = adjoining[0].left[0] if net.lefthand else adjoining[0].right[0]
+        numbers = tuple(lanelet.lanelet_id for lanelet in adjoining)
+        signs.append(SpeedSign(first_id + len(signs), adjoining[0].speed_mps, position, numbers))
     return tuple(signs)
 
 
 def _traffic_lights(
     net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int, *, step_s: float, elapsed_s: float
 ) -> tuple[TrafficLight, ...]:
-    """A light for every lane and group of directions that are switched alike.
+    """Return a light for every lane and each group of directions with the same switching.
 
-    CommonRoad's state at step k is that of SUMO at ``elapsed_s + k · step_s`` (one step off at a phase's change).
+    CommonRoad's state at step k is SUMO's at ``elapsed_s + k · step_s`` (one step off at a change of phase).
     """
     links: dict[tuple[str, str], list[tuple[int, str]]] = {}
     for connection in net.connections:
@@ -162,7 +166,7 @@ def _traffic_lights(
 
 
 def _cycle(program: SignalProgram, link: int, step_s: float) -> tuple[tuple[int, str], ...]:
-    """The colours that a link shows, one after the other, each with its time steps."""
+    """Return the colours that a link shows in sequence, each with its time steps."""
     phases = [
         (max(round(duration_s / step_s), 1), _COLOURS.get(state[link], "inactive"))
         for duration_s, state in program.phases
@@ -171,9 +175,9 @@ def _cycle(program: SignalProgram, link: int, step_s: float) -> tuple[tuple[int,
 
 
 def _find_intersections(net: SumoNet, ids: dict[str, int], graph: LaneGraph, first_id: int) -> tuple[Intersection, ...]:
-    """Junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane.
+    """Return junctions with at least two arms in and two out, three on one side; ``ids``: lanelet id by SUMO lane.
 
-    Where the lane over a junction is too short to be drawn, the lane behind it stands for it.
+    If the lane over a junction is too short to be drawn, the lane after it replaces it.
     """
     arms: dict[str, dict[str, defaultdict[str, set[int]]]] = {}
     exits: dict[str, set[str]] = {}
@@ -203,11 +207,11 @@ def _find_intersections(net: SumoNet, ids: dict[str, int], graph: LaneGraph, fir
 
 
 _MAXIMUM_ROUNDS = 3
-"""Chosen: netconvert draws a junction anew without the connection, which may make another one too tight."""
+"""Chosen: netconvert redraws a junction without the connection, which may make another one too tight."""
 
 
 def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]]:
-    """Delete the connections of all lanes that have no valid bounds from a net, in place.
+    """Delete the connections of all lanes without valid bounds from a net, in place.
 
     Returns:
         The number of connections, and netconvert's warnings.
@@ -225,7 +229,7 @@ def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]
 
 
 def _owners(net: SumoNet, dropped_lanes: Iterable[str]) -> list[tuple[str, str, int, int]]:
-    """The connections between normal edges whose internal lanes were dropped, in order."""
+    """Return the connections between normal edges with dropped internal lanes, in order."""
     following = {c.from_lane: c.via for c in net.connections if c.from_edge.startswith(":") and c.via is not None}
     owner: dict[str, Connection] = {}
     for connection in net.connections:

@@ -1,9 +1,9 @@
-"""Searches in directed graphs, and the graph of a lanelet network: what can be reached from where, over which lanelets.
+"""Searches directed graphs, and provides the graph of a lanelet network.
 
-The searches are written here and not taken from networkx or scipy, since of several cheapest routes they take the one
-whose nodes have the lower ids, whatever the order of the file. networkx takes the one that it met first and scipy's
-csgraph leaves it open: on straight roads, where a change of lane costs the same early and late, routes would change,
-and with them everything that is computed along them.
+The searches are our own instead of networkx's or scipy's: of several cheapest routes, they take the one with the lower
+node ids, whatever the order of the file. networkx takes the first one it finds, and scipy's csgraph does not specify
+it. On straight roads, where a lane change costs the same early and late, routes would then vary, and with them
+everything computed along them.
 """
 
 import heapq
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 LANE_CHANGE_COST_M = 20.0
-"""Chosen: a change of lane costs as much as 20 m of road, so that routes change lanes only where they must."""
+"""Chosen: a lane change costs as much as 20 m of road, so that routes change lanes only if they must."""
 
 _Node = TypeVar("_Node", int, str)
 
 
 @dataclass(frozen=True)
 class Digraph(Generic[_Node]):
-    """A directed graph: a function gives the nodes that follow a node, each with its cost, which is not negative."""
+    """A directed graph: a function returns the successors of a node, each with its non-negative cost."""
 
     steps_from: Callable[[_Node], Iterable[tuple[_Node, float]]]
 
     def cheapest_route(self, starts: Iterable[_Node], goals: Iterable[_Node]) -> tuple[_Node, ...] | None:
-        """The cheapest route from any start to any goal, both included; None where there is none."""
+        """Return the cheapest route from any start to any goal, both included, or None if there is none."""
         wanted = frozenset(goals)
         came_from: dict[_Node, _Node] = {}
         for node, _ in self._by_cost(dict.fromkeys(starts, 0.0), came_from):
@@ -40,7 +40,7 @@ class Digraph(Generic[_Node]):
         return None
 
     def costs(self, starts: Mapping[_Node, float], at_most: float = math.inf) -> dict[_Node, float]:
-        """The least cost of every node that costs no more than a limit; ``starts`` gives what the first nodes cost."""
+        """Return the lowest cost of every node up to a limit; ``starts`` maps the first nodes to their costs."""
         costs: dict[_Node, float] = {}
         for node, cost in self._by_cost(starts, {}):
             if cost > at_most:
@@ -49,9 +49,9 @@ class Digraph(Generic[_Node]):
         return costs
 
     def fewest_steps_route(self, start: _Node, goal: _Node) -> tuple[_Node, ...] | None:
-        """The route of the fewest nodes, both ends included; None where there is none.
+        """Return the route with the fewest nodes, both ends included, or None if there is none.
 
-        Of several the one whose nodes come earlier in the order of the steps.
+        Of several routes, it takes the one with nodes that come earlier in the order of the steps.
         """
         came_from: dict[_Node, _Node] = {}
         for node, _ in self._by_steps([start], came_from):
@@ -60,11 +60,11 @@ class Digraph(Generic[_Node]):
         return None
 
     def reachable(self, starts: Iterable[_Node]) -> dict[_Node, int]:
-        """All nodes that can be reached, with the fewest steps to them, nearest first; the starts included."""
+        """Return all reachable nodes with the fewest steps to them, nearest first, including the starts."""
         return dict(self._by_steps(starts, {}))
 
     def _by_cost(self, starts: Mapping[_Node, float], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, float]]:
-        """Nodes with their costs, cheapest first, of equal ones the lower id (Dijkstra)."""
+        """Yield nodes with their costs, cheapest first; of equal ones, the lower id first (Dijkstra)."""
         best = dict(starts)
         queue = [(cost, node) for node, cost in best.items()]
         heapq.heapify(queue)
@@ -80,7 +80,7 @@ class Digraph(Generic[_Node]):
                     heapq.heappush(queue, (cost + step_cost, following))
 
     def _by_steps(self, starts: Iterable[_Node], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, int]]:
-        """Nodes with the fewest steps to them, nearest first."""
+        """Yield nodes with the fewest steps to them, nearest first."""
         steps = dict.fromkeys(starts, 0)
         queue = deque(steps)
         while queue:
@@ -104,7 +104,7 @@ def _route_to(goal: _Node, came_from: Mapping[_Node, _Node]) -> tuple[_Node, ...
 class LaneletGraph:
     """Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction, ascending.
 
-    A step leads to every successor and, by a change of lane, to the neighbour on either side.
+    A step leads to every successor and, by a lane change, to the neighbour on either side.
     """
 
     length_m: dict[int, float]
@@ -114,7 +114,7 @@ class LaneletGraph:
 
     @classmethod
     def of(cls, network: "LaneletNetwork") -> "LaneletGraph":
-        """The graph of a network; references to lanelets that do not exist are left out."""
+        """Return the graph of a network; references to missing lanelets are left out."""
         lanelets = {
             lanelet.lanelet_id: lanelet for lanelet in sorted(network.lanelets, key=lambda lane: lane.lanelet_id)
         }
@@ -122,19 +122,19 @@ class LaneletGraph:
             length_m={key: length_m(lanelet.center_vertices) for key, lanelet in lanelets.items()},
             successors={key: _known(lanelet.successor, lanelets) for key, lanelet in lanelets.items()},
             predecessors={key: _known(lanelet.predecessor, lanelets) for key, lanelet in lanelets.items()},
-            neighbours={key: _known(_beside(lanelet), lanelets) for key, lanelet in lanelets.items()},
+            neighbours={key: _known(_neighbour_ids(lanelet), lanelets) for key, lanelet in lanelets.items()},
         )
 
     def shortest_route(self, starts: Iterable[int], goals: Iterable[int]) -> tuple[int, ...] | None:
-        """The route of the least length and changes of lane from any start to any goal, both included; or None."""
+        """Return the route, if any, with the least length and lane changes from a start to a goal, both included."""
         return Digraph(self._steps_from).cheapest_route(starts, goals)
 
     def reachable(self, starts: Iterable[int]) -> dict[int, int]:
-        """All lanelets that can be reached, with the fewest steps to them, nearest first; the starts included."""
+        """Return all reachable lanelets with the fewest steps to them, nearest first, including the starts."""
         return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
     def beside(self, starts: Iterable[int]) -> frozenset[int]:
-        """The lanelets that lane changes alone lead to, the starts included."""
+        """Return the lanelets that lane changes alone reach, including the starts."""
         changes = Digraph(lambda key: ((other, LANE_CHANGE_COST_M) for other in self.neighbours.get(key, ())))
         return frozenset(changes.reachable(starts))
 
@@ -147,7 +147,7 @@ def _known(ids: Iterable[int | None], lanelets: dict[int, "Lanelet"]) -> tuple[i
     return tuple(sorted({key for key in ids if key is not None and key in lanelets}))
 
 
-def _beside(lanelet: "Lanelet") -> list[int | None]:
+def _neighbour_ids(lanelet: "Lanelet") -> list[int | None]:
     left = lanelet.adj_left if lanelet.adj_left_same_direction else None
     right = lanelet.adj_right if lanelet.adj_right_same_direction else None
     return [left, right]

@@ -1,7 +1,7 @@
-"""SUMO's .net.xml as plain values: lanes, edges, connections, signal programs; and which lane follows which.
+"""Reads SUMO's .net.xml into plain values: lanes, edges, connections, signal programs, and the succession of lanes.
 
-Pedestrian crossings, walking areas and connectors are left out. Coordinates are those of the net, in metres. A net
-whose numbers are none, or beyond what roads have, is refused here.
+Pedestrian crossings, walking areas and connectors are left out. Coordinates are the net's, in metres. A net with
+invalid or implausible numbers is rejected here.
 """
 
 from collections.abc import Iterable, Mapping
@@ -30,16 +30,16 @@ MOTOR_CLASSES = frozenset(_MOTOR.split())
 _ALL_CLASSES = MOTOR_CLASSES | frozenset(_OTHER.split())
 ROAD_CLASSES = MOTOR_CLASSES | {"bicycle"}
 _DEFAULT_LANE_WIDTH_M, _DEFAULT_SPEED_MPS = 3.2, 13.89
-"""SUMO's own, where the net gives none."""
+"""SUMO's default if the net has none."""
 
 _FARTHEST_M = 1e8
-"""Chosen: coordinates of a projection reach 2e7 m, with an offset twice as far."""
+"""Chosen: coordinates of a projection reach 2e7 m, with an offset twice as much."""
 _FASTEST_MPS, _WIDEST_M, _LONGEST_PHASE_S = 500.0, 100.0, 1e6
 """Chosen: no lane is faster or wider, and no phase of a light longer."""
 _LONGEST_ID = 2_000
-"""Characters; chosen: netconvert joins the ids of the junctions that it joins."""
+"""Maximum length of an id in characters; chosen: netconvert concatenates the ids of junctions that it joins."""
 _LARGEST_NET_BYTES = 200_000_000
-"""Chosen: nets have more text than the maps that they are made of."""
+"""Chosen: nets have more text than their maps."""
 
 
 @dataclass(frozen=True)
@@ -97,9 +97,9 @@ class SignalProgram:
 
 @dataclass(frozen=True)
 class SumoNet:
-    """A SUMO net; all mappings in the order of the file.
+    """A SUMO net; all mappings have the order of the file.
 
-    ``offset_m``: what netconvert added to the projected coordinates (``projection``, a PROJ string).
+    ``offset_m``: the offset that netconvert added to the projected coordinates (``projection``, a PROJ string).
     """
 
     lanes: dict[str, NetLane]
@@ -113,7 +113,7 @@ class SumoNet:
     lefthand: bool
 
     def drivable_edges(self, sumo_class: str) -> frozenset[str]:
-        """Ids of the normal edges with at least one lane that the class may use."""
+        """Return the ids of normal edges with at least one lane that the class may use."""
         return frozenset(
             lane.edge_id for lane in self.lanes.values() if not lane.internal and sumo_class in lane.allowed
         )
@@ -126,7 +126,7 @@ def read_net(path: Path) -> SumoNet:
         UnsafeInput: the file is hostile, broken or not a SUMO net.
     """
     if scan_xml(path, XmlLimits(size_bytes=_LARGEST_NET_BYTES)).name != "net":
-        raise UnsafeInput(f"{shown_name(path.name)} is no SUMO net: its root element is not <net>")
+        raise UnsafeInput(f"{shown_name(path.name)} is not a SUMO net: its root element is not <net>")
     try:
         return _net(etree.parse(path).getroot())
     except (ValueError, ArithmeticError, etree.LxmlError) as error:
@@ -175,15 +175,15 @@ def _edges_and_lanes(root: etree._Element) -> tuple[dict[str, NetEdge], dict[str
 
 
 def shape_of(lane: etree._Element) -> Points:
-    """The centre line of a net's lane without repeated vertices, shape (n, 2), in metres.
+    """Return the centre line of a net's lane without repeated vertices, shape (n, 2), in metres.
 
     Raises:
-        ValueError: a coordinate is none, or beyond what projections have.
+        ValueError: a coordinate is not a number, or beyond the range of projections.
     """
     points = [[float(value) for value in point.split(",")[:2]] for point in lane.get("shape", "").split()]
     shape = np.array(points, dtype=float).reshape(-1, 2)
     if not bool(np.all(np.abs(shape) <= _FARTHEST_M)):
-        raise ValueError(f"lane {_id(lane)} has a coordinate that is none or beyond {_FARTHEST_M:g} m")
+        raise ValueError(f"lane {_id(lane)} has a coordinate that is not a number or beyond {_FARTHEST_M:g} m")
     return without_repeats(shape)
 
 
@@ -251,7 +251,7 @@ def _signal(element: etree._Element) -> SignalProgram:
 _SHORTEST_LANE_M = 0.05
 """Chosen: a shorter lane has no direction."""
 _TINY_JOINT_M = 1.0
-"""Chosen: an internal lane shorter than this between exactly two lanes is left out, and the two are joined directly."""
+"""Chosen: a shorter internal lane between exactly two lanes is left out, and the two are joined directly."""
 
 
 @dataclass
@@ -263,14 +263,14 @@ class LaneGraph:
     predecessors: dict[str, list[str]] = field(default_factory=dict)
 
     def link(self, before: str, after: str) -> None:
-        """Let a lane follow another."""
+        """Make a lane follow another."""
         for linked, new in ((self.successors[before], after), (self.predecessors[after], before)):
             if new not in linked:
                 linked.append(new)
                 linked.sort()
 
     def contract(self, lane_id: str) -> None:
-        """Take a lane out and let those after it follow those before it."""
+        """Remove a lane, and link those before it to those after it."""
         before, after = list(self.predecessors[lane_id]), list(self.successors[lane_id])
         self.drop([lane_id])
         for entry, following in product(before, after):
@@ -278,7 +278,7 @@ class LaneGraph:
                 self.link(entry, following)
 
     def drop(self, lane_ids: Iterable[str]) -> None:
-        """Take lanes and their links out."""
+        """Remove lanes and their links."""
         for lane_id in lane_ids:
             for following in self.successors.pop(lane_id):
                 self.predecessors[following].remove(lane_id)
@@ -288,10 +288,10 @@ class LaneGraph:
 
 
 def connect(net: SumoNet) -> LaneGraph:
-    """The graph of all lanes for road vehicles; internal lanes that lead nowhere are left out.
+    """Return the graph of all lanes for road vehicles; internal lanes without a successor are left out.
 
-    Lanes too short to be drawn are left out too, and what they connect is linked directly: where two roads meet end to
-    end, the lane inside the junction has no length.
+    Lanes too short to be drawn are left out too, and their ends are linked directly: if two roads meet end to end, the
+    lane inside the junction has no length.
     """
     lanes = {key: lane for key, lane in net.lanes.items() if lane.allowed & ROAD_CLASSES}
     graph = LaneGraph(lanes, {key: [] for key in lanes}, {key: [] for key in lanes})
@@ -312,17 +312,17 @@ def connect(net: SumoNet) -> LaneGraph:
 
 
 def lost_connections(net: SumoNet, graph: LaneGraph) -> tuple[Connection, ...]:
-    """The connections between lanes of roads that a vehicle may drive in the net, but not in the graph.
+    """Return the connections between road lanes that a vehicle may drive in the net, but not in the graph.
 
-    A vehicle that may use the lanes before, over and behind a junction has to find a way over the junction in the graph
-    too; over lanes of roads that are too short to be drawn, the way goes on to the next that is drawn.
+    If a vehicle may use the lanes before, over and after a junction, the graph must have a route over the junction too.
+    Over road lanes that are too short to be drawn, the route continues to the next one that is drawn.
     """
     via = {link.from_lane: link.via for link in net.connections if link.from_edge.startswith(":")}
     return tuple(link for link in net.connections if _is_drivable(link, net, via) and not _leads(link, net, graph))
 
 
 def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) -> bool:
-    """Whether a connection leads from road to road and some vehicle may use all of its lanes, each long enough."""
+    """Return whether a connection leads from road to road over long enough lanes that some vehicle may use."""
     ends = [net.lanes.get(key) for key in (link.from_lane, link.to_lane)]
     if link.from_edge.startswith(":") or not all(lane is not None and _is_drawable(lane) for lane in ends):
         return False
@@ -335,7 +335,7 @@ def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) 
 
 
 def _leads(link: Connection, net: SumoNet, graph: LaneGraph) -> bool:
-    """Whether the graph leads from a connection's first lane to its last over lanes inside junctions alone."""
+    """Return whether the graph leads from a connection's first lane to its last over lanes inside junctions alone."""
     waiting, seen = [link.from_lane], set[str]()
     while waiting:
         for key in graph.successors.get(waiting.pop(), ()):

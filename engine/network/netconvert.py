@@ -1,11 +1,11 @@
-"""SUMO's netconvert and what its nets need before anything drives on them: smooth junctions, speeds for curves.
+"""Runs SUMO's netconvert, and prepares its nets for driving: smooth junctions, speeds for curves.
 
-The program is native code on foreign input: it gets only scanned files, runs without a shell, with a time limit, and
-its output is deleted first, so that an old file is never taken for a result.
+The program is native code on foreign input: it gets only scanned files, and runs without a shell and with a time limit.
+Its output is deleted first, so that an old file never counts as a result.
 
-Where a junction is small or was joined of several, netconvert gives up its own curve and draws a straight line, or one
-that ends across the road that it leads to. Vehicles and lanelets follow these lines, so every run of netconvert is
-followed by ``smooth_junction_lanes``, in the net.
+If a junction is small or joined from several, netconvert replaces its own curve by a straight line, or by one that ends
+across the next road. Vehicles and lanelets follow these lines. Every run of netconvert is therefore followed by
+``smooth_junction_lanes``, in the net.
 """
 
 import math
@@ -42,24 +42,24 @@ from .net_parser import shape_of
 from .walk_net import read_walk_net
 
 _TIME_LIMIT_S = 120.0
-"""Chosen: maps within the limits of size take seconds."""
+"""Chosen: maps within the size limits take seconds."""
 _MOST_WARNINGS = 1_000
-"""That are kept; chosen: a site has a few, and they name what the map's file says."""
+"""Maximum number of warnings kept; chosen: a site has a few, and they repeat text from the map's file."""
 _GEOMETRY_OPTIONS = """
 --no-turnarounds true --junctions.internal-link-detail 10 --junctions.corner-detail 5 --junctions.small-radius 4
 --junctions.scurve-stretch 1 --geometry.max-angle.fix true --precision 3
 """
-"""Detail inside junctions makes smooth lanelets; turnarounds make hairpins that no lanelet can follow.
+"""Options for smooth lanelets inside junctions, and without turnarounds, which make hairpins for lanelets.
 
-Junctions without conflicts get the radius of the others (1.5 m otherwise) and room for lanes that shift sideways, and
-roads that fold back at one point are straightened.
+Junctions without conflicts get the radius of the others (1.5 m otherwise) and room for lanes that shift sideways. Roads
+that fold back at one point are straightened.
 """
 _OSM_OPTIONS = """
 --geometry.remove true --ramps.guess true --roundabouts.guess true --tls.guess-signals true --tls.discard-simple true
 --tls.join true --output.street-names true --osm.turn-lanes true --osm.lane-access true
 --keep-edges.by-vclass passenger,bus,truck,delivery,motorcycle,taxi
 """
-"""What SUMO's guide to importing OpenStreetMap recommends, with street names, for roads of motor vehicles alone."""
+"""The options that SUMO's guide to importing OpenStreetMap recommends, with street names, for motor vehicles only."""
 
 
 _TIGHT_RADIUS_M = 1.5
@@ -76,20 +76,20 @@ def convert_osm(
     tight_corners: bool = False,
     pavements: bool = False,
 ) -> tuple[str, ...]:
-    """Turn an OSM extract into a SUMO net; netconvert's warnings.
+    """Convert an OSM extract to a SUMO net; return netconvert's warnings.
 
     Args:
-        osm: the scanned extract; types of road that it needs lie beside it, as ``.typ.xml``.
-        net: where to write.
-        lefthand: whether traffic keeps to the left.
+        osm: the scanned extract; its types of road, if any, are in a ``.typ.xml`` file next to it.
+        net: the file to write.
+        lefthand: whether traffic keeps left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
-        join_junctions: make one junction of those that lie close together.
-        tight_corners: round the corners of junctions by 1.5 m and not by 4 m, which leaves more of small rings.
-        pavements: build the pavements that tags state, crossings where they meet at a junction and where nodes mark
-            them, and cycle lanes.
+        join_junctions: join nearby junctions to one.
+        tight_corners: round the corners of junctions by 1.5 m instead of 4 m, which preserves more of small rings.
+        pavements: build tagged pavements, crossings where they meet at a junction and where nodes mark them, and cycle
+            lanes.
 
     Raises:
-        NotPossible: netconvert refuses the extract, naming its error.
+        NotPossible: netconvert rejects the extract; the error quotes its message.
     """
     import sumo
 
@@ -111,9 +111,9 @@ def convert_osm(
 
 
 def _remove_double_crossings(net: Path) -> tuple[str, ...]:
-    """Take crossings that join the same corners as another out of a net, in place; netconvert's warnings.
+    """Remove crossings between the same corners as another from a net, in place; return netconvert's warnings.
 
-    Where a node marks a crossing in the middle of a road, netconvert builds one on either side of it.
+    If a node marks a crossing in the middle of a road, netconvert builds one on either side of it.
     """
     root, joined = etree.Element("connections"), set()
     for crossing in read_walk_net(net).crossings.values():
@@ -127,7 +127,7 @@ def _remove_double_crossings(net: Path) -> tuple[str, ...]:
 
 
 def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int]], scratch: Path) -> tuple[str, ...]:
-    """Take lane connections (from edge, to edge, from lane, to lane) out of a net, in place; netconvert's warnings."""
+    """Remove lane connections (from edge, to edge, from lane, to lane) from a net, in place; return the warnings."""
     root = etree.Element("connections")
     for start, end, from_lane, to_lane in connections:
         ends = {"from": start, "to": end, "fromLane": str(from_lane), "toLane": str(to_lane)}
@@ -136,7 +136,7 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
 
 
 def remove_edges(net: Path, edges: Iterable[str], scratch: Path) -> tuple[str, ...]:
-    """Take edges out of a net, in place; netconvert's warnings."""
+    """Remove edges from a net, in place; return netconvert's warnings."""
     root = etree.Element("edges")
     for edge in edges:
         etree.SubElement(root, "delete", {"id": edge})
@@ -144,7 +144,7 @@ def remove_edges(net: Path, edges: Iterable[str], scratch: Path) -> tuple[str, .
 
 
 def _patched(net: Path, document: etree._Element, scratch: Path, kind: str = "connection") -> tuple[str, ...]:
-    """Change a net, in place, by a document of connections or edges; netconvert's warnings."""
+    """Change a net, in place, by a document of connections or edges; return netconvert's warnings."""
     patch = scratch / f"removed.{kind[:3]}.xml"
     patch.write_bytes(etree.tostring(document))
     options = ["--sumo-net-file", str(net), f"--{kind}-files", str(patch), "--offset.disable-normalization", "true"]
@@ -154,10 +154,10 @@ def _patched(net: Path, document: etree._Element, scratch: Path, kind: str = "co
 
 
 def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
-    """Run netconvert with the options and those for good geometry inside junctions, and smooth the lanes there.
+    """Run netconvert with options for good geometry inside junctions, and smooth the lanes there.
 
     Returns:
-        Its warnings, in the order in which they came, each on one line: they repeat names of the map.
+        Its warnings in order, each on one line: they repeat names of the map.
 
     Raises:
         NotPossible: it ended with an error.
@@ -188,7 +188,7 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
         reasons = [line.removeprefix("Error:").strip() for line in lines if line.startswith("Error")]
         reason = "; ".join(reasons[:3]) or f"it ended with code {done.returncode}"
         raise NotPossible(
-            f"no road network can be made from this map: {reason}", next_step="choose another site or map"
+            f"netconvert cannot build a road network from this map: {reason}", next_step="choose another site or map"
         )
     smooth_junction_lanes(net)
     warnings = [one_line(line.removeprefix("Warning:")) for line in lines if line.startswith("Warning")]
@@ -197,28 +197,28 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
 
 
 _FOLD_RAD = math.radians(100.0)
-"""Chosen: roads do not turn by more at one point, lines that run back over themselves do."""
+"""Chosen: roads turn less at one point; only lines that run back over themselves turn more."""
 _LARGEST_CORNER_RAD = math.radians(20.0)
-"""Chosen: a larger turn at one point is a corner; netconvert's own curves turn by less from point to point."""
+"""Chosen: a larger turn at one point is a corner; netconvert's own curves turn less from point to point."""
 _HOOK_RADIUS_M, _LEAST_GAIN = 3.0, 1.2
-"""Chosen: a curve of a smaller radius (no car turns in it) is a hook, if another has a radius larger by this factor."""
+"""Chosen: a curve of a smaller radius (too small for cars) is a hook, if another has a radius larger by this factor."""
 _REACHES = (0.2, 0.35, 0.5, 0.75, 1.0, 1.4)
-"""Tried: distances of the inner control points from the ends, as shares of the distance between these."""
+"""Distances of the inner control points from the ends to try, as shares of the distance between the ends."""
 _SAMPLES = 33
 """Chosen: points on a curve while curves are compared."""
 _SPACING_M, _FEWEST_POINTS = 1.0, 10
-"""Points on the curve that is written: as dense as netconvert's own (``internal-link-detail`` below 10 m)."""
+"""Points on the written curve: as dense as netconvert's own (``internal-link-detail`` below 10 m)."""
 _DECIMALS = 3
 """As in all of the net (``precision``)."""
 
 
 def smooth_junction_lanes(net_path: Path) -> int:
-    """Draw lanes over a junction anew, in place, where they meet their roads at a corner or have a hook within.
+    """Redraw lanes over a junction, in place, if they meet their roads at a corner or have a hook.
 
-    Vertices at which lanes of roads fold back are left out before.
+    Vertices at which lanes of roads fold back are removed first.
 
     Returns:
-        The number of lanes of roads and of routes over junctions that were drawn anew.
+        The number of redrawn road lanes and routes over junctions.
     """
     root = etree.parse(net_path).getroot()
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
@@ -241,7 +241,7 @@ def smooth_junction_lanes(net_path: Path) -> int:
 
 
 def _unfold(lane: etree._Element) -> bool:
-    """Leave out vertices at which a lane folds back; whether there were any."""
+    """Remove vertices at which a lane folds back; return whether there were any."""
     old = shape_of(lane)
     new = without_folds(old)
     if len(new) < len(old):
@@ -250,7 +250,7 @@ def _unfold(lane: etree._Element) -> bool:
 
 
 def without_folds(line: Points) -> Points:
-    """The line without the inner vertices at which it turns back (by more than 100°)."""
+    """Return the line without the inner vertices at which it turns back (by more than 100°)."""
     while len(line) > 2:
         turns = np.abs(np.diff(headings(line)))
         sharpest = int(np.argmax(turns))
@@ -261,9 +261,9 @@ def without_folds(line: Points) -> Points:
 
 
 def smoothest_curve(ahead: Points, path: Points, onward: Points) -> Points | None:
-    """The curve of the least curvature between the ends of a path that leaves and arrives in the given directions.
+    """Return the curve of least curvature between a path's ends that leaves and arrives in the given directions.
 
-    None where the path itself has neither a corner at its ends nor a hook, or no curve is smoother.
+    The result is None if the path has neither a corner at its ends nor a hook, or if no curve is smoother.
     """
     if len(path) < 2:
         return None
@@ -287,19 +287,19 @@ def _least_curved(ahead: Points, start: Points, end: Points, onward: Points) -> 
 
 
 def _sharpest_corner(ahead: Points, path: Points, onward: Points) -> float:
-    """The larger turn in rad at the ends of a path that is entered and left in the given directions."""
+    """Return the larger turn in rad at the ends of a path that is entered and left in the given directions."""
     directions = np.vstack([ahead, np.diff(path, axis=0)[[0, -1]], onward])
     angles = np.arctan2(directions[:, 1], directions[:, 0])
     return float(np.abs(wrap_angles(angles[[1, 3]] - angles[[0, 2]])).max())
 
 
 def _largest_curvature(curve: Points) -> float:
-    """Largest curvature in 1/m."""
+    """Return the largest curvature in 1/m."""
     return 0.0 if len(curve) < 3 else float(_largest_curvatures(curve[None])[0])
 
 
 def _largest_curvatures(curves: NDArray[np.float64]) -> Values:
-    """Largest curvature in 1/m of each of several curves, shape (k, n, 2), n at least 3."""
+    """Return the largest curvature in 1/m of each of several curves, shape (k, n, 2), n at least 3."""
     along, across = np.moveaxis(curves[:, 1:] - curves[:, :-1], 2, 0)
     steps, turns = np.sqrt(along * along + across * across), np.unwrap(np.arctan2(across, along))
     largest: Values = np.max(np.abs(np.diff(turns)) / np.maximum((steps[:, 1:] + steps[:, :-1]) / 2, 1e-6), axis=1)
@@ -307,7 +307,7 @@ def _largest_curvatures(curves: NDArray[np.float64]) -> Values:
 
 
 def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:
-    """Every connection of two roads by its lanes: before the junction, those inside in order, behind it."""
+    """Yield every connection of two roads by its lanes: before the junction, inside in order, after it."""
     connections = list(root.iterfind("connection"))
     following = {f"{link.get('from')}_{link.get('fromLane')}": link.get("via") for link in connections}
     for link in connections:
@@ -322,7 +322,7 @@ def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str
 
 
 def _split(curve: Points, lengths_m: list[float]) -> Iterator[Points]:
-    """The curve in pieces that have the given shares of its length."""
+    """Yield the curve in pieces that have the given shares of its length."""
     stations = arc_length(curve)
     for begin, end in pairwise(np.concatenate([[0.0], np.cumsum(lengths_m)]) / sum(lengths_m) * stations[-1]):
         between = stations[(stations > begin + 0.05) & (stations < end - 0.05)]
@@ -341,7 +341,7 @@ _SLOWEST_MPS = 2.0
 
 
 def stated_frictions(net_path: Path) -> frozenset[float | None]:
-    """Return the coefficients of friction that the lanes of a net state, with None if a lane states none."""
+    """Return the friction coefficients of a net's lanes, with None among them if a lane has none."""
     lanes = etree.parse(net_path).getroot().iterfind("edge[@from]/lane")
     return frozenset(None if (text := lane.get("friction")) is None else float(text) for lane in lanes)
 
@@ -349,12 +349,12 @@ def stated_frictions(net_path: Path) -> frozenset[float | None]:
 def cap_speeds(net_path: Path, friction: float | None = None) -> int:
     """Lower the speed limit of every lane of a net, in place, to √(a / κ) for its sharpest curve.
 
-    SUMO slows down for turns inside junctions only, never in the curves of a road: a quarter of its cars would break
-    the friction circle there. On a road of some friction, half of what tyres hold is the most that drivers use.
-    Comments (netconvert's date and paths) are left out of the file.
+    SUMO slows down for turns inside junctions only, never in the curves of a road: a quarter of its cars would exceed
+    the friction circle there. On a road with a given friction, drivers use at most half of what tyres hold. Comments
+    (netconvert's date and paths) are left out of the file.
 
     Returns:
-        The number of lanes that were changed.
+        The number of changed lanes.
     """
     lateral_mps2 = min(_LATERAL_ACCELERATION_MPS2, math.inf if friction is None else friction * GRAVITY_MPS2 / 2)
     root = etree.parse(net_path, etree.XMLParser(remove_comments=True)).getroot()

@@ -1,4 +1,4 @@
-"""Words, fractions and metres for a place along a lanelet, as users write them."""
+"""Parses words, fractions and metres for a position along a lanelet, as users write them."""
 
 from ...schemas.errors import InvalidRequest, instead, misspelt
 from ...schemas.grammar import parse_quantity
@@ -14,24 +14,26 @@ POSITION_WORDS = {
 }
 """Shares of a lanelet's length."""
 _INSIDE_M = 0.01
-"""Chosen: a point on a lanelet's edge may lie beside it once a file rounds it: where the road ends, on no lanelet."""
+"""Chosen: after rounding in a file, a point on a lanelet's edge may be outside it; where the road ends, on no
+lanelet.
+"""
 _VALID = ("beginning", "quarter", "middle", "three_quarter", "final", "a fraction in 0…1 such as 0.66", "metres: '35m'")
 
 
 def station_m(text: str, lanelet_id: int, length_m: float, margin_m: float = 0.0) -> float:
-    """Arc length in m for a position word, a fraction or metres, at least a centimetre inside the lanelet's ends.
+    """Return the arc length in m for a position word, a fraction or metres, at least 1 cm inside the lanelet's ends.
 
-    Words and fractions keep ``margin_m`` (half a vehicle) from both ends; metres are taken as they are.
+    Words and fractions keep ``margin_m`` (half a vehicle) from both ends; metres are used as given.
 
     Raises:
-        InvalidRequest: no such word, or a place beyond the lanelet.
+        InvalidRequest: there is no such word, or the position is beyond the lanelet.
     """
     body = text.strip().lower()
     if body.endswith("m") and body[:-1].strip()[-1:].isdigit():
         metres = parse_quantity(body, "m")
         if not 0.0 <= metres <= length_m:
             raise InvalidRequest(
-                f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} lies beyond",
+                f"lanelet {lanelet_id} is {length_m:.1f} m long; {text} is beyond its end",
                 valid=[f"0m … {length_m:.1f}m", *_VALID[:-1]],
                 next_step="choose a position on it, or the lanelet after it",
                 remedies=[instead(text, word, "position") for word in ("final", "middle")],
@@ -53,14 +55,14 @@ def _fraction(text: str) -> float:
         value = float(text)
     except ValueError:
         raise InvalidRequest(
-            f"'{text}' is no position on a lanelet",
+            f"'{text}' is not a position on a lanelet",
             valid=_VALID,
-            next_step="name a position in one of these forms",
+            next_step="give a position in one of these forms",
             remedies=[*misspelt(text, POSITION_WORDS, "position"), instead(text, "middle", "position")],
         ) from None
     if not 0.0 <= value <= 1.0:
         raise InvalidRequest(
-            f"position {text} is no fraction of a lanelet; metres are written '{text}m'",
+            f"position {text} is not a fraction of a lanelet; metres are written '{text}m'",
             valid=_VALID,
             next_step=f"write '{text}m' for metres along it, or a fraction from 0 to 1",
             remedies=[instead(text, f"{text}m", "position"), instead(text, "final", "position")],

@@ -1,6 +1,6 @@
-"""A road network as CommonRoad sees it, as plain values, and which of its lanelets lies under a point.
+"""A road network in CommonRoad's terms, as plain values, with a lookup of the lanelet under a point.
 
-It is made from a SUMO net (``lanelet_builder``), written as CommonRoad XML, and asked where generated traffic drives.
+It is built from a SUMO net (``lanelet_builder``), written as CommonRoad XML, and used to locate generated traffic.
 """
 
 from dataclasses import dataclass
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 ROAD_DECIMALS = 4
-"""Of coordinates of the road network in m in a file: a tenth of a millimetre, finer than any map."""
+"""Decimals of a road network's coordinates in m in a file: a tenth of a millimetre, finer than any map."""
 _SEAM_M = 0.02
-"""By how much lanelets are widened for their union: neighbours share their bound only up to rounding."""
+"""Widening of lanelets for their union in m: neighbours share their bound only up to rounding."""
 
 
 @dataclass(frozen=True)
 class RoadLanelet:
     """A lanelet with the SUMO lane that it was made from; bounds (n, 2) in metres, ids are CommonRoad's.
 
-    ``types`` and ``users`` are CommonRoad's words (``urban``, ``car`` …); ``allowed`` are SUMO's classes.
+    ``types`` and ``users`` are CommonRoad's values (``urban``, ``car`` …); ``allowed`` are SUMO's classes.
     """
 
     lanelet_id: int
@@ -58,14 +58,14 @@ class RoadLanelet:
         return np.concatenate([self.right, self.left[::-1]])
 
     def neighbours(self) -> tuple[int, ...]:
-        """Lanelets beside this one that lead the same way."""
+        """Return adjacent lanelets of the same direction."""
         sides = ((self.left_neighbour, self.left_same_direction), (self.right_neighbour, self.right_same_direction))
         return tuple(key for key, same in sides if key is not None and same)
 
 
 @dataclass(frozen=True)
 class SpeedSign:
-    """A speed limit in m/s that holds on the lanelets; stands at ``position`` (2,)."""
+    """A speed limit in m/s for some lanelets; the sign is at ``position`` (2,)."""
 
     sign_id: int
     speed_mps: float
@@ -75,7 +75,7 @@ class SpeedSign:
 
 @dataclass(frozen=True)
 class TrafficLight:
-    """A light at the end of one lanelet: cycle as (steps, colour) and the steps already gone at time 0."""
+    """A light at the end of one lanelet: cycle as (steps, colour), and the steps of it elapsed at time 0."""
 
     light_id: int
     lanelet_id: int
@@ -87,7 +87,7 @@ class TrafficLight:
 
 @dataclass(frozen=True)
 class Incoming:
-    """One arm of an intersection: the lanelets that lead in, and those behind them by direction."""
+    """One arm of an intersection: the lanelets that lead in, and the following ones by direction."""
 
     incoming_id: int
     lanelet_ids: tuple[int, ...]
@@ -98,7 +98,7 @@ class Incoming:
 
 @dataclass(frozen=True)
 class Intersection:
-    """A junction with at least two arms and a choice of where to go."""
+    """A junction with at least two arms and a choice of directions."""
 
     intersection_id: int
     incomings: tuple[Incoming, ...]
@@ -108,7 +108,7 @@ class Intersection:
 class Walkway:
     """A lanelet for pedestrians in both directions: a crossing, or a pavement or a corner where pavements meet.
 
-    ``edge_id``: SUMO's; bounds (n, 2) in metres.
+    ``edge_id`` is SUMO's; bounds (n, 2) in metres.
     """
 
     lanelet_id: int
@@ -122,10 +122,10 @@ class Walkway:
 class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
-    ``lost_connections``: from lane to lane, those of the net that no way over the lanelets stands for.
-    ``folded_edges``: roads, between junctions, with lanelets that no drawing keeps from crossing themselves.
-    ``largest_id``: of all elements of the file that the network was read of; 0 where it was read of none. ``walkways``
-    are beside the lanelets, which are those of vehicles.
+    ``lost_connections``: the net's connections from lane to lane without a route over the lanelets. ``folded_edges``:
+    roads between junctions with lanelets that cross themselves in every drawing. ``largest_id``: the largest id of all
+    elements in the network's source file, or 0 without one. ``walkways`` are separate from the lanelets, which are for
+    vehicles.
     """
 
     lanelets: dict[int, RoadLanelet]
@@ -150,7 +150,7 @@ class RoadNetwork:
 
     @cached_property
     def graph(self) -> LaneletGraph:
-        """What can be reached from where."""
+        """The graph of the lanelets."""
         lanelets = self.lanelets.items()
         return LaneletGraph(
             length_m={key: length_m(lanelet.center) for key, lanelet in lanelets},
@@ -161,18 +161,18 @@ class RoadNetwork:
 
     @cached_property
     def surface(self) -> "BaseGeometry":
-        """What is road for vehicles: all lanelets, with the seams between neighbours closed."""
+        """The road surface for vehicles: all lanelets, with the seams between neighbours closed."""
         from shapely import Polygon, union_all
 
         return union_all([Polygon(lanelet.polygon).buffer(_SEAM_M) for lanelet in self.lanelets.values()])
 
     def by_lane(self) -> dict[str, RoadLanelet]:
-        """Lanelets by the SUMO lane that they were made from."""
+        """Return lanelets by the SUMO lane that they were made from."""
         return {lanelet.lane_id: lanelet for lanelet in self.lanelets.values()}
 
 
 WIDEST_TURN_RAD = np.pi / 3
-"""Chosen: a vehicle that is turned farther from a lanelet's direction is not driving along it."""
+"""Chosen: a vehicle at a larger angle to a lanelet's direction does not drive along it."""
 
 
 class LaneletLookup:
@@ -185,7 +185,10 @@ class LaneletLookup:
         self._tree = STRtree([Polygon(lanelet.polygon) for lanelet in self._lanelets])
 
     def under(self, position: Points, heading_rad: float) -> RoadLanelet | None:
-        """The lanelet that holds a point (2,) and runs most like the heading; None off the road or across it."""
+        """Return the lanelet at a point (2,) with the direction closest to the heading.
+
+        The result is None off the road, and if the heading is across every lanelet there.
+        """
         from shapely import Point
 
         hits = sorted(self._tree.query(Point(*position), "covered_by"))
@@ -197,7 +200,7 @@ class LaneletLookup:
 
 
 def _heading_at(line: Points, position: Points) -> float:
-    """Heading of the line's segment whose middle lies nearest to the position."""
+    """Return the heading of the line's segment with its middle closest to the position."""
     middle = (line[:-1] + line[1:]) / 2
     index = int(np.argmin(np.linalg.norm(middle - position, axis=1)))
     step = line[index + 1] - line[index]

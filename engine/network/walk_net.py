@@ -1,8 +1,8 @@
-"""Where people walk in a SUMO net: pavements beside roads, the corners where they meet, and crossings.
+"""Reads the footways of a SUMO net: pavements along roads, the corners where they meet, and crossings.
 
-netconvert puts a pavement beside a road as its outermost lane, joins those that meet at a junction by *walking areas*
-(corners), and leads *crossings* from corner to corner. Vehicles and lanelets do not know them (:mod:`net_parser` leaves
-them out); they are read, drawn as lanelets of their own, and given the right of way here.
+netconvert adds a pavement to a road as its outermost lane, joins pavements at a junction by *walking areas* (corners),
+and leads *crossings* from corner to corner. The model of vehicles and lanelets leaves them out (:mod:`net_parser`).
+This module reads them, draws them as separate lanelets, and gives them right of way.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 _SHORTEST_M = 0.5
-"""A pavement that is shorter has no room for a person (chosen)."""
+"""A shorter pavement has no room for a pedestrian (chosen)."""
 
 
 @dataclass(frozen=True)
 class Pavement:
-    """A pavement in the direction of its road: centre line (n, 2) and width in m, the corners at both ends if any.
+    """A pavement in the direction of its road: centre line (n, 2) and width in m, and the corners at its ends, if any.
 
-    ``length_m``: as SUMO counts it.
+    ``length_m``: SUMO's length.
     """
 
     edge_id: str
@@ -57,9 +57,9 @@ class Crossing:
 
 @dataclass(frozen=True)
 class WalkNet:
-    """Where people walk: pavements and crossings by their edge, the outline (n, 2) of each corner by its edge.
+    """Footways: pavements and crossings by their edge, the outline (n, 2) of each corner by its edge.
 
-    ``open_ends``: corners where a road ends, so that the way round its end lies on the road.
+    ``open_ends``: corners at the end of a road; the walk around that end is on the road.
     """
 
     pavements: Mapping[str, Pavement]
@@ -68,17 +68,17 @@ class WalkNet:
     open_ends: frozenset[str]
 
     def pavements_at(self, corner: str) -> list[Pavement]:
-        """The pavements that end or begin at a corner."""
+        """Return the pavements that end or begin at a corner."""
         return [one for one in self.pavements.values() if corner in (one.begins_at, one.ends_at)]
 
     @property
     def pavement_km(self) -> float:
-        """Length of all pavements."""
+        """Total length of all pavements."""
         return sum(one.length_m for one in self.pavements.values()) / 1000
 
 
 def read_walk_net(net_path: Path) -> WalkNet:
-    """The pavements, corners and crossings of a net that :func:`read_net` reads."""
+    """Read the pavements, corners and crossings of a net that :func:`read_net` reads."""
     root = etree.parse(net_path).getroot()
     by_function: dict[str, list[etree._Element]] = {}
     for edge in root.iterfind("edge"):
@@ -117,10 +117,10 @@ def read_walk_net(net_path: Path) -> WalkNet:
 def _links(
     root: etree._Element, corners: Mapping[str, Points], crossings: set[str]
 ) -> tuple[dict[str, str], dict[str, str], set[str]]:
-    """The corners from which pavements and crossings lead and those to which they lead; crossings with lights.
+    """Return the start and end corners of pavements and crossings, and the crossings with lights.
 
-    netconvert writes connections from a corner to a crossing and on to the corner behind it, and of pavements those
-    from and to both ends: along the road a pavement leads from the corner that connects *to* it.
+    netconvert writes connections from a corner to a crossing and on to the next corner, and of pavements those from and
+    to both ends: along the road, a pavement leads from the corner that connects *to* it.
     """
     begins: dict[str, str] = {}
     ends: dict[str, str] = {}
@@ -141,10 +141,10 @@ def _width_m(lane: etree._Element) -> float:
 
 
 def yield_at_crossings(net_path: Path) -> int:
-    """Give pedestrians the right of way at all crossings without lights, in place; how many crossings that are.
+    """Give pedestrians right of way at all crossings without lights, in place; return the number of these crossings.
 
-    netconvert lets vehicles go first at those that it guesses. In the net's matrix of right of way every row says in
-    its column, counted from the right, to whom it gives way.
+    netconvert gives vehicles priority at those that it guesses. In the net's right-of-way matrix, every row states by
+    column, counted from the right, the links that it gives way to.
     """
     root = etree.parse(net_path).getroot()
     crossings = {f"{edge.get('id')}_0" for edge in root.iterfind("edge[@function='crossing']")}
@@ -168,7 +168,7 @@ def yield_at_crossings(net_path: Path) -> int:
 
 
 def _crossing_rows(lanes: list[str], rows: list[etree._Element], crossings: set[str]) -> list[int]:
-    """Rows of a junction's matrix that are crossings; none where rows and lanes do not match."""
+    """Return rows of a junction's matrix that are crossings; empty if rows and lanes do not match."""
     return [index for index, lane in enumerate(lanes) if lane in crossings] if len(lanes) == len(rows) else []
 
 
@@ -182,7 +182,7 @@ def _with_bit(bits: str, index: int) -> str:
 
 
 def draw_walkways(net: WalkNet, first_id: int) -> tuple[Walkway, ...]:
-    """Pavements and crossings as lanelets along their lines, corners as lanelets along their longer axis."""
+    """Return pavements and crossings as lanelets along their lines, corners as lanelets along their longer axis."""
     drawn: list[Walkway] = []
 
     def add(edge_id: str, *, crosses: bool, bounds: tuple[Points, Points] | None) -> None:
@@ -205,15 +205,15 @@ def _strip(line: Points, width_m: float) -> tuple[Points, Points] | None:
 
 
 _NEAREST_M = 0.02
-"""Of two points of a bound nearer to each other than this one is left out (chosen)."""
+"""Of two points of a bound closer together than this, one is left out (chosen)."""
 _LEAST_AREA_M2 = 0.05
-"""A smaller corner is none (chosen)."""
+"""A smaller corner is dropped (chosen)."""
 
 
 def _area_bounds(outline: Points) -> tuple[Points, Points] | None:
-    """The outline of an area parted into a left and a right bound with as many points each.
+    """Split the outline of an area into a left and a right bound with the same number of points.
 
-    They begin and end at the two sides of the outline that lie farthest apart and do not meet.
+    They begin and end at the two sides of the outline that are farthest apart and do not meet.
     """
     from shapely import Polygon, make_valid
     from shapely.geometry.polygon import orient

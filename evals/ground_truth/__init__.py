@@ -1,1 +1,1 @@
-"""Requests with their ground truth: what a corpus asks for, as calls and as what must come out."""
+"""Requests with their ground truth: the content of a corpus, as calls and as expected results."""

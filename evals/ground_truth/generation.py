@@ -1,7 +1,6 @@
-"""The requests of ``make bench-generation``: of a corpus where a map covers them, seeded ones, and ones to be refused.
+"""The requests of ``make bench-generation``: those of a corpus with a map, seeded ones, and ones to be refused.
 
-A refusal is right where the error is of the class that belongs to the reason and names both what is wrong and what it
-is wrong with.
+A refusal is correct if the error has the class that belongs to the reason, and states both the problem and its subject.
 """
 
 import json
@@ -20,28 +19,29 @@ MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersec
 VILLAGES = frozenset(
     {"HND_Santa_Barbara-1.osm", "dueren-complete-excerpt.osm", "krautsand.osm", "o2s_overlapping_service_roads.osm"}
 )
-"""Maps whose list leaves ``urban`` out though they show streets among houses: the list is of towns, the type is not."""
+"""Maps with a list without ``urban`` although they show streets among houses: the list is of towns, the type is not."""
 LEFT_OVER = {"urban": "motorway", "intersection": "motorway", "highway": "residential", "ramp": "motorway_link"}
-"""For each type a road class of which no site of it can be made."""
+"""For each type, a road class without any site of the type."""
 Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
-"""``no_map_here``: a real place, which could be met with another set of maps; refused like an unknown one."""
+"""``no_map_here``: a real place that another set of maps could cover; refused like an unknown one."""
 AS_TYPED: dict[str, dict[str, Any]] = {
     "gen-d050": {"vehicles": ["truck=-4"]},
     "gen-d091": {"vehicles": ["car=0", "pedestrian"]},
     "gen-d092": {"vehicles": ["tank=5", "helicopter=1"]},
     "gen-d093": {"duration_s": 0},
 }
-"""What the corpus's ground truth leaves out of the requests because it is invalid: as their texts have it."""
+"""Invalid parts of requests that the corpus's ground truth omits: as in their texts."""
 PEOPLE = frozenset({"gen-d091"})
 """Refused in the corpus because the paper has no pedestrians. Here they are a class, and the ego drives alone among
-them: what is left is a place that no map shows."""
+them, so the remaining problem is a place without a map.
+"""
 
 
 @dataclass(frozen=True)
 class BenchRequest:
-    """Arguments of generate_scenarios with what has to come of them.
+    """Arguments of generate_scenarios with the expected result.
 
-    ``map_name`` is the file that shows the place, ``street`` a road that the site must lie on.
+    ``map_name`` is the file that shows the place; ``street`` is a road that the site must be on.
     """
 
     name: str
@@ -51,7 +51,7 @@ class BenchRequest:
 
 
 def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchRequest]:
-    """The requests of a corpus that the maps at hand can meet, with the ground truth as arguments."""
+    """Return the requests of a corpus that the available maps can fulfil, with the ground truth as arguments."""
     entries = [json.loads(line) for line in lines]
     return [
         BenchRequest(
@@ -66,7 +66,7 @@ def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchReq
 
 
 def _corpus_arguments(truth: Mapping[str, Any]) -> dict[str, Any]:
-    """The ground truth of a request as arguments, not yet checked; what it leaves open takes its default."""
+    """Return the ground truth of a request as unchecked arguments; open values take their defaults."""
     where = truth["location"]
     words = [word for word in (where["place"], where["city"]) if word]
     signalised = truth.get("feature") == "signalised_crossing"
@@ -101,7 +101,7 @@ def _goal(goal: Mapping[str, Any]) -> str:
 
 
 def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[BenchRequest]:
-    """``count`` requests that the maps can meet: site × density × classes, in turn over all maps and types."""
+    """Return ``count`` requests that the maps can fulfil: site × density × classes, cycling through maps and types."""
     choice = random.Random(SEED)  # noqa: S311 - reproducible, not secret
     pairs = [(name, kind) for name in sorted(maps & set(places)) for kind in _types_of(places[name])]
     choice.shuffle(pairs)
@@ -123,19 +123,19 @@ def seeded_requests(places: Mapping[str, Any], maps: frozenset[str], count: int)
 
 
 def _types_of(shown: Mapping[str, Any]) -> list[str]:
-    """The scenario types of a map after the list of places."""
+    """Return the scenario types of a map according to the list of places."""
     signalised = ["signalised_intersection"] if shown["contains"]["signalised_crossings"]["count"] else []
     return [*shown["scenario_types"], *signalised]
 
 
 def barred(kind: str) -> frozenset[str]:
-    """Classes that no motorway is open to."""
+    """Return the classes that motorways are closed to."""
     return frozenset({"bicycle", "moped"}) if kind in ("highway", "ramp") else frozenset()
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Arguments as a caller sends them, why they have to be refused, and the words of which the error must name one."""
+    """Arguments as a caller sends them, the reason for their refusal, and texts; the error must contain one of them."""
 
     name: str
     given: Mapping[str, Any]
@@ -144,7 +144,7 @@ class Refusal:
 
 
 def corpus_refusals(lines: Sequence[str]) -> list[Refusal]:
-    """All requests of a corpus that have to be refused, and those for places that no map here shows."""
+    """Return all requests of a corpus that must be refused, and those for places without a map here."""
     entries = [json.loads(line) for line in lines]
     return [
         _corpus_refusal(entry)
@@ -154,7 +154,7 @@ def corpus_refusals(lines: Sequence[str]) -> list[Refusal]:
 
 
 def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
-    """A request of the corpus; where a class is what is wrong, its place, which no map shows either, is left out."""
+    """Return a refusal of the corpus; if a class is the problem, its place, which has no map either, is left out."""
     reason: Any = "no_map_here" if entry["id"] in PEOPLE else entry["truth"].get("reason", "no_map_here")
     code, _, field = reason.partition(":")
     if code not in get_args(Reason):
@@ -171,12 +171,12 @@ def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
 
 
 def _place_words(given: Mapping[str, Any]) -> tuple[str, ...]:
-    """How an error can call the place: as it was written, its country or its box."""
+    """Return the texts by which an error can give the place: as written, its country or its box."""
     return tuple(str(given[key]) for key in ("place", "country", "bbox") if given[key] is not None)
 
 
 def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[Refusal]:
-    """Requests for a type of site that neither the map nor another one of its place shows."""
+    """Return requests for a type of site that neither the map nor another one of its place shows."""
     there = sorted(maps & set(places))
     pairs = [
         (name, kind)
@@ -197,7 +197,7 @@ def _missing(name: str, kind: str, shown: Mapping[str, Any]) -> Refusal:
 
 
 def left_over_requests(places: Mapping[str, Any], maps: frozenset[str]) -> list[Refusal]:
-    """Requests at motorways for a type of site that the map shows, but not in the road class that is to be left."""
+    """Return requests at motorways for a type of site that the map shows, but not in the requested road class."""
     return [
         Refusal(
             f"left-{kind}-{name}",
@@ -217,7 +217,7 @@ def left_over_requests(places: Mapping[str, Any], maps: frozenset[str]) -> list[
 
 
 def is_right_reason(refusal: Refusal, error: PlannerForgeError) -> bool:
-    """Whether an error is of the class and reason that belong to the refusal, and its text names the subject."""
+    """Return whether an error has the class and reason of the refusal, and its text contains the subject."""
     expected: dict[Reason, tuple[type[PlannerForgeError], str]] = {
         "unknown_place": (UnknownName, "not_shown"),
         "no_map_here": (UnknownName, "not_shown"),

@@ -1,7 +1,7 @@
-"""What the modification bench asks for: ground truth of the corpus as edits, drawn edits, and requests to be refused.
+"""The requests of the modification bench: ground truth of the corpus as edits, drawn edits, and requests to be refused.
 
-Of a request to be refused the corpus gives the reason as a code, and the words; the edits here say the same words as
-arguments. What a refusal has to name follows from the code and from the edit that fails.
+For a request to be refused, the corpus gives a reason code and the text; the edits here express the text as arguments.
+The code and the failing edit determine what a refusal must state.
 """
 
 import json
@@ -21,22 +21,22 @@ from .reach import SHARES, distances_m, is_in_reach, lanelets_at_first, places_a
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle")
 MOST_TRIES, MOST_GOALS = 6, 30
-"""Requests of a task that are tried in turn, and the nearest goals from which one is drawn (chosen)."""
+"""Maximum requests of a task that are tried in turn, and nearest goals from which one is drawn (chosen)."""
 DEPARTS_S = 1.0
-"""When vehicles are drawn to enter that are not put in at once."""
+"""Times at which drawn vehicles enter, if not at once."""
 FEWEST_STATES, SLOWEST_MPS = 25, 1.0
-"""Edited vehicles have more recorded states than this and are faster on average (chosen)."""
+"""Edited vehicles have more recorded states than this and a higher mean speed (chosen)."""
 ON_LANELETS, ON_FOOT = 0.95, ("pedestrian",)
-"""Drawn edits are about vehicles that are on lanelets for that share of their recording, at first in any case."""
+"""Drawn edits concern vehicles that are on lanelets for this share of their recording, including its first state."""
 Presets = Mapping[str, Mapping[str, float]]
-"""Values of the paper's presets by name, from its facts and not from the code that is judged."""
+"""Values of the paper's presets by name, from its facts and not from the code under test."""
 
 
 @dataclass(frozen=True)
 class Asked:
     """One request: its task (T, B, P, G, composite or refuse), the edits, and the ground truth of each edit.
 
-    ``must_name``: what the reason of a refusal has to name, every one of them.
+    ``must_name``: texts that must all appear in the reason of a refusal.
     """
 
     task: str
@@ -46,13 +46,13 @@ class Asked:
 
 
 def published_presets(facts: Path) -> Presets:
-    """The presets of ``presets.json`` in a folder of facts."""
+    """Return the presets of ``presets.json`` in a folder of facts."""
     found = json.loads((facts / "presets.json").read_text(encoding="utf-8"))["sumo_behaviour"]["presets"]
     return {one["name"].lower(): one["values"] for one in found}
 
 
 def edit_of(truth: dict[str, Any]) -> Edit:
-    """A typed edit of the corpus as ``modify_scenario`` takes it."""
+    """Return a typed edit of the corpus in the form of ``modify_scenario``."""
     made: dict[str, Any] = {"op": truth["op"]}
     if truth["op"] == "reroute":
         named = [str(truth["vehicle_id"])] if "vehicle_id" in truth else _selected(truth)
@@ -70,9 +70,9 @@ def edit_of(truth: dict[str, Any]) -> Edit:
 
 
 def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[str, list[Asked]]]:
-    """For each task the requests to try in turn until the scenario allows one; drawn by a seed.
+    """Yield for each task the requests to try in turn until the scenario allows one; drawn by a seed.
 
-    Without any request a scenario allows none of the task: no vehicle moves in it, or no goal is within a car's reach.
+    If there are no requests, the scenario allows none of the task: no vehicle moves in it, or no goal is within reach.
     """
     draw = np.random.default_rng(zlib.crc32(seed.encode()))
     moving = [key for key, track in scene.tracks.items() if _moves(scene, key) and len(track.positions) > FEWEST_STATES]
@@ -84,7 +84,7 @@ def drawn_requests(scene: Scene, seed: str, presets: Presets) -> Iterator[tuple[
 
 
 def _moves(scene: Scene, key: int) -> bool:
-    """Whether a road user is a vehicle that drives on lanelets, and not the ego by its id."""
+    """Return whether a road user is a vehicle that drives on lanelets, and does not have the ego's id."""
     track = scene.tracks[key]
     if key == _ego_id(scene) or track.kind in ON_FOOT or float(track.speeds_mps.mean()) <= SLOWEST_MPS:
         return False
@@ -92,18 +92,18 @@ def _moves(scene: Scene, key: int) -> bool:
     return on[0] and float(np.mean(on)) >= ON_LANELETS
 
 
-def _asked(task: str, **truth: Any) -> Asked:
+def _request(task: str, **truth: Any) -> Asked:
     return Asked(task, (edit_of(truth),), (truth,))
 
 
 def _preset(key: int, presets: Presets, preset: str) -> Asked:
     one = {"by": "ids", "ids": [key]}
     expected = dict(presets[preset])
-    return _asked("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
+    return _request("B", op="set_behaviour", selector=one, vehicle_ids=[key], preset=preset, expected_params=expected)
 
 
 def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
-    """To lanelets that its route leads to and that it does not drive over; the nearest few, in a drawn order."""
+    """Return reroutes to nearby lanelets on its route's continuations that it does not drive over, in random order."""
     track = scene.tracks[key]
     begin = lanelets_at_first(scene.network, track)
     ways = distances_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
@@ -111,15 +111,15 @@ def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[Asked]:
     ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
     near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
     draw.shuffle(near)
-    return [_asked("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
+    return [_request("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
 
 
 def _removal(key: int) -> Asked:
-    return _asked("P", op="remove_vehicle", selector={"by": "ids", "ids": [key]}, vehicle_ids=[key])
+    return _request("P", op="remove_vehicle", selector={"by": "ids", "ids": [key]}, vehicle_ids=[key])
 
 
 def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
-    """Places along the ego's lane as far as it goes and in the middle of drawn lanelets, at once or later."""
+    """Return places along the ego's lane and in the middle of drawn lanelets, at once or later."""
     found: list[dict[str, Any]] = []
     if scene.ego is not None and scene.ego.lanelets:
         for offset in (25.0, 40.0, 15.0, -20.0):
@@ -135,11 +135,11 @@ def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
         found.append({"class": str(draw.choice(CLASSES)), "count": 1, "where": where, **departs})
     if draw.random() < 0.5:
         found.reverse()
-    return [_asked("P", op="add_vehicle", **truth) for truth in found]
+    return [_request("P", op="add_vehicle", **truth) for truth in found]
 
 
 def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
-    """Goals that a car can reach in the time of the problem, by the lanelets of the file."""
+    """Return goals that a car can reach in the time of the problem, by the lanelets of the file."""
     if scene.ego is None:
         return []
     problem, ego = scene.loaded.problem(scene.ego.problem_id), scene.ego
@@ -152,7 +152,7 @@ def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
         if is_in_reach(problem, scene.step_s, _station_m(scene, key, way_m, share), scene.last_step)
     ][:MOST_GOALS]
     draw.shuffle(found)
-    return [_asked("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
+    return [_request("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
 
 
 def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:
@@ -275,13 +275,13 @@ CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
         ("32", "removed"),
     ),
 }
-"""Lines whose ground truth holds no edit that could be passed on: the edits of their words, and what is to be named."""
+"""Lines with a ground truth without an executable edit: the edits of their texts, and what a refusal must state."""
 
 
 def corpus_refusal(row: Mapping[str, Any]) -> Asked | None:
-    """A line that is to be refused, as arguments; None where nothing can be passed on that has to be refused.
+    """Return a line to be refused, as arguments, or None if no executable edit must be refused.
 
-    That is so where going on with a stated assumption is right too, as with "two thirds along the lanelet".
+    The latter applies if continuing with a stated assumption is also correct, as for "two thirds along the lanelet".
     """
     truth = row["truth"]
     if row["id"] in CORPUS:
@@ -295,7 +295,7 @@ def corpus_refusal(row: Mapping[str, Any]) -> Asked | None:
 
 
 def drawn_refusals(scene: Scene) -> list[Asked]:
-    """Requests that no scenario allows, each with what the reason has to name."""
+    """Return requests that no scenario allows, each with what the reason must state."""
     unknown = str(max([*scene.tracks, *scene.layout.table.lanes, 0]) + 7_654_321)
     goal = unknown if scene.ego is not None and scene.ego.lanelets else "no ego"
     asked: list[tuple[EditWords, tuple[str, ...]]] = [
@@ -319,7 +319,7 @@ def drawn_refusals(scene: Scene) -> list[Asked]:
 
 
 def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
-    """What a refusal for a reason has to name of the edit that fails."""
+    """Return what a refusal for a reason must state about the failing edit."""
     if reason == "infeasible_time":
         return ("out of reach", "goal_time")
     if reason == "unreachable_target" and failing["op"] == "set_goal":
@@ -341,14 +341,14 @@ def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _lanelet_of(edit: Mapping[str, Any]) -> object:
-    """The lanelet that a typed edit names as its target or place."""
+    """Return the lanelet that a typed edit has as its target or place."""
     if edit["op"] == "reroute":
         return edit["target_lanelets"][0]
     return edit["where"].get("lanelet") if edit["op"] == "add_vehicle" else edit.get("lanelet")
 
 
 def _vehicle(scene: Scene) -> int | None:
-    """A vehicle that can be edited; one with the planning problem's id is taken for the ego."""
+    """Return a vehicle that can be edited; one with the planning problem's id would count as the ego."""
     return next((key for key in scene.tracks if key != _ego_id(scene) and not not_drivable(scene, key)), None)
 
 
@@ -357,7 +357,7 @@ def _ego_id(scene: Scene) -> int | None:
 
 
 def _unreachable(scene: Scene, vehicle_id: int) -> list[tuple[EditWords, tuple[str, ...]]]:
-    """A reroute to a lanelet that no way leads to from any under the vehicle; empty where every one can be reached."""
+    """Return a reroute to a lanelet without a route from any under the vehicle; empty if all can be reached."""
     under = scene.network.find_lanelet_by_position([scene.tracks[vehicle_id].positions[0]])[0]
     starts = {scene.matches[vehicle_id].sequence[0], *(int(key) for key in under)} & set(scene.layout.table.lanes)
     reached = {*starts, *scene.lanelet_graph.reachable(sorted(starts))}

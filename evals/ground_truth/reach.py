@@ -1,6 +1,6 @@
-"""What a scenario allows, by the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
+"""What a scenario allows, from the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
 
-None of this asks the code that edits, so that it can judge it.
+None of this uses the editing code, so that it can judge it.
 """
 
 import heapq
@@ -22,13 +22,13 @@ SHARES: Mapping[str, float] = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5,
 LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS = 11.5, 50.8
 """Limits of CommonRoad's vehicle 2 (BMW 320i)."""
 HARD_BRAKING_MPS2, LATERAL_MPS2, CURVE_M = 8.0, 8.0, 5.0
-"""The most that a car brakes before a curve and turns in it, and the length over which a curve is measured."""
+"""Maximum deceleration before a curve, lateral acceleration in it, and the length for measuring a curve."""
 LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
-"""A goal that a request is drawn for is clearly ahead and clearly within reach, so that rounding decides nothing."""
+"""A goal drawn for a request is clearly ahead and within reach, so that rounding decides nothing."""
 
 
 def speed_limit_mps(network: "LaneletNetwork", key: int) -> float:
-    """The lowest speed in m/s that a lanelet's signs allow; infinite without any."""
+    """Return the lowest speed in m/s that a lanelet's signs allow; infinite without any."""
     signs = (network.find_traffic_sign_by_id(sign) for sign in network.find_lanelet_by_id(key).traffic_signs or ())
     elements = [one for sign in signs for one in sign.traffic_sign_elements]
     limits = [float(one.additional_values[0]) for one in elements if one.traffic_sign_element_id.name == "MAX_SPEED"]
@@ -43,15 +43,15 @@ def distances_m(
     among: Collection[int] | None = None,
     hardest_mps2: tuple[float, float] = (HARD_BRAKING_MPS2, LATERAL_MPS2),
 ) -> dict[int, float]:
-    """Distance in m from a car to the start of every lanelet that it gets to, along successors and lane changes.
+    """Return the distance in m from a car to the start of every reachable lanelet, along successors and lane changes.
 
-    The shortest from all lanelets under its position (2,) that do not lead against its heading; below 0 where the start
-    of one lies behind it. Lanelets whose curves it comes to too fast, however it brakes, lead nowhere.
+    It is the shortest from all lanelets under its position (2,) that do not lead against its heading, and negative if
+    the start of one is behind it. Lanelets with curves that the car reaches too fast, even with braking, lead nowhere.
 
     Args:
         speed_mps: its speed; at 0 it takes all curves.
-        among: the lanelets to begin with; None: all.
-        hardest_mps2: how hard it brakes before curves and turns in them.
+        among: the lanelets to start from; None means all.
+        hardest_mps2: its deceleration before curves and lateral acceleration in them.
     """
 
     def takes(pairs: Iterable[tuple[float, int]]) -> list[tuple[float, int]]:
@@ -74,7 +74,7 @@ def distances_m(
 
 
 def lanelets_at_first(network: "LaneletNetwork", track: "Track") -> frozenset[int]:
-    """The lanelets on which a recording begins: where several lie over one another, those that it stays on longest."""
+    """Return the lanelets at a recording's start: of several on top of each other, those that it stays on longest."""
     under = [frozenset(map(int, found)) for found in network.find_lanelet_by_position(list(track.positions))]
     stays = {key: sum(key in found for found in under) for key in under[0]}
     return frozenset(key for key, count in stays.items() if count == max(stays.values()))
@@ -85,7 +85,7 @@ def _cheapest(
     begin: Iterable[tuple[float, int]],
     onward: Callable[[float, "Lanelet"], Iterable[tuple[float, int]]],
 ) -> dict[int, float]:
-    """The least costs of all lanelets that are reached from some with their costs (Dijkstra 1959)."""
+    """Return the lowest costs of all lanelets reachable from some with their costs (Dijkstra 1959)."""
     best: dict[int, float] = {}
     queue = sorted(begin)
     while queue:
@@ -98,7 +98,7 @@ def _cheapest(
 
 
 def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -> frozenset[int]:
-    """Some lanelets, all that follow them, and all that follow those."""
+    """Return some lanelets, all their successors, and so on."""
     known, queue = set(begin), list(begin)
     while queue:
         more = {int(key) for key in following(queue.pop())} - known
@@ -108,12 +108,12 @@ def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -
 
 
 def ways_to_m(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
-    """The shortest way in m from the start of every lanelet to that of any target, for those from which one leads."""
+    """Return the shortest distance in m from the start of every lanelet to that of any target, if there is a route."""
     return _costs_to(network, targets, lambda lanelet: length_m(lanelet.center_vertices), change_cost=0.0)
 
 
 def changes_to(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
-    """The fewest lane changes on any route from every lanelet to any target, for those from which one leads."""
+    """Return the fewest lane changes on any route from every lanelet to any target, if there is a route."""
     return _costs_to(network, targets, lambda _: 0.0, change_cost=1.0)
 
 
@@ -134,10 +134,10 @@ def _costs_to(
 
 
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
-    """Whether a car gets as far as ``way_m`` until the goal's time is over, at a speed that the goal asks for.
+    """Return whether a car gets as far as ``way_m`` before the goal's time ends, at a speed that the goal allows.
 
-    The goal's time is over at the scenario's last step where it has none. A car that can also stop on the way, and gain
-    the least speed of the goal again, can wait for the time to begin.
+    If the goal has no time, it ends at the scenario's last step. A car that can also stop on its route, and regain the
+    goal's minimum speed, can wait for the time to begin.
     """
     start, goal = problem.initial_state, next(iter(problem.goal.state_list), None)
     time, speeds = getattr(goal, "time_step", None), getattr(goal, "velocity", None)
@@ -153,7 +153,7 @@ def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_st
 
 
 def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_length_m: float) -> list[Points]:
-    """The point for a share of a lanelet's length, moved inwards by half a vehicle (rule 3 of the corpus)."""
+    """Return the point at a share of a lanelet's length, moved inwards by half a vehicle (rule 3 of the corpus)."""
     lanelet = network.find_lanelet_by_id(lanelet_id)
     total_m = length_m(lanelet.center_vertices)
     inside_m = min(vehicle_length_m, total_m) / 2
@@ -161,7 +161,7 @@ def places_on(network: "LaneletNetwork", lanelet_id: int, share: float, vehicle_
 
 
 def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -> list[Points]:
-    """All points ``offset_m`` ahead of a point (below 0: behind) along the lanelets under it and what follows them."""
+    """Return all points ``offset_m`` ahead of a point (negative: behind), along its lanelets and what follows."""
     places: list[Points] = []
     for key in network.find_lanelet_by_position([position])[0]:
         station_m = project(network.find_lanelet_by_id(key).center_vertices, position)[0] + offset_m
@@ -170,17 +170,17 @@ def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -
 
 
 def nearest_m(point: Points, places: Iterable[Points]) -> float:
-    """Distance in m to the nearest of some places; infinite where there is none."""
+    """Return the distance in m to the nearest of some places; infinite if there are none."""
     return min((float(np.linalg.norm(point - place)) for place in places), default=math.inf)
 
 
 def _ends(speeds_mps: Any) -> tuple[float, float]:
-    """Least and largest speed of an interval or of an exact value; a goal is never reached backwards."""
+    """Return the least and largest speed of an interval or of an exact value; goals are never reached backwards."""
     return max(float(getattr(speeds_mps, "start", speeds_mps)), 0.0), float(getattr(speeds_mps, "end", speeds_mps))
 
 
 def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
-    """The farthest way in m in a time between two speeds: full power, top speed if there is time, then full brakes."""
+    """Return the longest distance in m in a time between two speeds: full power, top speed, then full brakes."""
     doubled = 2 * LARGEST_ACCELERATION_MPS2
     top = min((speed_mps + final_mps + LARGEST_ACCELERATION_MPS2 * seconds) / 2, max(LARGEST_SPEED_MPS, speed_mps))
     at_top_s = seconds - (2 * top - speed_mps - final_mps) / LARGEST_ACCELERATION_MPS2
@@ -188,7 +188,7 @@ def _farthest_m(speed_mps: float, final_mps: float, seconds: float) -> float:
 
 
 def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set[int]) -> list[Points]:
-    """The points at an arc length that may lie before or beyond a lanelet, on every branch there."""
+    """Return the points at an arc length that may be before or beyond a lanelet, on every branch there."""
     lanelet = network.find_lanelet_by_id(key)
     total = length_m(lanelet.center_vertices)
     if 0.0 <= station_m <= total:
@@ -203,7 +203,7 @@ def _at_station(network: "LaneletNetwork", key: int, station_m: float, seen: set
 
 
 def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float, braking_mps2: float, lateral_mps2: float) -> bool:
-    """Whether a car that brakes from a speed to a lanelet's start is slow enough for all of its curves."""
+    """Return whether a car that brakes from a speed to a lanelet's start is slow enough for all of its curves."""
     slowest = math.sqrt(max(speed_mps**2 - 2 * braking_mps2 * max(way_m, 0.0), 0.0))
     if slowest == 0.0:
         return True
@@ -217,7 +217,7 @@ def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float, braking_mp
 
 
 def beside(lanelet: "Lanelet") -> list[Any]:
-    """The lanelets of the same direction on either side."""
+    """Return the adjacent lanelets of the same direction."""
     left = lanelet.adj_left if lanelet.adj_left_same_direction else None
     right = lanelet.adj_right if lanelet.adj_right_same_direction else None
     return [key for key in (left, right) if key is not None]

@@ -1,7 +1,7 @@
 """The selection corpus: requests with ground truth, their slots as arguments of find_scenarios, and spoiled slots.
 
-Slots are spoiled as language models do it (paper, Results, Slot-level extraction), by a seed: one or two tags that were
-not asked for; in half of the requests also a wrong road_net key; in a third the velocity of an example of the prompt.
+Slots are spoiled like by language models (paper, Results, Slot-level extraction), by a seed: one or two tags that were
+not requested; in half of the requests also a wrong road_net key; in a third the velocity of an example of the prompt.
 """
 
 import json
@@ -35,13 +35,13 @@ class Request:
 
 
 def read_requests(path: Path) -> list[Request]:
-    """All requests of a corpus file."""
+    """Return all requests of a corpus file."""
     lines = (json.loads(line) for line in path.read_text(encoding="utf-8").splitlines())
     return [Request(line["id"], line["text"], line["expect"], line["truth"]) for line in lines]
 
 
 def refused_arguments(request: Request) -> dict[str, Any]:
-    """The slots of a request outside the vocabulary, as a model would pass the user's words on."""
+    """Return the slots of a request outside the vocabulary, as a model would pass on the user's text."""
     slots: dict[str, list[str]] = {"tags": [], "road_net": [], "obstacles": []}
     for refused in request.truth["refused"]:
         slots[{"sign": "road_net"}.get(refused["slot"], refused["slot"])].append(str(refused["value"]))
@@ -49,7 +49,7 @@ def refused_arguments(request: Request) -> dict[str, Any]:
 
 
 def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
-    """The ground-truth slots as arguments of find_scenarios."""
+    """Return the ground-truth slots as arguments of find_scenarios."""
     location = truth.get("location") or {}
     return FindScenariosArguments(
         country=location.get("country"),
@@ -66,7 +66,7 @@ def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
 
 
 def _road_net(key: str, value: dict[str, Any]) -> str:
-    """A road_net slot as the argument's word."""
+    """Return a road_net slot as the argument's text."""
     if key == "lanes":
         return key + _compared(value["op"], value["count"])
     name = key + ("@map" if value["scope"] == "map" else "")
@@ -76,7 +76,7 @@ def _road_net(key: str, value: dict[str, Any]) -> str:
 
 
 def _compared(operation: str, count: Any, unit: str = "") -> str:
-    """An operation with its count or value, as it is written."""
+    """Return an operation with its count or value, as written."""
     if operation == "range":
         return f"={count[0]}..{count[1]}{unit}"
     if operation == "zero":
@@ -85,14 +85,14 @@ def _compared(operation: str, count: Any, unit: str = "") -> str:
 
 
 def _speed(slot: dict[str, Any]) -> str:
-    """A velocity slot as it is written."""
+    """Return a velocity slot as written."""
     if slot["op"] == "range":
         return f"{slot['value'][0]}..{slot['value'][1]}{slot['unit']}"
     return {"about": "", "at_least": ">=", "at_most": "<="}[slot["op"]] + f"{slot['value']}{slot['unit']}"
 
 
 def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArguments:
-    """The arguments with over-predicted tags, and by chance a wrong key and a copied velocity."""
+    """Return the arguments with over-predicted tags, and by chance a wrong key and a copied velocity."""
     chance = random.Random(seed)  # noqa: S311 - a reproducible choice, no secret
     unasked = sorted(set(TAGS) - set(arguments.tags))
     changes: dict[str, object] = {"tags": [*arguments.tags, *chance.sample(unasked, chance.randint(1, 2))]}
@@ -105,10 +105,11 @@ def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArgume
 
 
 def extract_score(truth: FindScenariosArguments, given: FindScenariosArguments) -> float:
-    """The paper's *extract* of slots: the mean of five scores in [0, 1]; slots that are empty in both count as 1.
+    """Return the paper's *extract* of slots: the mean of five scores in [0, 1]; slots that are empty in both count as
+    1.
 
-    Tags by the overlap of the sets (Jaccard) as in the paper; it leaves the rest open: the other slots are compared in
-    the same way, condition by condition.
+    Tags are compared by the overlap of the sets (Jaccard), as in the paper. The paper does not specify the rest: the
+    other slots are compared in the same way, condition by condition.
     """
     pairs = [
         ({truth.country, truth.city}, {given.country, given.city}),

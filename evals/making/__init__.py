@@ -1,1 +1,1 @@
-"""Corpora from what a workspace holds: requests in several styles, with ground truth by code."""
+"""Makes corpora from a workspace: requests in several styles, with ground truth by code."""

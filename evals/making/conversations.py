@@ -1,4 +1,4 @@
-"""Conversations of several turns, each of which works on what the ones before have left."""
+"""Conversations of several turns; each turn builds on the results of the previous ones."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -15,7 +15,7 @@ _STARTS = ("generate", "select_by_id", "select_by_slots")
 
 
 def conversation_lines(materials: Materials, possible: PossibleEdits, count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Conversations of five or six turns: get a scenario, edit it, run a planner, tune it, run again, compare."""
+    """Yield conversations of five or six turns: get a scenario, edit it, run a planner, tune it, run again, compare."""
     generated = (line for line in generation_lines(materials, 4 * count, draw) if line.expect == "ok")
     editable = rounds(materials.scenarios, draw)
     starts = rounds(_STARTS, draw)
@@ -60,7 +60,7 @@ def _edit_at_run_time(draw: Draw) -> Turn:
 
 
 def _tested(before: int, scenario: str, draw: Draw) -> list[Turn]:
-    """A run, a change of the configuration, a run of the same with it, and a comparison or an analysis."""
+    """Return a run, a change of the configuration, a run of the same with it, and a comparison or an analysis."""
     names = sorted(tuning_of("frenetix").presets)
     weights = dict(tuning_of("frenetix").presets["Default"].weights)
     run = {

@@ -1,4 +1,4 @@
-"""All corpora of what is at hand, and their files."""
+"""Makes all corpora from a workspace, and writes their files."""
 
 import hashlib
 import json
@@ -23,13 +23,14 @@ Told = Callable[[str], None]
 def make_corpora(
     materials: Materials, tasks: Sequence[Task], count: int, seed: int, told: Told | None = None
 ) -> Mapping[str, list[CorpusLine]]:
-    """Requests of tasks, at most ``count`` a corpus, drawn by a seed; the same materials and seed give the same ones.
+    """Make requests of tasks, at most ``count`` per corpus, drawn by a seed; the same materials and seed give the same
+    ones.
 
     Args:
-        told: is told of every corpus before it is made.
+        told: is called with every corpus before it is made.
 
     Raises:
-        InvalidRequest: a task needs scenarios or maps, and there are none.
+        InvalidRequest: a task needs scenarios or maps, but there are none.
     """
     if not materials.scenarios or not materials.maps:
         raise InvalidRequest("the workspace has no scenario or no map", next_step="import some with import_files")
@@ -60,10 +61,10 @@ def _edits(
 
 
 def write_corpora(corpora: Mapping[str, Sequence[CorpusLine]], folder: Path, *, whole: bool) -> list[Path]:
-    """Write corpora as files of JSON lines; the paths.
+    """Write corpora as files of JSON lines; return the paths.
 
     Args:
-        whole: all lines in one folder; else in ``dev`` and ``test``, a scenario or map in one of them only.
+        whole: all lines in one folder; else in ``dev`` and ``test``, each scenario or map in one of them only.
 
     Raises:
         InvalidRequest: the folder cannot be written.
@@ -81,7 +82,7 @@ def write_corpora(corpora: Mapping[str, Sequence[CorpusLine]], folder: Path, *, 
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text("\n".join(texts) + "\n", encoding="utf-8")
             except OSError as error:
-                raise InvalidRequest(f"{path} cannot be written: {error}", next_step="name another --out") from error
+                raise InvalidRequest(f"{path} cannot be written: {error}", next_step="use another --out") from error
             written.append(path)
     return written
 

@@ -1,4 +1,4 @@
-"""Requests that make scenarios: a site of a map, with a density, vehicles and a duration; some that no map can meet."""
+"""Requests for scenarios: a site of a map, with a density, vehicles and a duration; some without a possible map."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -25,7 +25,7 @@ _NO_CLASSES = ("tank", "helicopter", "spaceship")
 
 
 def generation_lines(materials: Materials, count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Four fifths that can be made; the others name a place, site or class that there is not, or no place at all."""
+    """Yield four fifths possible requests; the others have an unknown place, site or class, or no place at all."""
     sites = [
         (one, kind) for one in materials.maps for kind, there in sorted(one.sites.items()) if there and kind in _TYPES
     ]
@@ -38,10 +38,10 @@ def generation_lines(materials: Materials, count: int, draw: Draw) -> Iterator[C
             yield _refused(kind, draw.choice(materials.maps), draw)
         else:
             chosen, site = next(drawn)
-            yield _made(chosen, site, next(styles), draw)
+            yield _possible(chosen, site, next(styles), draw)
 
 
-def _made(chosen: MapFacts, kind: str, style: Any, draw: Draw) -> CorpusLine:
+def _possible(chosen: MapFacts, kind: str, style: Any, draw: Draw) -> CorpusLine:
     density = draw.choice((None, *_DENSITIES))
     words = _CLASSES if kind in _FAST else {**_CLASSES, **_TOWN_CLASSES}
     classes = draw.sample(sorted(words), draw.choice((0, 1, 1, 2)))

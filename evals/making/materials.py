@@ -1,4 +1,4 @@
-"""What corpora are made of: the scenarios and maps of a workspace; and the form of a request that is made."""
+"""The materials of corpora: the scenarios and maps of a workspace; and the form of a generated request."""
 
 import random
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,7 +18,7 @@ Style = Literal["normal", "terse", "long", "messy"]
 STYLES: tuple[Style, ...] = ("normal", "terse", "long", "messy")
 _MOST = 100_000
 _ORIGINALS = ("starter", "imported", "generated")
-"""Scenarios that requests are about: what was made by an edit is named by its original."""
+"""Scenarios that requests are about: those made by an edit count as their original."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class KnownScenario:
 
     @property
     def name(self) -> str:
-        """The name of its file, as corpora write it."""
+        """The name of its file, as in corpora."""
         return f"{self.facts.scenario_id}.xml"
 
 
@@ -42,24 +42,24 @@ class Materials:
     maps: tuple[MapFacts, ...]
 
     def matching(self, *conditions: "Condition") -> list[str]:
-        """Ids of the scenarios that all conditions hold for, sorted."""
+        """Return sorted ids of the scenarios that satisfy all conditions."""
         return [one.facts.scenario_id for one in self.scenarios if all(holds(one.facts) for holds in conditions)]
 
 
 class Condition:
-    """A condition on facts, with its slot in the ground truth and its words in a request."""
+    """A condition on facts, with its slot in the ground truth and its text in a request."""
 
     def __init__(self, slot: str, value: Any, words: str, holds: Any) -> None:
         self.slot, self.value, self.words, self._holds = slot, value, words, holds
 
     def __call__(self, facts: ScenarioFacts) -> bool:
-        """Whether it holds."""
+        """Return whether it is satisfied."""
         return bool(self._holds(facts))
 
 
 @dataclass(frozen=True)
 class CorpusLine:
-    """A request that was made; ``about`` is the scenario or map by which corpora are split."""
+    """A generated request; ``about`` is the scenario or map by which corpora are split."""
 
     corpus: str
     text: str
@@ -75,7 +75,7 @@ Draw = random.Random
 
 
 def read_materials(workspace: Path) -> Materials:
-    """The scenarios and maps of a workspace, the starter catalogue and the built-in maps with them.
+    """Return the scenarios and maps of a workspace, with the starter catalogue and the built-in maps.
 
     Raises:
         ResourceFailure: the workspace cannot be written.
@@ -93,9 +93,9 @@ def read_materials(workspace: Path) -> Materials:
 
 
 def styled(text: str, terse: str, style: Style, draw: Draw) -> str:
-    """A request in a style: as it is, in few words, within a story, or as typed in haste.
+    """Return a request in a style: unchanged, terse, within a story, or typed in haste.
 
-    Names and numbers stay as they are in all of them.
+    Names and numbers stay unchanged in all styles.
     """
     if style == "terse":
         return terse
@@ -117,7 +117,7 @@ _HASTE = ("ok so {}", "hey, {} pls", "{} - thx", "uhm {}, quickly")
 
 
 def _mistyped(text: str, draw: Draw) -> str:
-    """One word of the language of every day with two letters exchanged."""
+    """Swap two letters in one everyday word."""
     words = text.split(" ")
     plain = [index for index, word in enumerate(words) if word in _EVERYDAY]
     if plain:
@@ -140,10 +140,10 @@ _EVERYDAY = {
     "tagged",
 }
 _EVERYDAY |= {"starts", "street", "vehicle", "vehicles", "weight"}
-"""Words in which requests have their typing mistakes: a name with one would be another name."""
+"""Words in which requests have their typing mistakes: a misspelt name would be another name."""
 
 
 def rounds(items: Sequence[Any], draw: Draw) -> Iterator[Any]:
-    """The items over and over, each round in another order."""
+    """Yield the items over and over, each round in another order."""
     while items:
         yield from draw.sample(list(items), len(items))

@@ -1,4 +1,4 @@
-"""Requests that edit scenarios; what is to be carried out was carried out once when the request was made."""
+"""Requests that edit scenarios; each feasible one was carried out once when it was made."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,12 +24,12 @@ _POSITIONS = {
     "final": "the end",
 }
 _PER_SCENARIO = 3
-"""Refusals that are drawn of a scenario, for as many scenarios to have some (chosen)."""
+"""Refusals drawn per scenario, so that many scenarios have some (chosen)."""
 Truth = Mapping[str, Any]
 
 
 class PossibleEdits:
-    """For each scenario an edit of every letter that was carried out; found when it is first asked for."""
+    """For each scenario, a successful edit of every letter; found on first use."""
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
@@ -37,12 +37,12 @@ class PossibleEdits:
         self._refused: dict[str, list[tuple[str, Asked]]] = {}
 
     def of(self, one: KnownScenario) -> Mapping[str, tuple[Truth, ...]]:
-        """The typed edits by letter; a letter that the scenario allows nothing of is left out."""
+        """Return the typed edits by letter; letters without a possible edit in the scenario are left out."""
         self._look_at(one)
         return self._found[one.name]
 
     def refusals(self, one: KnownScenario) -> Sequence[tuple[str, Asked]]:
-        """Requests that the scenario refuses, each with the reason's code."""
+        """Return requests that the scenario refuses, each with the reason's code."""
         self._look_at(one)
         return self._refused[one.name]
 
@@ -66,7 +66,7 @@ _PAIRS = (("T", "B"), ("P", "G"), ("T", "P"), ("B", "P"), ("B", "G"), ("T", "G")
 
 
 def _together(found: Mapping[str, tuple[Truth, ...]], number: int) -> tuple[Truth, ...]:
-    """Two edits of a scenario, the letters in turn; none of a vehicle that the other takes away."""
+    """Return two edits of a scenario, with alternating letters, but not one of a vehicle that the other removes."""
     for first, second in (*_PAIRS[number % len(_PAIRS) :], *_PAIRS):
         if first in found and second in found:
             both = (*found[first], *found[second])
@@ -77,7 +77,7 @@ def _together(found: Mapping[str, tuple[Truth, ...]], number: int) -> tuple[Trut
 
 
 def _whole(truth: Truth) -> Truth:
-    """A truth with the keys that corpora write out."""
+    """Return a truth with the keys that corpora write out."""
     given = dict(truth)
     if given["op"] == "reroute":
         given |= {"match": "exact"}
@@ -101,7 +101,7 @@ def _is_possible(path: Path, edits: Sequence[Edit]) -> bool:
 
 
 def _code(asked: Asked) -> str:
-    """The code of why a drawn request is refused; empty for those that corpora have no code for."""
+    """Return the code of the refusal of a drawn request; empty if corpora have no code for it."""
     edit, words = asked.edits[0], " ".join(asked.must_name)
     codes = {
         "no vehicle": "unknown_vehicle",
@@ -118,7 +118,10 @@ def _code(asked: Asked) -> str:
 def modification_lines(
     letter: str, materials: Materials, possible: PossibleEdits, count: int, draw: Draw
 ) -> Iterator[CorpusLine]:
-    """Four fifths to be carried out, the others to be refused or asked back about; a scenario at most twice."""
+    """Yield requests, four fifths of them feasible, the others to be refused or asked back about.
+
+    Each scenario is in at most two of them.
+    """
     name = f"modification_{letter}"
     scenarios, styles = draw.sample(materials.scenarios, len(materials.scenarios)), rounds(STYLES, draw)
     clear = count - count // 5 - 1
@@ -179,7 +182,7 @@ def _refusal(letter: str, one: KnownScenario, possible: PossibleEdits, number: i
 
 
 def _requested(edit: Edit) -> dict[str, Any]:
-    """A drawn edit in the form of the ground truth."""
+    """Return a drawn edit in the form of the ground truth."""
     named = [int(word) if word.isdecimal() else word for word in edit.vehicles]
     if edit.op == "reroute":
         return {"op": edit.op, "vehicle_id": named[0], "target_lanelets": [int(word) for word in edit.to]}
@@ -211,7 +214,7 @@ def _unclear(letter: str, one: KnownScenario) -> CorpusLine:
 
 
 def words_of(truth: Truth) -> str:
-    """An edit as a person asks for it."""
+    """Return an edit as a person requests it."""
     if truth["op"] == "reroute":
         return f"send vehicle {truth['vehicle_id']} to lanelet {truth['target_lanelets'][0]}"
     if truth["op"] == "set_goal":

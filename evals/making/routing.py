@@ -1,4 +1,4 @@
-"""Requests of every class that a router tells apart, one or several at once, and some outside the server's business."""
+"""Requests of every class that a router distinguishes, one or several at once, and some outside the server's scope."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -65,7 +65,7 @@ _CHAINS = (("param_mod", "batch_sim"), ("batch_sim", "batch_analysis"), ("vehicl
 
 
 def routing_lines(count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Single classes in turn, edits of one letter and of several, and two classes one after the other."""
+    """Yield single classes in turn, edits of one letter and of several, and two classes in sequence."""
     styles = rounds(STYLES, draw)
     kinds = rounds([*_ASKED, "vehicle_mod", "vehicle_mod", "vehicle_mod_composite", "multi_step"], draw)
     drawn = {kind: rounds(texts, draw) for kind, texts in _ASKED.items()}

@@ -11,14 +11,14 @@ _MOST_MATCHES = 10
 _KMH = 3.6
 _OPERATIONS = ("exact", "at_least", "at_most", "range")
 _MARGIN_MPS = 0.02
-"""How far a speed stays from a bound that decides, as in the development corpora."""
+"""Margin of a speed from a deciding bound, as in the development corpora."""
 _WORDS = {"priorityVehicle": "emergency vehicle", "parkedVehicle": "parked vehicle", "motorcycle": "motorbike"}
 _UNKNOWN_TAGS = ("snowstorm", "tunnel", "night_drive", "school_zone")
 _UNKNOWN_OBSTACLES = ("tram", "elephant", "hovercraft")
 
 
 def selection_lines(materials: Materials, count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Three quarters to be found, the others without a match, outside the vocabulary, or without any condition."""
+    """Yield three quarters with matches; the others have no match, are outside the vocabulary, or have no condition."""
     found = _found(materials, draw)
     for number in range(count):
         kind = {5: "absent_tag", 10: "oov_tag", 13: "oov_obstacle", 16: "absent_obstacle", 19: "clarify"}.get(
@@ -30,7 +30,7 @@ def selection_lines(materials: Materials, count: int, draw: Draw) -> Iterator[Co
 
 
 def plain_search(materials: Materials, draw: Draw) -> tuple[str, dict[str, Any]]:
-    """A search by place, tag and a least count, and its truth as conversations write it: slots and all matches."""
+    """Return a search by place, tag and a minimum count, and its truth as in conversations: slots and all matches."""
     one = draw.choice(materials.scenarios)
     counts = one.facts.participants.counts
     tags = [tag for tag in one.facts.tags if tag in TAGS and tag != "simulated"]
@@ -44,7 +44,7 @@ def plain_search(materials: Materials, draw: Draw) -> tuple[str, dict[str, Any]]
 
 
 def _found(materials: Materials, draw: Draw) -> Iterator[CorpusLine]:
-    """Requests made of what a scenario has, as many conditions as leave few others."""
+    """Yield requests from the facts of a scenario, with enough conditions to leave few others."""
     seen = set[str]()
     styles = rounds(STYLES, draw)
     for tries, one in enumerate(rounds(materials.scenarios, draw)):
@@ -107,7 +107,7 @@ def _count(kind: str, count: int, draw: Draw, operations: Sequence[str] = _OPERA
 
 
 def _speed(speed_mps: float, draw: Draw) -> Condition:
-    """A range of speeds with a margin, in m/s or km/h."""
+    """Return a range of speeds with a margin, in m/s or km/h."""
     low_mps = max(round(speed_mps - draw.choice((1.0, 2.0)), 0), 0.0)
     high_mps = round(speed_mps + draw.choice((1.5, 2.5)), 0)
     unit = draw.choice(("m/s", "km/h"))

@@ -1,4 +1,4 @@
-"""Requests that change a planner's configuration: presets, values, factors, and names or values that are not valid."""
+"""Requests that change a planner's configuration: presets, values, factors, and invalid names or values."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,7 +13,7 @@ _FACTORS = {2.0: "Double", 0.5: "Halve", 3.0: "Triple"}
 
 
 def tuning_lines(count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Requests of every kind in turn, on Frenetix' configurations."""
+    """Yield requests of every kind in turn, on Frenetix' configurations."""
     styles = rounds(STYLES, draw)
     for number in range(count):
         maker = _MAKERS[number % len(_MAKERS)]

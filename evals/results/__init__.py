@@ -1,1 +1,1 @@
-"""What an evaluation leaves: rows, tables in the paper's form, a report, and two evaluations beside each other."""
+"""The results of an evaluation: rows, tables in the paper's form, a report, and the comparison of two evaluations."""

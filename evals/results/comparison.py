@@ -1,4 +1,4 @@
-"""Two evaluations of the same requests beside each other, paired by request."""
+"""Compares two evaluations of the same requests, paired by request."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from .rows import Row
 
 @dataclass(frozen=True)
 class Comparison:
-    """What two evaluations show of the requests that both hold.
+    """The comparison of two evaluations on their common requests.
 
-    ``gained`` are requests that only the second did, ``lost`` those that only the first did; ``p`` is two-sided, of the
-    exact McNemar test.
+    ``gained`` are requests that only the second fulfilled, ``lost`` those that only the first did; ``p`` is two-sided,
+    of the exact McNemar test.
     """
 
     pairs: int
@@ -26,9 +26,9 @@ class Comparison:
     unpaired: int
 
     def to_text(self, first: str, second: str) -> str:
-        """The comparison in lines; the rows of flipped requests are those of the side that failed."""
+        """Return the comparison as text; the rows of flipped requests are those of the side that failed."""
         lines = [
-            f"{self.pairs} requests in both" + (f"; {self.unpaired} only in one are left out" if self.unpaired else ""),
+            f"{self.pairs} requests in both" + (f"; {self.unpaired} only in one, left out" if self.unpaired else ""),
             f"{first}: done {rate_text(self.first_done, self.pairs)}",
             f"{second}: done {rate_text(self.second_done, self.pairs)}",
             f"exact McNemar test: {len(self.gained)} gained, {len(self.lost)} lost, p = {self.p:.3g}",
@@ -53,8 +53,7 @@ def compare_rows(first: Sequence[Row], second: Sequence[Row]) -> Comparison:
     other = [key for key in both if before[key].request != after[key].request]
     if other:
         raise InvalidRequest(
-            f"{other[0]} is another request in the second file than in the first",
-            next_step="compare evaluations of the same version of a corpus",
+            f"{other[0]} differs between the two files", next_step="compare evaluations of the same version of a corpus"
         )
     gained = tuple(before[key] for key in both if after[key].score.done and not before[key].score.done)
     lost = tuple(after[key] for key in both if before[key].score.done and not after[key].score.done)
@@ -70,4 +69,4 @@ def compare_rows(first: Sequence[Row], second: Sequence[Row]) -> Comparison:
 
 
 def _reason(row: Row) -> str:
-    return "; ".join(row.score.misses) or row.attempt.failure or "no reason is noted"
+    return "; ".join(row.score.misses) or row.attempt.failure or "no reason is recorded"

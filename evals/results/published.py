@@ -1,4 +1,4 @@
-"""The paper's figures, with the labels of the tables that they stand in; ``published.json`` holds them."""
+"""The paper's figures, with the labels of their tables, from ``published.json``."""
 
 from functools import cache
 from importlib.resources import files
@@ -12,7 +12,7 @@ Cell = float | None
 
 
 class PublishedColumn(Model):
-    """A column of a table of the paper: its key, its heading, and how many decimals are printed."""
+    """A column of a table of the paper: its key, its heading, and its number of decimals."""
 
     key: str
     label: str
@@ -22,7 +22,7 @@ class PublishedColumn(Model):
 class PublishedTable(Model):
     """A table of the paper: ten models in five conditions.
 
-    ``rows`` hold model, condition and a figure for each column; ``requests`` is the number behind a row.
+    ``rows`` have model, condition and a figure for each column; ``requests`` is the number of requests behind a row.
     """
 
     source: str
@@ -32,7 +32,7 @@ class PublishedTable(Model):
     rows: tuple[tuple[str | Cell, ...], ...]
 
     def under(self, condition: Condition) -> list[tuple[str, tuple[Cell, ...]]]:
-        """Models with their figures under a condition, the best by the headline first."""
+        """Return models with their figures under a condition, the best by the main column first."""
         column = next(index for index, known in enumerate(self.columns) if known.key == self.headline)
         found = [(str(row[0]), _figures(row)) for row in self.rows if row[1] == condition]
         return sorted(found, key=lambda pair: -(pair[1][column] or 0.0))
@@ -65,7 +65,7 @@ class PublishedChain(Model):
 
 
 class Published(Model):
-    """All that is shown beside own figures; ``tables`` by the name of the corpus."""
+    """All published figures shown next to own ones; ``tables`` by the name of the corpus."""
 
     paper: str
     tables: dict[str, PublishedTable]
@@ -74,7 +74,7 @@ class Published(Model):
 
 @cache
 def published() -> Published:
-    """The paper's figures."""
+    """Return the paper's figures."""
     text = files(__package__).joinpath("published.json").read_text(encoding="utf-8")
     return TypeAdapter(Published).validate_json(text)
 

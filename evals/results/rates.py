@@ -1,9 +1,9 @@
-"""How shares are told: with their interval, so that few trials are not read as many."""
+"""Formats shares with their interval, so that few trials do not look like many."""
 
 from ...engine.analysis import rate
 
 
 def rate_text(count: int, of: int) -> str:
-    """A share with its 95 % Wilson interval, in words; a dash without trials."""
+    """Return a share with its 95 % Wilson interval as text; a dash without trials."""
     interval = rate(count, of)
     return "-" if interval.share is None else f"{interval.share:.1%} ({interval.low:.1%} to {interval.high:.1%})"

@@ -1,4 +1,4 @@
-"""The report of an evaluation: one HTML file that needs nothing else, with the tables, and each miss with its calls."""
+"""The report of an evaluation: one self-contained HTML file with the tables, and each miss with its calls."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from .tables import tables_of
 
 
 def report_html(rows: Sequence[Row]) -> str:
-    """The report of rows, of which there is one at least."""
+    """Return the report of rows; there is at least one."""
     environment = Environment(
         loader=PackageLoader(__package__, "."),
         autoescape=True,
@@ -34,7 +34,7 @@ def report_html(rows: Sequence[Row]) -> str:
 
 
 def write_results(rows: Sequence[Row], folder: Path) -> tuple[Path, Path]:
-    """Write the tables and the report of an evaluation into its folder; their paths.
+    """Write the tables and the report of an evaluation to its folder; return their paths.
 
     Raises:
         ResourceFailure: the folder cannot be written.
@@ -46,6 +46,6 @@ def write_results(rows: Sequence[Row], folder: Path) -> tuple[Path, Path]:
 
 
 def _written(value: Mapping[str, Any]) -> str:
-    """An object with a line for each of its keys."""
+    """Return an object with a line for each of its keys."""
     lines = (f"{json.dumps(key)}: {json.dumps(one, ensure_ascii=False)}" for key, one in value.items())
     return "{" + ",\n ".join(lines) + "}"

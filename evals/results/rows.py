@@ -1,6 +1,7 @@
-"""Rows: what an agent did with each request and its score, one JSON object a line.
+"""Rows: an agent's attempt at each request and its score, one JSON object per line.
 
-A line is written whole, as soon as its request is scored. What a killed run left is read up to its last whole line.
+A line is written whole, as soon as its request is scored. After a killed run, the file is read up to its last whole
+line.
 """
 
 import fcntl
@@ -17,17 +18,17 @@ from ...server.tokens import count_tokens
 from ..attempts import Attempt, Condition, EvalRequest, MadeCall, Score
 
 AGENT_FAILED, JUDGE_FAILED = "the agent raised", "the judge failed"
-"""How a failure begins that is a fault of an agent's code, and a miss that is none of the agent."""
+"""Start of a failure by a fault of an agent's code, and of a miss that is not the agent's."""
 _KEPT_CHARACTERS = 4000
-"""Of the text of each answer that a row keeps; chosen to keep a report of a hundred misses readable."""
+"""Characters of each answer that a row keeps; chosen to keep a report of a hundred misses readable."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A request, what an agent did with it, and the score.
+    """A request, the agent's attempt, and the score.
 
-    Of each call's answer the text is kept, cut where it is long, and not the structured content; ``answer_tokens`` is
-    what all answers of the server together cost (o200k_base tokens).
+    Of each call's answer, the row keeps the text, cut if it is long, but not the structured content. ``answer_tokens``
+    is the cost of all answers of the server together (o200k_base tokens).
     """
 
     request: EvalRequest
@@ -39,17 +40,17 @@ class Row:
 
     @property
     def request_id(self) -> str:
-        """The request's."""
+        """The request's id."""
         return self.request.request_id
 
     @property
     def tokens(self) -> int:
-        """Tokens of prompts and completions, as the model's server counted them; 0 of an agent without a model."""
+        """Tokens of prompts and completions, as the model's server counted them; 0 for an agent without a model."""
         return self.attempt.prompt_tokens + self.attempt.completion_tokens
 
 
 def row_of(request: EvalRequest, attempt: Attempt, score: Score, agent: str, condition: Condition) -> Row:
-    """The row of a scored attempt."""
+    """Return the row of a scored attempt."""
     tokens = sum(count_tokens(call.text) for call in attempt.calls)
     kept = replace(attempt, calls=tuple(_cut(call) for call in attempt.calls))
     return Row(request, kept, score, agent, condition, tokens)
@@ -57,7 +58,7 @@ def row_of(request: EvalRequest, attempt: Attempt, score: Score, agent: str, con
 
 def _cut(call: MadeCall) -> MadeCall:
     more = len(call.text) - _KEPT_CHARACTERS
-    text = f"{call.text[:_KEPT_CHARACTERS]} [{more} characters more]" if more > 0 else call.text
+    text = f"{call.text[:_KEPT_CHARACTERS]} [{more} more characters]" if more > 0 else call.text
     return replace(call, text=text, structured={})
 
 
@@ -71,7 +72,7 @@ class RowFile:
     @classmethod
     @contextmanager
     def open(cls, path: Path) -> Iterator["RowFile"]:
-        """The file with the rows that are there already; what stands behind the last whole line is cut off.
+        """Open the file with its existing rows; anything after the last whole line is removed.
 
         Raises:
             ResourceFailure: another evaluation writes to it, or it cannot be written.
@@ -80,15 +81,13 @@ class RowFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as error:
-            raise ResourceFailure(
-                f"{path} cannot be written: {error}", next_step="name another --out folder"
-            ) from error
+            raise ResourceFailure(f"{path} cannot be written: {error}", next_step="use another --out folder") from error
         try:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 raise ResourceFailure(
-                    f"another evaluation writes to {path}", next_step="wait for its end, or name another --out folder"
+                    f"another evaluation writes to {path}", next_step="wait for its end, or use another --out folder"
                 ) from error
             content = path.read_bytes()
             whole = content[: content.rfind(b"\n") + 1]
@@ -108,13 +107,13 @@ class RowFile:
 
 
 def read_rows(path: Path) -> list[Row]:
-    """The whole rows of a file, in the order in which they were written.
+    """Return the whole rows of a file, in writing order.
 
     Raises:
-        InvalidRequest: there is no such file, or a line is no row; it says which.
+        InvalidRequest: there is no such file, or a line is not a row; the error gives it.
     """
     if not path.is_file():
-        raise InvalidRequest(f"there is no file {path}", next_step="name a rows file that `plannerforge eval` wrote")
+        raise InvalidRequest(f"there is no file {path}", next_step="use a rows file that `plannerforge eval` wrote")
     content = path.read_bytes()
     return _parsed(content[: content.rfind(b"\n") + 1], path)
 
@@ -126,8 +125,8 @@ def _parsed(content: bytes, path: Path) -> list[Row]:
             found.append(_ROW.validate_json(line))
         except ValidationError as error:
             raise InvalidRequest(
-                f"line {number} of {path} is no row: {error.errors(include_url=False)[0]['msg']}",
-                next_step="take the line out, and the request is evaluated again",
+                f"line {number} of {path} is not a row: {error.errors(include_url=False)[0]['msg']}",
+                next_step="remove the line to evaluate the request again",
             ) from error
     return found
 

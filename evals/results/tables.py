@@ -1,6 +1,6 @@
-"""Tables of an evaluation in the paper's form: a row for each agent, the paper's rows below, and what it cost.
+"""Tables of an evaluation in the paper's form: a row for each agent, the paper's rows below, and the cost.
 
-Own shares carry their 95 % Wilson interval. The paper's headings are used where a scorer has the same column.
+Own shares have their 95 % Wilson interval. The paper's headings are used if a scorer has the same column.
 """
 
 import statistics
@@ -17,12 +17,12 @@ from .rows import JUDGE_FAILED, Row
 
 NO_FIGURE = "-"
 _PAPER_MODELS = 3
-"""Rows of the paper that a table shows, the best by its headline first; the report shows all (chosen)."""
+"""Rows of the paper in a table, the best by its main column first; the report shows all (chosen)."""
 
 
 @dataclass(frozen=True)
 class ResultTable:
-    """A table as it is read: cells are written out, rows of the paper are ``published``."""
+    """A table in display form: cells are text, rows of the paper are ``published``."""
 
     title: str
     source: str
@@ -32,16 +32,16 @@ class ResultTable:
     notes: tuple[str, ...] = ()
 
     def to_markdown(self) -> str:
-        """The table for a document."""
+        """Return the table for a document."""
         lines = [f"### {self.title}", "", _line(self.header), _line(["---"] * len(self.header))]
         lines += [_line(cell.replace("\n", "<br>") for cell in row) for row in (*self.own, *self.paper)]
         notes = [*self.notes, *([f"Rows of the paper: {self.source}"] if self.paper else [])]
         return "\n".join([*lines, *(f"\n{note}." for note in notes)]) + "\n"
 
     def to_terminal(self, paper_rows: int = _PAPER_MODELS) -> RichTable:
-        """The table for a terminal, with the first rows of the paper only.
+        """Return the table for a terminal, with only the first rows of the paper.
 
-        A table of one own row stands upright there, a line for each of its columns: a terminal has no room for a dozen.
+        A table with one own row is transposed, with a line for each of its columns: a terminal has no room for a dozen.
         """
         notes = [*self.notes, *([f"rows of the paper: {self.source}"] if self.paper else [])]
         upright = len(self.own) == 1
@@ -56,7 +56,7 @@ class ResultTable:
 
 
 def tables_of(rows: Sequence[Row]) -> list[ResultTable]:
-    """A table for each corpus among the rows, in their order, and the stages of conversations."""
+    """Return a table for each corpus among the rows, in their order, and the stages of conversations."""
     corpora = dict.fromkeys(row.request.corpus for row in rows)
     found = []
     for corpus in corpora:
@@ -89,17 +89,17 @@ def _corpus_table(corpus: str, rows: Sequence[Row]) -> ResultTable:
     shown = _paper_rows(paper, keys, rows) if paper else ()
     failed = sum(miss.startswith(JUDGE_FAILED) for row in rows for miss in row.score.misses)
     notes: tuple[str, ...] = ("own shares in per cent with their 95 % Wilson interval",)
-    notes += (f"{failed} attempts could not be judged and count as not done",) if failed else ()
+    notes += (f"{failed} attempts could not be judged, and count as not done",) if failed else ()
     return ResultTable(corpus, paper.source if paper else "", header, (own,), shown, notes)
 
 
 def _own_key(key: str) -> str:
-    """A column's key as scorers name it: the paper's without its unit."""
+    """Return a column's key as in scorers: the paper's without its unit."""
     return key.removesuffix("_pct")
 
 
 def _columns(rows: Sequence[Row], paper: PublishedTable | None) -> list[str]:
-    """Columns that the rows have: those of the paper in its order, then the scorer's own in theirs."""
+    """Return the columns of the rows: those of the paper in its order, then the scorer's own in theirs."""
     there = list(dict.fromkeys(key for row in rows for key in row.score.columns))
     if rows[0].request.corpus == "e2e":
         return []
@@ -145,7 +145,7 @@ def _mean(values: Iterable[float], decimals: int) -> str:
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage of conversations: how many reached it, how many of them passed it, and means of what its calls took."""
+    """A stage of conversations: how many reached it and passed it, and the mean cost of its calls."""
 
     name: str
     reached: int
@@ -155,10 +155,10 @@ class Stage:
 
 
 def stages_of(rows: Sequence[Row]) -> list[Stage]:
-    """Kinds of turns of conversations, in the order in which conversations first come to them.
+    """Return the kinds of turns in conversations, in order of first appearance.
 
-    Scorers of conversations have a column for each kind. A conversation reaches a kind when all kinds that it came to
-    before are right.
+    Scorers of conversations have a column for each kind. A conversation reaches a kind if all earlier kinds were
+    correct.
     """
     reached: dict[str, list[Row]] = {}
     passed: dict[str, int] = {}
@@ -208,15 +208,15 @@ def _chain_table(rows: Sequence[Row]) -> ResultTable:
     paper = [_published_stage(model, stage) for model in _BY_MODEL for stage in chain.rows]
     header = ("agent", "stage", "in", "out", "failed %", "of all %", "latency (s)", "tokens (k)")
     notes = (
-        "a kind of turn is reached when all kinds before it in the conversation are right",
+        "a kind of turn is reached if all earlier kinds in the conversation are correct",
         "the paper's models are a commercial one behind an API and an open one",
-        "own tokens of a stage are those of its answers, of the whole those of the model too",
+        "own tokens of a stage are those of its answers; the total includes the model's",
     )
     return ResultTable("end to end, by stage", chain.source, header, tuple(own), tuple(paper), notes)
 
 
 _BY_MODEL = {"commercial": "API", "open": "open"}
-"""The paper's two end-to-end runs, by a commercial model behind an API and an open one; and their short names."""
+"""The paper's two end-to-end runs, by a commercial model behind an API and an open one, with their short names."""
 
 
 def _published_stage(model: str, stage: PublishedStage) -> tuple[str, ...]:

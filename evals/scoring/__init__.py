@@ -1,1 +1,1 @@
-"""Scorers: an attempt at a request, judged by what stands in the workspace, in the columns of the paper's tables."""
+"""Scorers: judge an attempt at a request by the content of the workspace, in the columns of the paper's tables."""

@@ -1,7 +1,7 @@
-"""Conversations: each turn judged by what stands in the workspace after it, and the whole by all of its turns.
+"""Scores conversations: each turn by the content of the workspace after it, and the whole by all of its turns.
 
 Columns: one for each kind of turn that occurs (``generate``, ``select``, ``modify``, ``test``, ``tune``, ``analyse``,
-``compare``), met where every turn of the kind is.
+``compare``), met if every turn of the kind is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ _NO_TRAJECTORY = ("invalid",)
 
 
 def score_conversation(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Every turn against its ground truth."""
+    """Score every turn against its ground truth."""
     world = World(workspace)
     columns: dict[str, bool | None] = {}
     misses = []
@@ -40,14 +40,14 @@ def score_conversation(request: EvalRequest, attempt: Attempt, workspace: Path) 
 
 
 def _turn(action: str, turn: EvalTurn, calls: Sequence[MadeCall], world: World, workspace: Path) -> str:
-    """Empty where a turn did what it should, otherwise why not."""
+    """Return an empty text if a turn is correct, otherwise the reason."""
     if turn.expect in ("refuse", "clarify"):
         made = last_of(calls, *MAKING)
-        return "" if made is None else f"{made.tool} made something of what had to be refused"
+        return "" if made is None else f"{made.tool} created something although a refusal was correct"
     truth = turn.truth
     if action == "generate":
         made = last_of(calls, "generate_scenarios")
-        return _failed(generation_columns(truth, made, workspace) if made else None, "no scenario was made")
+        return _failed(generation_columns(truth, made, workspace) if made else None, "no scenario was created")
     if action == "select":
         return _selected(truth, calls, world)
     if action == "modify":
@@ -56,7 +56,7 @@ def _turn(action: str, turn: EvalTurn, calls: Sequence[MadeCall], world: World, 
     if action == "tune":
         made = last_of(calls, "configure_planner")
         record = world.record("config", str(made.structured["config_id"])) if made else None
-        return _failed(_tuned(truth, record["weights"]) if record else None, "no configuration was made")
+        return _failed(_tuned(truth, record["weights"]) if record else None, "no configuration was created")
     if action == "test":
         return _tested(truth, calls, world)
     tools = ("analyze_results",) if action == "analyse" else ("compare_results",)
@@ -64,7 +64,7 @@ def _turn(action: str, turn: EvalTurn, calls: Sequence[MadeCall], world: World, 
 
 
 def _lacks_planner(truth: Mapping[str, Any], calls: Sequence[MadeCall]) -> bool:
-    """Whether a run was refused because the server has no such planner: right, and nothing later can be about it."""
+    """Return whether a run was refused because the server has no such planner: this is correct, and ends the topic."""
     refusals = [call.text for call in calls if call.tool == "run_planner" and call.is_error]
     return any(f"no planner '{truth.get('planner')}'" in text for text in refusals)
 

@@ -1,8 +1,8 @@
-"""What the files and the stored runs of a workspace say, read by this module alone, with the geometry to judge by.
+"""The files and stored runs of a workspace, read independently, with the geometry for judging them.
 
 CommonRoad XML of both formats is read with lxml; runs, configurations, batches and recipes come from the workspace's
-SQLite file and from ``steps.json``. Nothing is taken from the engine or the tools: this is the other side of the
-comparison. Metres, seconds, metres per second and radians unless a name says otherwise.
+SQLite file and from ``steps.json``. This module uses nothing from the engine or the tools: it is the other side of the
+comparison. Units are metres, seconds, metres per second and radians unless a name states otherwise.
 """
 
 import json
@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 Line = NDArray[np.float64]
 """Points in metres, a row each."""
 STANDING_MPS = 0.1
-"""Slower than this is standing: the corpora's rule for ``standing``."""
+"""Standing means slower than this: the corpora's rule for ``standing``."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Where a body is and how fast, at a step."""
+    """The position and speed of a body at a step."""
 
     step: int
     x: float
@@ -59,20 +59,20 @@ class Body:
 
     @cached_property
     def polygon(self) -> Any:
-        """The rectangle as shapely knows it."""
+        """The rectangle as a shapely polygon."""
         return shapely.Polygon(self.corners)
 
     @property
     def velocity(self) -> Line:
-        """Speed along the heading, as a vector."""
+        """Velocity along the heading, as a vector."""
         return self.speed * np.array([math.cos(self.heading), math.sin(self.heading)])
 
     def gap_to(self, other: "Body") -> float:
-        """Metres between the two bodies; 0 where they touch or overlap."""
+        """Return the distance between the two bodies in m; 0 if they touch or overlap."""
         return float(self.polygon.distance(other.polygon))
 
     def local(self, x: float, y: float) -> tuple[float, float]:
-        """A place as seen from here: metres ahead, metres to the left."""
+        """Return a place relative to this body: metres ahead, metres to the left."""
         dx, dy = x - self.x, y - self.y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return dx * cos + dy * sin, -dx * sin + dy * cos
@@ -80,7 +80,7 @@ class Body:
 
 @dataclass(frozen=True)
 class RoadUser:
-    """An obstacle of a file; ``states`` by step, in order. A body that is no rectangle counts by its extents."""
+    """An obstacle of a file; ``states`` by step, in order. A body that is not a rectangle counts by its extents."""
 
     key: int
     kind: str
@@ -96,11 +96,11 @@ class RoadUser:
 
     @property
     def last_step(self) -> int:
-        """The step of its last state; of what stands for good, no end."""
+        """The step of its last state; for static obstacles, unlimited."""
         return 10**9 if self.is_static else max(self.states)
 
     def at(self, step: int) -> Body | None:
-        """The body at a step; None where it is not there."""
+        """Return the body at a step, or None if it is not present."""
         state = self.first if self.is_static else self.states.get(step)
         if state is None:
             return None
@@ -109,7 +109,7 @@ class RoadUser:
 
 @dataclass(frozen=True)
 class Lanelet:
-    """A lanelet with what follows and what lies beside it."""
+    """A lanelet with its successors and neighbours."""
 
     key: int
     left: Line
@@ -136,13 +136,13 @@ class Lanelet:
 
     @property
     def length(self) -> float:
-        """Metres along the centre line."""
+        """Length of the centre line in m."""
         return float(self.centre.length)
 
 
 @dataclass(frozen=True)
 class Goal:
-    """What ends a planning problem well: a time in steps, and where given an area, lanelets, a speed."""
+    """The conditions of a goal: a time in steps and, if given, an area, lanelets, a speed."""
 
     first_step: float
     last_step: float
@@ -192,17 +192,17 @@ class SceneFile:
 
     @property
     def counts(self) -> Counter[str]:
-        """Road users by class, standing for good or not; the ego of the planning problem is none of them."""
+        """Count road users by class, including static ones, without the ego of the planning problem."""
         egos = {problem.key for problem in self.problems}
         return Counter(user.kind for key, user in self.users.items() if key not in egos)
 
     def under(self, x: float, y: float, slack: float = 0.0) -> set[int]:
-        """The lanelets that a point lies on, or is not farther from than the slack."""
+        """Return the lanelets within a distance of a point."""
         point = shapely.Point(x, y)
         return {key for key, lane in self.lanelets.items() if lane.polygon.distance(point) <= slack}
 
     def lanes_beside(self, key: int) -> int:
-        """How many lanelets lie side by side in one direction, this one included."""
+        """Count the parallel lanelets of one direction, including this one."""
         return 1 + len(list(self._beside(key, "left"))) + len(list(self._beside(key, "right")))
 
     def _beside(self, key: int, side: str) -> Iterator[int]:
@@ -218,12 +218,12 @@ class SceneFile:
             key = other
 
     def present(self, step: int) -> dict[int, Body]:
-        """The bodies that are there at a step."""
+        """Return the bodies present at a step."""
         there = {key: user.at(step) for key, user in self.users.items()}
         return {key: body for key, body in there.items() if body is not None}
 
     def collisions(self, first: int, last: int, keys: Sequence[int]) -> dict[frozenset[int], int]:
-        """Of vehicles with any other one: the pairs whose bodies overlap, with the first step at which they do."""
+        """Return the pairs of vehicles with overlapping bodies, with the first step of each overlap."""
         found: dict[frozenset[int], int] = {}
         for step in range(first, last + 1):
             there = self.present(step)
@@ -244,7 +244,7 @@ def _overlap(one: Body, other: Body) -> bool:
 
 
 def time_to_collision_s(one: Body, other: Body) -> float | None:
-    """Seconds until two bodies touch that keep speed and heading (Hayward 1972); None where they never do."""
+    """Return seconds until two bodies touch at constant speed and heading (Hayward 1972), or None if they never do."""
     relative = other.velocity - one.velocity
     earliest, latest = 0.0, math.inf
     for body in (one, other):
@@ -284,7 +284,7 @@ def read_scene(path: Path) -> SceneFile:
 
 
 def _number(element: Any, path: str, default: float = 0.0) -> float:
-    """An exact value, or the middle of an interval."""
+    """Return an exact value, or the middle of an interval."""
     found = element.find(path)
     if found is None:
         return default
@@ -336,11 +336,11 @@ def _lanelet(element: Any) -> Lanelet:
         points = element.iterfind(f"{name}/point")
         return np.array([(float(point.findtext("x")), float(point.findtext("y"))) for point in points])
 
-    def beside(name: str) -> tuple[int | None, bool]:
+    def adjoining(name: str) -> tuple[int | None, bool]:
         found = element.find(name)
         return (None, False) if found is None else (int(found.get("ref")), found.get("drivingDir") == "same")
 
-    left, right = beside("adjacentLeft"), beside("adjacentRight")
+    left, right = adjoining("adjacentLeft"), adjoining("adjacentRight")
     limit = element.findtext("speedLimit")
     return Lanelet(
         key=int(element.get("id")),
@@ -410,7 +410,7 @@ def _area(element: Any) -> Any:
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A run as it is stored: its record, and the ego's motion step by step."""
+    """A stored run: its record, and the ego's motion step by step."""
 
     run_id: str
     scenario_id: str
@@ -434,11 +434,11 @@ class StoredRun:
 
     @property
     def step_s(self) -> float:
-        """Seconds of a step."""
+        """Duration of a step in s."""
         return float(self.record["step_s"])
 
     def ego_at(self, step: int) -> Body | None:
-        """The ego's body at a step of the scenario."""
+        """Return the ego's body at a step of the scenario."""
         index = step - self.first_step
         if not 0 <= index < len(self.steps["x_m"]):
             return None
@@ -446,7 +446,7 @@ class StoredRun:
         return Body(x, y, heading, speed, float(self.record["ego_length_m"]), float(self.record["ego_width_m"]))
 
     def series(self, name: str) -> Line:
-        """One of the values of ``steps.json`` over all steps."""
+        """Return one of the values of ``steps.json`` over all steps."""
         return np.asarray(self.steps[name], dtype=float)
 
 
@@ -466,41 +466,41 @@ class World:
             connection.close()
 
     def ids(self, kind: str) -> list[str]:
-        """All artifacts of a kind, oldest first."""
+        """Return all artifacts of a kind, oldest first."""
         return [
             row[0] for row in self._rows("SELECT artifact_id FROM artifacts WHERE kind = ? ORDER BY sequence", kind)
         ]
 
     def kind_of(self, artifact_id: str) -> str | None:
-        """The kind of an artifact; None where there is none of the id."""
+        """Return the kind of an artifact, or None for an unknown id."""
         rows = self._rows("SELECT kind FROM artifacts WHERE artifact_id = ?", artifact_id)
         return rows[0][0] if rows else None
 
     def record(self, kind: str, artifact_id: str) -> Mapping[str, Any] | None:
-        """What is stored of an artifact; None where there is none of the id."""
+        """Return the stored record of an artifact, or None for an unknown id."""
         query = "SELECT record FROM artifacts WHERE kind = ? AND artifact_id = ?"
         rows = self._rows(query, kind, artifact_id)
         return json.loads(rows[0][0]) if rows else None
 
     def recipe(self, artifact_id: str) -> Mapping[str, Any]:
-        """How an artifact was made: tool, arguments, parents; empty where there is none of the id."""
+        """Return the recipe of an artifact (tool, arguments, parents); empty for an unknown id."""
         rows = self._rows("SELECT recipe FROM artifacts WHERE artifact_id = ?", artifact_id)
         return json.loads(rows[0][0]) if rows else {}
 
     def scene(self, scenario_id: str) -> SceneFile | None:
-        """The file of a scenario; None where there is none of the id."""
+        """Return the file of a scenario, or None for an unknown id."""
         if scenario_id not in self._scenes:
             path = self._workspace / "scenarios" / scenario_id / "scenario.xml"
             self._scenes[scenario_id] = read_scene(path) if path.is_file() else None
         return self._scenes[scenario_id]
 
     def scenes(self) -> dict[str, SceneFile]:
-        """All scenarios of the workspace."""
+        """Return all scenarios of the workspace."""
         found = {key: self.scene(key) for key in self.ids("scenario")}
         return {key: scene for key, scene in found.items() if scene is not None}
 
     def run(self, run_id: str) -> StoredRun | None:
-        """A stored run; None where there is none of the id."""
+        """Return a stored run, or None for an unknown id."""
         if run_id not in self._runs:
             record = self.record("run", run_id)
             path = self._workspace / "runs" / run_id / "steps.json"
@@ -510,7 +510,7 @@ class World:
         return self._runs[run_id]
 
     def others_of(self, run: StoredRun, step: int) -> dict[int, tuple[str, Body]]:
-        """Who shared the road with the ego at a step of a run: class and body; of reactive traffic as it drove."""
+        """Return class and body of the other road users at a step of a run; for reactive traffic, as it drove."""
         scene = self.scene(run.scenario_id)
         if scene is None:
             return {}

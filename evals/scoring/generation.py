@@ -1,8 +1,8 @@
-"""Generation: whether the made scenarios load, hold the traffic that was asked for where it was asked for, and run.
+"""Scores generation: whether the scenarios load, have the requested traffic at the requested place, and run.
 
-Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (what
-the request leaves open is left open or takes its default), ``load``, ``traffic``, ``runnable`` (the default planner
-finishes a trajectory); besides ``place``, ``type``, ``vehicles`` and ``count``.
+Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (values
+that the request leaves open are open or take their default), ``load``, ``traffic``, ``runnable`` (the default planner
+finishes a trajectory); additional ones are ``place``, ``type``, ``vehicles`` and ``count``.
 """
 
 from collections.abc import Mapping
@@ -30,21 +30,21 @@ _USUAL: Mapping[str, tuple[object, ...]] = {
     "vehicles": (None, [], ["car"]),
     "scenario_type": (None, "any"),
 }
-"""What an argument may be where the request leaves it open."""
+"""Allowed values of an argument that the request leaves open."""
 
 
 def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """The last scenarios that were made; where no map shows the place, a refusal is right."""
+    """Score the last generated scenarios; if no map shows the place, a refusal is correct."""
     if request.expect == "refuse" or (request.expect == "ok" and request.map_file is None):
         return refused(request, attempt, "generate_scenarios")
     made = last_of(attempt.calls, "generate_scenarios")
     if made is None:
-        return scored(request, {"json": False}, ["no scenario was made"])
+        return scored(request, {"json": False}, ["no scenario was created"])
     return scored(request, generation_columns(request.truth, made, workspace))
 
 
 def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path) -> dict[str, bool | None]:
-    """Which checks the scenarios of a call meet."""
+    """Return which checks the scenarios of a call meet."""
     found = made.structured.get("scenarios", [])
     folders = [workspace / "scenarios" / str(one["scenario_id"]) for one in found]
     world = World(workspace)
@@ -73,7 +73,7 @@ def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
 
 
 def _bounds(count: int | str) -> tuple[int, int | None]:
-    """The least and the most of a class: there at all, at least so many, or between two numbers."""
+    """Return the minimum and maximum count of a class: present, at least a number, or between two numbers."""
     if count == "present":
         return 1, None
     least, between, most = str(count).partition("..")
@@ -81,7 +81,7 @@ def _bounds(count: int | str) -> tuple[int, int | None]:
 
 
 def _runs(folder: Path) -> bool:
-    """Whether Frenetix with its default weights finishes a trajectory."""
+    """Return whether Frenetix with its default weights finishes a trajectory."""
     loaded = read_scenario(folder / "scenario.xml")
     planner, default, problem = make_planner("frenetix"), built_in("frenetix:Default"), loaded.problem()
     try:

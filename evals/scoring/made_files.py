@@ -1,7 +1,7 @@
-"""Whether a made scenario shows what was asked for: type of road, density, place, vehicles.
+"""Checks whether a generated scenario shows the requested type of road, density, place and vehicles.
 
-Read from the made files and from the map file, apart from the site finder and from what the generator checks itself:
-nothing of theirs is imported. ``MadeFiles`` is a scenario as the judges see it.
+It reads the generated files and the map file, without importing the site finder or the generator's own checks.
+``MadeFiles`` is a scenario from the judges' point of view.
 """
 
 import itertools
@@ -32,12 +32,12 @@ SIZES = {
     "moped": ("motorcycle", 1.5, 2.15),
     "bicycle": ("bicycle", 1.3, 2.6),
 }
-"""CommonRoad's type of each class, and the lengths in m (from, below) that tell classes of one type apart."""
+"""CommonRoad's type of each class, and the lengths in m (from, below) that distinguish classes of one type."""
 
 
 @dataclass(frozen=True)
 class MadeFiles:
-    """A made scenario: its net, its middle there in m and on the globe in degrees, its obstacles as (type, length)."""
+    """A generated scenario: its net, its middle there in m and in degrees, its obstacles as (type, length)."""
 
     net: SumoNet
     middle: Points
@@ -63,7 +63,7 @@ class MadeFiles:
         return cls(net, middle, latitude, longitude, obstacles)
 
     def classes(self) -> Counter[str]:
-        """Vehicles by class, the ego not counted."""
+        """Count vehicles by class, without the ego."""
         return Counter(
             name
             for kind, length in self.obstacles
@@ -72,11 +72,11 @@ class MadeFiles:
         )
 
     def near(self, within_m: float) -> list[NetEdge]:
-        """Roads of the net that come so near to the middle."""
+        """Return the roads of the net within a distance of the middle."""
         return [edge for edge in self.net.edges.values() if not edge.internal and self._distance_m(edge) < within_m]
 
     def is_near(self, point: Points, within_m: float) -> bool:
-        """Whether a point (2,) lies so near to the middle."""
+        """Return whether a point (2,) is within a distance of the middle."""
         return float(np.linalg.norm(point - self.middle)) < within_m
 
     def _distance_m(self, edge: NetEdge) -> float:
@@ -86,26 +86,27 @@ class MadeFiles:
 
 
 AT_M, BESIDE_M, JUNCTION_M = 25.0, 40.0, 60.0
-"""On the road that the middle lies on, with both carriageways; beside it; at its junction: signs of one place lie so
-far apart that is one site."""
+"""Distances from the middle: on its road, with both carriageways; next to it; at its junction. Sites closer than this
+are one site.
+"""
 TOWN_M = 100.0
-"""Around the middle, in which streets with houses or built-up land make a town."""
+"""Radius around the middle in which streets with houses or built-up land indicate a town."""
 FAST_KMH, SLOW_KMH = 80.0, 60.0
-"""Limits from which on a road is not in a town, and below which it is, whatever else lies there."""
+"""Limits above which a road is outside towns, and below which it is in a town, regardless of its surroundings."""
 TOLD_BY_TAGS = frozenset({"highway", "ramp", "rural", "urban"})
-"""Types of sites that the tags of the map tell; those of junctions are seen on the net alone."""
+"""Types of sites determined from the tags of the map; those of junctions follow from the net alone."""
 STREETS = frozenset({"residential", "living_street", "pedestrian"})
 FAST_CLASSES = frozenset({"motorway", "trunk"})
 LIGHTS = ("traffic_light", "traffic_light_right_on_red", "traffic_light_unregulated")
 """SUMO's types of junctions with traffic lights."""
 ARM_M = 25.0
-"""From the junction to the point that gives the bearing of an arm."""
+"""Distance from the junction to the point that determines the bearing of an arm."""
 SAME_ROAD_RAD, SAME_ARM_RAD = math.radians(45.0), math.radians(15.0)
-"""Carriageways of one name, and of any, whose bearings differ by less are one arm."""
+"""Carriageways of one name, and of any, with a smaller difference of bearings are one arm."""
 
 
 def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
-    """Whether the roads at the middle are of the type; what is town and what country, the map file tells."""
+    """Return whether the roads at the middle are of the type; the map file determines town and country."""
     judges: dict[str, Callable[[], bool]] = {
         "roundabout": lambda: _shows_roundabout(made),
         "signalised_intersection": lambda: _crossing(made, lit=True),
@@ -113,7 +114,7 @@ def shows_type(made: MadeFiles, kind: str, evidence: MapEvidence) -> bool:
         "highway": lambda: _highway(made, evidence),
         "ramp": lambda: _ramp(made, evidence),
         "rural": lambda: _rural(made, evidence),
-        "urban": lambda: _beside_a_road(made) and _in_town(made, evidence),
+        "urban": lambda: _near_a_road(made) and _in_town(made, evidence),
     }
     return judges[kind]()
 
@@ -130,14 +131,14 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
     return any(_classes(edge) & classes for edge in made.near(within_m))
 
 
-def _beside_a_road(made: MadeFiles) -> bool:
-    """Whether the middle lies beside a road that is neither a motorway nor a link, and no motorway passes."""
+def _near_a_road(made: MadeFiles) -> bool:
+    """Return whether the middle is near a road other than motorways and links, and no motorway passes."""
     roads = [edge for edge in made.near(BESIDE_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
 
 
 def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """By the limits where they leave no doubt, otherwise by streets with houses and built-up land."""
+    """Return whether the scenario is in a town: by clear limits, otherwise by streets with houses and built-up land."""
     spot = (made.latitude, made.longitude)
     limits = evidence.limits_kmh(*spot, BESIDE_M)
     if max(limits, default=0.0) >= FAST_KMH:
@@ -147,13 +148,13 @@ def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Beside a road of the country, off ramps."""
+    """Return whether it is near a country road, off ramps."""
     ramp = any(_is_link(edge) for edge in made.near(BESIDE_M))
-    return _beside_a_road(made) and not ramp and not _in_town(made, evidence)
+    return _near_a_road(made) and not ramp and not _in_town(made, evidence)
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """A motorway at the middle; where the whole map has none, a trunk road with a limit above that of a main road."""
+    """Return whether a motorway is at the middle; in a map without any, a trunk road with a high limit counts."""
     limits = evidence.limits_kmh(made.latitude, made.longitude, AT_M)
     trunk = _is_trunk_for_motorway(evidence) and max(limits, default=0.0) >= FAST_KMH
     return _any_class(made, FAST_CLASSES if trunk else frozenset({"motorway"}), AT_M)
@@ -164,9 +165,9 @@ def _is_trunk_for_motorway(evidence: MapEvidence) -> bool:
 
 
 def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """A link road that leaves or joins a motorway at the middle; a trunk road where the whole map has no motorway.
+    """Return whether a link leaves or joins a motorway at the middle, or a trunk road in a map without motorways.
 
-    Where a motorway becomes a trunk road at the junction of the link, the link may lead to that.
+    If a motorway becomes a trunk road at the junction of the link, the link may lead to the trunk road.
     """
     net, links = made.net, {"motorway_link", "trunk_link"}
     roads = [edge for edge in net.edges.values() if not edge.internal]
@@ -184,7 +185,7 @@ def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _crossing(made: MadeFiles, *, lit: bool) -> bool:
-    """A junction of three arms at the middle, not only of motorways, with lights where they are asked for."""
+    """Return whether a junction of three arms is at the middle, not only of motorways, with lights if required."""
     junctions = {
         junction
         for edge in made.near(JUNCTION_M)
@@ -196,9 +197,9 @@ def _crossing(made: MadeFiles, *, lit: bool) -> bool:
 
 
 def _arms(net: SumoNet, junction: str) -> int:
-    """Directions in which roads lie around a junction, links left out; none where all are motorways or trunk roads.
+    """Count the directions of roads around a junction, without links; 0 if all are motorways or trunk roads.
 
-    The carriageways of a road are one arm: they bear one name and lie in about one direction.
+    The carriageways of a road are one arm: they have one name and about one direction.
     """
     arms: list[tuple[str, float]] = []
     fast: list[bool] = []
@@ -228,23 +229,23 @@ def _line(net: SumoNet, edge: NetEdge) -> Points:
 
 
 LONGEST_RING_M = 1_200.0
-"""Longer cycles of one-way roads are no roundabout (chosen)."""
+"""Longer cycles of one-way roads are not roundabouts (chosen)."""
 LEAST_ROUND = 0.55
 """4π·area / perimeter² of a ring: 1 is a circle, 0.785 a square; oblong roundabouts have less."""
 LEAST_ENTRIES = 2
-"""Roads that lead into a roundabout."""
+"""Minimum number of roads that lead into a roundabout."""
 ALONG = ("s", "L", "R")
-"""SUMO's words for going on along a road; a ring with a turn in it leads about a block or across a crossing."""
+"""SUMO's letters for continuing along a road; a ring with a turn leads around a block or across a crossing."""
 REACH_M, RING_BESIDE_M = 180.0, 30.0
-"""How far the roads of a ring may be from its middle, and how far outside it the scenario's middle may lie."""
+"""Maximum distance of a ring's roads from its middle, and of the scenario's middle from the ring."""
 SIDES_APART_M = 12.0
-"""Between the middles of both directions of a road; the other half of a ring is farther off."""
+"""Maximum distance between the middles of both directions of a road; the other half of a ring is farther away."""
 
 
 def _shows_roundabout(made: MadeFiles) -> bool:
-    """Whether a closed one-way ring surrounds the middle or passes by it, with at least two roads leading in.
+    """Return whether a closed one-way ring surrounds the middle or passes by it, with at least two entries.
 
-    It has to be driven round the proper way: against the clock where traffic keeps right.
+    It must have the proper direction: counter-clockwise in right-hand traffic.
     """
     edges = {key: edge for key, edge in made.net.edges.items() if not edge.internal}
     one_way = {key for key, edge in edges.items() if not _has_other_side(made.net, edge)}
@@ -264,7 +265,7 @@ def _shows_roundabout(made: MadeFiles) -> bool:
 
 
 def _has_other_side(net: SumoNet, edge: NetEdge) -> bool:
-    """Whether oncoming traffic has a road beside this one; the other half of a ring runs elsewhere."""
+    """Return whether oncoming traffic has a parallel road; the other half of a ring runs elsewhere."""
     middle = _line(net, edge).mean(axis=0)
     return any(
         float(np.linalg.norm(_line(net, other).mean(axis=0) - middle)) < SIDES_APART_M
@@ -274,7 +275,7 @@ def _has_other_side(net: SumoNet, edge: NetEdge) -> bool:
 
 
 def _ring(net: SumoNet, following: dict[str, set[str]], start: str) -> list[str]:
-    """The shortest cycle of one-way roads through a road, none where it is longer than a roundabout can be."""
+    """Return the shortest cycle of one-way roads through a road; empty if it is too long for a roundabout."""
     queue, seen = [(0.0, [start])], {start}
     while queue:
         length_m, route = queue.pop(0)
@@ -306,16 +307,16 @@ def _is_round(net: SumoNet, ring: list[str]) -> bool:
 
 
 TARGETS: Mapping[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
-"""Vehicles per kilometre of lane, as ``docs/generation.md`` promises them."""
+"""Vehicles per kilometre of lane, as promised in ``docs/generation.md``."""
 _WITHIN = 0.25
-"""Of the target, a density counts as met (chosen)."""
+"""Share of the target within which a density counts as met (chosen)."""
 _STATED = "density missed"
-"""Stands in the note of a generation that misses its density."""
+"""Occurs in the note of a generation that misses its density."""
 
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, the ego included, beside the target; whether a miss is stated."""
+    """Vehicles per kilometre of lane at the start, including the ego, next to the target; whether a miss is stated."""
 
     target: float
     found: float
@@ -333,7 +334,7 @@ class DensityVerdict:
 
 
 def judge_density(made: MadeFiles, asked: Density, notes: Sequence[str]) -> DensityVerdict:
-    """Count the obstacles and the ego on the lanes of the net that cars may use, insides of junctions left out."""
+    """Count the obstacles and the ego on the lanes of the net that cars may use, without insides of junctions."""
     found = (len(made.obstacles) + 1) / _lane_km(made.net)
     return DensityVerdict(TARGETS[asked], round(found, 2), any(_STATED in note for note in notes))
 
@@ -344,11 +345,11 @@ def _lane_km(net: SumoNet) -> float:
 
 
 STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
-"""How far the road may be that a site is called after; an exit is called after the road that it leads to, too."""
+"""Maximum distance of the road that names a site; an exit is also named after the road that it leads to."""
 
 
 def lies_in(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
-    """Whether the middle lies in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
+    """Return whether the middle is in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
     south, west, north, east = box
     inside = south - slack <= made.latitude <= north + slack
     return inside and west - slack <= made.longitude <= east + slack
@@ -357,13 +358,13 @@ def lies_in(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
 def lies_at_street(
     made: MadeFiles, street: str, places: Sequence[str], evidence: MapEvidence, within_m: float = STREET_WITHIN_M
 ) -> bool:
-    """Whether every part of ``street, place`` is a place that the whole map shows, or something named so is near."""
+    """Return whether every part of ``street, place`` is a place of the map, or has a match of that name nearby."""
     parts = [part.strip() for part in street.split(",")]
     return all(part in places or evidence.names_near(part, made.latitude, made.longitude, within_m) for part in parts)
 
 
 def holds_vehicles(made: MadeFiles, required: dict[str, tuple[int, int | None]]) -> bool:
-    """Whether every class is there in the numbers asked for: (least, most) by class."""
+    """Return whether every class is present in the required numbers: (minimum, maximum) by class."""
     counts = made.classes()
     return all(
         least <= counts[name] <= (counts[name] if most is None else most) for name, (least, most) in required.items()

@@ -1,7 +1,7 @@
-"""The maps of ``make bench-generation``, and what their files say about a spot.
+"""The maps of ``make bench-generation``, and the evidence in their files about a place.
 
-Maps are every file of a folder as a user adds it, binary extracts written as .osm. Evidence (names, houses, built-up
-land, signed limits) is read apart from the generator.
+Maps are all files of a folder as a user adds them, with binary extracts written as .osm. Evidence (names, houses,
+built-up land, signed limits) is read independently of the generator.
 """
 
 import json
@@ -25,9 +25,9 @@ from ...schemas.generation import ConvertMapRequest, ReadMapRequest
 NAMING = re.compile(r"(name(:.*)?|(alt|loc|int|official|short)_name|ref|addr:street|destination(:.*)?)$")
 BUILT_UP_LAND = ("residential", "commercial", "retail", "industrial")
 METRES_A_DEGREE = 111_200.0
-"""Of latitude, on a sphere of the Earth's mean radius."""
+"""Metres per degree of latitude, on a sphere of the Earth's mean radius."""
 MANY_HOUSES = 3
-"""Houses within reach that make a spot built up (chosen)."""
+"""Houses within reach that make a place built up (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Mapped:
     tags: "Mapping[str, str]"
 
     def distance_m(self, latitude: float, longitude: float) -> float:
-        """From a spot to the nearest point of the line."""
+        """Return the distance from a place to the nearest point of the line in m."""
         from shapely import LineString, Point
 
         scale = np.array((1.0, math.cos(math.radians(latitude)))) * METRES_A_DEGREE
@@ -47,7 +47,7 @@ class Mapped:
         return float(shape.distance(Point(0.0, 0.0)))
 
     def surrounds(self, latitude: float, longitude: float) -> bool:
-        """Whether a spot lies inside the outline."""
+        """Return whether a place is inside the outline."""
         from shapely import Point, Polygon
 
         closed = len(self.line) > 3 and bool((self.line[0] == self.line[-1]).all())
@@ -56,16 +56,16 @@ class Mapped:
 
 @dataclass(frozen=True)
 class MapEvidence:
-    """Everything of a map that has tags and a position."""
+    """Everything on a map with tags and a position."""
 
     mapped: tuple[Mapped, ...]
 
     def holds(self, key: str, value: str) -> bool:
-        """Whether anything of the map has a tag."""
+        """Return whether anything on the map has a tag."""
         return any(found.tags.get(key) == value for found in self.mapped)
 
     def names_near(self, name: str, latitude: float, longitude: float, within_m: float) -> bool:
-        """Whether something whose name, number or sign has all words of ``name`` lies within ``within_m``."""
+        """Return whether something within a distance has all words of ``name`` in its name, number or sign."""
         words = _words(name)
         return any(
             any(words <= _words(part) for part in _names(found)) and found.distance_m(latitude, longitude) <= within_m
@@ -73,21 +73,21 @@ class MapEvidence:
         )
 
     def houses(self, latitude: float, longitude: float, within_m: float) -> int:
-        """Buildings within ``within_m``."""
+        """Count buildings within ``within_m``."""
         return sum(
             "building" in found.tags and found.distance_m(latitude, longitude) <= within_m
             for found in self._around(latitude, longitude, within_m)
         )
 
     def is_built_up(self, latitude: float, longitude: float, within_m: float) -> bool:
-        """Whether a spot lies on built-up land or among houses."""
+        """Return whether a place is on built-up land or among houses."""
         land = (found for found in self.mapped if found.tags.get("landuse") in BUILT_UP_LAND)
         return self.houses(latitude, longitude, within_m) >= MANY_HOUSES or any(
             found.surrounds(latitude, longitude) for found in land
         )
 
     def limits_kmh(self, latitude: float, longitude: float, within_m: float) -> list[float]:
-        """Signed speed limits of the roads within ``within_m``."""
+        """Return signed speed limits of the roads within ``within_m``."""
         near = (
             found
             for found in self._around(latitude, longitude, within_m)
@@ -97,7 +97,7 @@ class MapEvidence:
         return [float(sign[1]) * (1.609344 if sign[2] else 1.0) for sign in signed if sign is not None]
 
     def _around(self, latitude: float, longitude: float, within_m: float) -> Iterable[Mapped]:
-        """What can be within ``within_m`` by its bounds."""
+        """Return objects that may be within ``within_m``, by their bounds."""
         reach = within_m / METRES_A_DEGREE / max(math.cos(math.radians(latitude)), 0.1)
         spot = np.array((latitude, longitude))
         return (
@@ -108,7 +108,7 @@ class MapEvidence:
 
 
 def read_evidence(path: Path) -> MapEvidence:
-    """Read an .osm file, element by element; what has no position that can be read is left out."""
+    """Read an .osm file, element by element; objects without a readable position are left out."""
     places: dict[str, tuple[float, float]] = {}
     found: list[Mapped] = []
     for _, element in etree.iterparse(path, tag=("node", "way"), resolve_entities=False):
@@ -126,7 +126,7 @@ def read_evidence(path: Path) -> MapEvidence:
 
 
 def _position(node: etree._Element) -> list[tuple[float, float]]:
-    """Latitude and longitude of a node in degrees; nothing where they are no numbers."""
+    """Return latitude and longitude of a node in degrees; empty if they are not numbers."""
     try:
         latitude, longitude = float(node.get("lat", "nan")), float(node.get("lon", "nan"))
     except ValueError:
@@ -139,7 +139,7 @@ def _names(found: Mapped) -> list[str]:
 
 
 def _words(name: str) -> frozenset[str]:
-    """Words without case and accents; a number beside its letter (``A4``) counts as a word of its own."""
+    """Return words without case and accents; a number next to a letter (``A4``) counts as a separate word."""
     plain = unicodedata.normalize("NFKD", name.casefold()).encode("ascii", "ignore").decode()
     return frozenset(re.findall(r"\d+|[a-z]+", plain) or [name.casefold()])
 
@@ -148,8 +148,8 @@ def _words(name: str) -> frozenset[str]:
 class BenchMaps:
     """Maps by the names of their files.
 
-    ``files`` are readable as XML, ``unread`` says why others are not; ``places`` is what the folder's list tells of
-    each, and ``entries`` are those that are listed, as the generator takes them.
+    ``files`` are readable as XML; ``unread`` states why others are not. ``places`` is the content of the folder's list
+    for each, and ``entries`` are the listed ones, in the generator's form.
     """
 
     entries: tuple[MapEntry, ...]
@@ -159,20 +159,20 @@ class BenchMaps:
 
     @property
     def names(self) -> frozenset[str]:
-        """Files that requests can be made for."""
+        """Files for which requests can be made."""
         return frozenset(entry.facts.file_name for entry in self.entries)
 
     def name_of(self, map_id: str) -> str:
-        """The file of a map."""
+        """Return the file of a map."""
         return next(entry.facts.file_name for entry in self.entries if entry.facts.map_id == map_id)
 
     def drives_left(self, name: str) -> bool:
-        """Whether traffic keeps to the left there; to the right where the list does not say."""
+        """Return whether traffic keeps left there; it keeps right if the list does not state it."""
         return bool(self.places.get(name, {}).get("drives_on") == "left")
 
 
 def read_maps(folder: Path, scratch: Path) -> BenchMaps:
-    """Read every map of a folder; ``scratch`` takes the binary ones as XML."""
+    """Read every map of a folder; ``scratch`` gets the binary ones as XML."""
     places = json.loads((folder / "places.json").read_text(encoding="utf-8"))
     entries: list[MapEntry] = []
     files: dict[str, Path] = {}
@@ -194,6 +194,6 @@ def _plain(path: Path, scratch: Path) -> Path:
 
 
 def _entry(name: str, path: Path, shown: Mapping[str, Any]) -> MapEntry:
-    """A map with the places and the country that the list names."""
+    """Return a map with the places and the country from the list."""
     facts = read_map(ReadMapRequest(path=str(path), place=shown["places"][0], country=shown["country"]), silent)
     return MapEntry(facts.model_copy(update={"file_name": name, "places": (*shown["places"], *facts.places)}), path)

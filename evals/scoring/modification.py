@@ -1,8 +1,8 @@
-"""Modification: whether the written file is what the edits ask for, and nothing else.
+"""Scores modification: whether the written file has the requested edits, and nothing else.
 
-Columns of the paper (Scenario Modification Module, Evaluation Metrics), judged in the world: ``xml`` (the file is
-there), ``tgt`` (the vehicle is still there), ``ends`` (it drives onto the target, or is on its way when the recording
-ends), ``preserve`` and ``others`` (who is untouched by the answer's word is so by its bytes), ``preset``, ``tgt_chg``,
+Columns of the paper (Scenario Modification Module, Evaluation Metrics), judged in the files: ``xml`` (the file exists),
+``tgt`` (the vehicle still exists), ``ends`` (it drives onto the target, or is on a route there when the recording
+ends), ``preserve`` and ``others`` (vehicles reported as untouched have identical bytes), ``preset``, ``tgt_chg``,
 ``count_match``, ``edge``, ``pos_gt``, ``edge_gt``.
 """
 
@@ -21,14 +21,14 @@ _SHARES = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5, "three_quarter": 0.
 _NEAR_M = 2.0
 """Tolerance of places (rule 3 of the corpora)."""
 _GOAL_M = 10.0
-"""A goal's middle may lie this far from the position's station: half of a long rectangle lies inside the lanelet."""
+"""Maximum distance of a goal's middle from the position's station: half of a long rectangle is inside the lanelet."""
 _ON_M = 0.75
-"""A centre this far beside a lanelet is on it."""
+"""A centre within this distance of a lanelet is on it."""
 Columns = dict[str, bool | None]
 
 
 def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """The last scenario that was made of the one that the request is about."""
+    """Score the last scenario made from the requested one."""
     if request.expect == "refuse":
         return refused(request, attempt, "modify_scenario")
     made = last_of(attempt.calls, "modify_scenario")
@@ -38,7 +38,7 @@ def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) 
 
 
 def edit_columns(truths: Sequence[Mapping[str, Any]], made: MadeCall, world: World) -> Columns:
-    """Which checks a written scenario meets, of all edits together."""
+    """Return which checks a written scenario meets, for all edits together."""
     scene = world.scene(str(made.structured.get("scenario_id")))
     base = world.scene(str(made.structured.get("base_id")))
     if scene is None or base is None:
@@ -81,7 +81,7 @@ def _checks(
 
 
 def _ids(truth: Mapping[str, Any], report: Mapping[str, Any]) -> list[int]:
-    """Ids of the vehicles that an edit is about: of the ground truth, or as resolved where only a rule was known."""
+    """Return the ids of an edit's vehicles: from the ground truth, or as resolved if only a rule is known."""
     known = truth.get("vehicle_ids")
     return [int(key) for key in (report.get("vehicles", []) if known is None else known)]
 
@@ -96,7 +96,7 @@ def _same_ids(truth: Mapping[str, Any], report: Mapping[str, Any]) -> bool:
 
 
 def _ends(scene: SceneFile, key: int, targets: set[int]) -> bool:
-    """Whether a vehicle drives over a target, or is on a way to one when its recording ends."""
+    """Return whether a vehicle drives over a target, or is on a route to one when its recording ends."""
     user = scene.users[key]
     if any(_is_on(scene.lanelets.get(target), user) for target in targets):
         return True
@@ -113,14 +113,14 @@ def _is_on(lane: Lanelet | None, user: RoadUser) -> bool:
 
 
 def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
-    """Lanelets to which successors and neighbours of the same direction lead."""
+    """Return the lanelets that successors and neighbours of the same direction reach."""
     reached, todo = set(begin), list(begin)
     while todo:
         lane = scene.lanelets.get(todo.pop())
         if lane is None:
             continue
-        beside = [lane.beside_left if lane.left_is_same else None, lane.beside_right if lane.right_is_same else None]
-        for key in (*lane.successors, *beside):
+        adjoining = [lane.beside_left if lane.left_is_same else None, lane.beside_right if lane.right_is_same else None]
+        for key in (*lane.successors, *adjoining):
             if key is not None and key not in reached:
                 reached.add(key)
                 todo.append(key)
@@ -128,7 +128,7 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
 
 
 def _behaves(truth: Mapping[str, Any], asked: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether preset and parameters are those that were wanted, as the recipe of the written file has them."""
+    """Return whether preset and parameters are the requested ones, according to the recipe of the written file."""
     preset, params = truth.get("preset"), {name: float(value) for name, value in truth.get("params", {}).items()}
     for edit in asked:
         if edit.get("op") != "set_behaviour" or str(edit.get("preset") or "").lower() != str(preset or "").lower():
@@ -155,13 +155,13 @@ def _added(truth: Mapping[str, Any], report: Mapping[str, Any], scene: SceneFile
     return {
         "tgt_chg": bool(new),
         "count_match": right,
-        "place": all(any(_stands(scene, user, place) for user in new) for place in places),
+        "place": all(any(_begins_at(scene, user, place) for user in new) for place in places),
         "speed": speed is None or all(abs(user.first.speed - speed) < max(1.0, 0.2 * speed) for user in new),
     }
 
 
-def _stands(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
-    """Whether a vehicle begins at a place: metres along a lanelet, moved inwards by half its length at an end."""
+def _begins_at(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
+    """Return whether a vehicle begins at a place in m along a lanelet, moved inwards by half its length at ends."""
     lane = scene.lanelets.get(int(place["lanelet"]))
     if lane is None:
         return False
@@ -191,7 +191,7 @@ def _goal(truth: Mapping[str, Any], scene: SceneFile) -> dict[str, bool]:
 
 
 def _untouched_are_so(made: MadeCall, scene: SceneFile, base: SceneFile) -> bool:
-    """Whether everybody is as recorded whom the answer does not name as touched or removed."""
+    """Return whether all vehicles are as recorded that the answer does not list as touched or removed."""
     named = {int(one["vehicle_id"]) for one in made.structured.get("touched", [])}
     named |= {int(key) for key in made.structured.get("removed", [])}
     return all(scene.texts.get(key) == text for key, text in base.texts.items() if key not in named)

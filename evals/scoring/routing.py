@@ -1,7 +1,7 @@
-"""Routing: which of the paper's nine classes the calls of an attempt belong to, and in which order.
+"""Scores routing: which of the paper's nine classes the calls of an attempt belong to, and in which order.
 
-Columns (Module Router, Evaluation Metrics): ``json`` (calls were made, or a refusal was worded), ``key`` (the classes),
-``value`` (the classes and the letters of edits, in order), ``set`` (the letters, in any order), ``order``.
+Columns (Module Router, Evaluation Metrics): ``json`` (there were calls or a refusal), ``key`` (the classes), ``value``
+(the classes and the letters of edits, in order), ``set`` (the letters, in any order), ``order``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ _QUESTIONS = ("describe_catalog", "describe_scenario", "find_scenarios", "list_a
 
 
 def score_routing(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """The classes of the calls against those of the request, or against what is right as well."""
+    """Score the classes of the calls against those of the request, or against accepted alternatives."""
     del workspace
     classes, letters = classes_of(attempt)
     if request.expect == "clarify" and attempt.ending == "asked":
@@ -29,7 +29,7 @@ def score_routing(request: EvalRequest, attempt: Attempt, workspace: Path) -> Sc
     verdicts = [_verdicts(answer, classes, letters) for answer in answers]
     best = max(verdicts, key=lambda columns: sum(verdict is not False for verdict in columns.values()))
     columns = {"json": bool(classes), **best}
-    return scored(request, columns, [f"calls are {classes} {letters}, asked for is {request.truth}"])
+    return scored(request, columns, [f"calls are {classes} {letters}, requested is {request.truth}"])
 
 
 def _verdicts(truth: Mapping[str, Any], classes: Sequence[str], letters: str) -> dict[str, bool | None]:
@@ -45,9 +45,9 @@ def _verdicts(truth: Mapping[str, Any], classes: Sequence[str], letters: str) ->
 
 
 def classes_of(attempt: Attempt) -> tuple[list[str], str]:
-    """The classes of the calls in their order, equal neighbours once, and the letters of edits in canonical order.
+    """Return the classes of the calls in order without repeats, and the letters of edits in canonical order.
 
-    An attempt without calls is a question about the tool or, where the agent refused, ``fail``.
+    An attempt without calls is a question about the tool or, if the agent refused, ``fail``.
     """
     letters = {_letter(edit) for call in attempt.calls for edit in _edits(call)}
     classes = [name for name, _ in groupby(filter(None, map(_class, attempt.calls)))]
@@ -60,13 +60,13 @@ def classes_of(attempt: Attempt) -> tuple[list[str], str]:
 
 
 def _as_read(call: MadeCall) -> Mapping[str, Any]:
-    """The arguments as the server reads them, however they were written."""
+    """Return the arguments as the server reads them, whatever their form."""
     model = next((spec.arguments_type for spec in TOOLS if spec.name == call.tool), None)
     return call.arguments if model is None else read_loosely(model, call.arguments).values
 
 
 def _letter(edit: Mapping[str, Any]) -> str:
-    """The paper's letter of an edit; empty for an operation that there is not."""
+    """Return the paper's letter of an edit; empty for an unknown operation."""
     kind = next((kind for name, kind in EDITS.items() if name == edit.get("op")), None)
     return kind.letter if kind else ""
 
@@ -77,7 +77,7 @@ def _edits(call: MadeCall) -> Sequence[Mapping[str, Any]]:
 
 
 def _class(call: MadeCall) -> str:
-    """The class of a call; a look at what there is, before something else, is none of its own."""
+    """Return the class of a call; a query before something else has no class of its own."""
     if call.tool == "modify_scenario":
         return "vehicle_mod"
     if call.tool == "configure_planner":

@@ -1,7 +1,7 @@
-"""Selection: what was searched for, slot by slot, and whether what came back meets every condition.
+"""Scores selection: the search, slot by slot, and whether its results meet every condition.
 
 Columns of the paper (Scenario Selection Module, Evaluation Metrics): ``sat_any5``, ``sat_top1``, ``sat_all``; and the
-five slots, each met where the call's conditions are those of the ground truth.
+five slots, each met if the call's conditions are those of the ground truth.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ _NO_SEARCH: Mapping[str, bool | None] = {"sat_any5": False, "sat_top1": False, "
 
 
 def score_selection(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """The last search that was carried out, against the ids that satisfy every slot."""
+    """Score the last search, against the ids that satisfy every slot."""
     search = last_of(attempt.calls, "find_scenarios")
     if search is None:
         return scored(request, _NO_SEARCH, ["no search was carried out"])
@@ -31,7 +31,7 @@ def score_selection(request: EvalRequest, attempt: Attempt, workspace: Path) -> 
     slots = _slots(request, {**search.arguments, **recipe.get("arguments", {})})
     if request.expect == "empty":
         none = not found and int(search.structured.get("total", 0)) == 0
-        return scored(request, {**slots, "empty": none}, [] if none else [f"gave {found[:3]} where nothing matches"])
+        return scored(request, {**slots, "empty": none}, [] if none else [f"returned {found[:3]}, but nothing matches"])
     right = set(request.truth["matching_ids"])
     columns = {
         "sat_any5": bool(right & set(found[:_FIRST])),
@@ -66,12 +66,12 @@ def _plain(word: object) -> str:
 
 
 def _conditions(texts: object) -> frozenset[str]:
-    """Conditions as they are meant, whichever way they are written."""
+    """Return conditions in a canonical form, however they are written."""
     listed = texts if isinstance(texts, list | tuple) else [texts] if texts else []
-    return frozenset(_meant(str(text)) for text in listed)
+    return frozenset(_canonical(str(text)) for text in listed)
 
 
-def _meant(text: str) -> str:
+def _canonical(text: str) -> str:
     try:
         read = parse_condition(text)
     except PlannerForgeError:

@@ -1,7 +1,7 @@
-"""Tuning: the configuration that was made, weight by weight.
+"""Scores tuning: the resulting configuration, weight by weight.
 
-Columns of the paper (Planner Testing and Enhancement Module, Evaluation Metrics): ``yaml`` (a configuration was made),
-``struct`` (all weights of the planner), ``preset``, ``explicit``, ``full_yaml``, ``refused``.
+Columns of the paper (Planner Testing and Enhancement Module, Evaluation Metrics): ``yaml`` (a configuration was
+created), ``struct`` (all weights of the planner), ``preset``, ``explicit``, ``full_yaml``, ``refused``.
 """
 
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from .common import is_close, last_of, refused, scored
 from .files import World
 
 MISSING_PLANNER = "no_such_planner"
-"""Column of requests for a planner that the server does not have: right is a refusal that says so."""
+"""Column of requests for a planner that the server does not have: a refusal that states this is correct."""
 
 
 def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """The last configuration that was made against the weights that the request comes to."""
+    """Score the last configuration against the weights that the request amounts to."""
     made = last_of(attempt.calls, "configure_planner")
     told = " ".join(call.text for call in attempt.calls if call.is_error)
     planner = str(request.truth["planner"])
@@ -27,7 +27,7 @@ def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Sco
     if request.expect == "refuse":
         return refused(request, attempt, "configure_planner")
     if made is None:
-        return scored(request, {"yaml": False}, ["no configuration was made"])
+        return scored(request, {"yaml": False}, ["no configuration was created"])
     record = World(workspace).record("config", str(made.structured["config_id"])) or {}
     weights: Mapping[str, float] = record.get("weights", {})
     return scored(request, tuning_columns(request.truth, request.context, weights))
@@ -36,7 +36,7 @@ def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Sco
 def tuning_columns(
     truth: Mapping[str, Any], context: Mapping[str, Any], weights: Mapping[str, float]
 ) -> dict[str, bool | None]:
-    """Which checks the weights of a configuration meet; None for those that the request does not call for."""
+    """Return which checks the weights of a configuration meet; None for those that the request does not involve."""
     wanted: Mapping[str, float] | None = truth.get("weights")
     explicit: Mapping[str, float] = truth.get("explicit", {})
     complete = truth.get("weights_complete", True)
@@ -60,14 +60,14 @@ def tuning_columns(
 
 
 def _weights_before(context: Mapping[str, Any]) -> Mapping[str, float]:
-    """The weights that are in force before a request."""
+    """Return the weights before a request."""
     named = named_configuration(f"{context.get('planner') or 'frenetix'}:{context.get('preset') or 'Default'}")
     weights = {} if named is None else dict(named.weights)
     return {**weights, **context.get("overrides", {}), **(context.get("weights") or {})}
 
 
 def _moved(wanted: Mapping[str, Any], before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """Whether one of the weights moved as asked; one that was not known before counts from 0 up."""
+    """Return whether one of the weights moved as requested; a weight that was unknown before starts at 0."""
     sign = 1 if wanted["sign"] == "up" else -1
     start = wanted.get("from", {})
     return any(

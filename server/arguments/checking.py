@@ -1,6 +1,6 @@
-"""The gate of every call: arguments within bounds, and validation errors in one clear line.
+"""The gate of every call: limits the size of arguments, and turns validation errors into one clear line.
 
-A refusal says which argument, what was given, what is allowed, what was probably meant. Sizes are looked at before
+A refusal states the argument, the given value, the valid values, and the probable intention. Sizes are checked before
 anything is parsed, compared or printed.
 """
 
@@ -22,28 +22,28 @@ from .loose_reading import read_loosely
 
 _Arguments = TypeVar("_Arguments", bound=BaseModel)
 _SHOWN_CHARACTERS = 60
-"""Characters of a given value that a refusal repeats; chosen."""
+"""Maximum characters of a given value in a refusal; chosen."""
 _SHOWN_NOTE = 400
-"""Characters of a corrected call, or of a note on what was read as what; chosen."""
+"""Maximum characters of a corrected call, or of a note on an interpretation; chosen."""
 _ALIKE = 0.75
-"""Likeness (difflib's ratio) from which a corrected call takes a valid name for the one that was meant; chosen."""
+"""Minimum similarity (difflib's ratio) for replacing a name by a valid one in a corrected call; chosen."""
 _CORRECTIONS = 3
-"""How often a call is corrected until it is valid: a name first, then what stands behind it (chosen)."""
+"""Maximum rounds of correction until a call is valid: a name first, then what depends on it (chosen)."""
 _SHOWN_PROBLEMS = 10
-"""Problems that a refusal names; chosen."""
+"""Maximum problems that a refusal lists; chosen."""
 _LONGEST_LIST, _MOST_VALUES, _DEEPEST = 2000, 10_000, 6
-"""Elements of a list, values of a call, and levels of lists and objects in each other; chosen far above any use."""
+"""Maximum elements of a list, values of a call, and levels of nested lists and objects; chosen far above any use."""
 _LONGEST_LIST_TEXT = 50_000
-"""Characters of a list that is sent as JSON text; chosen."""
+"""Maximum characters of a list that is sent as JSON text; chosen."""
 _LARGEST_NUMBER = 1e15
-"""Whole numbers to it are exact as floating-point numbers too; larger ones mean nothing here."""
+"""Whole numbers up to this are exact as floating-point numbers; larger ones have no use here."""
 
 
 def read_arguments(model: type[_Arguments], given: Mapping[str, Any], notes: list[str] | None = None) -> _Arguments:
-    """The arguments as their model; what was read otherwise than it was written is added to ``notes``.
+    """Return the arguments as their model; add a note to ``notes`` for each value that was interpreted.
 
     Raises:
-        InvalidRequest: one line that names the problems; with the call to make where it can be told.
+        InvalidRequest: one line with the problems, and the corrected call if there is one.
     """
     _refuse_oversized(model, given)
     reading = read_loosely(model, given)
@@ -59,7 +59,7 @@ def read_arguments(model: type[_Arguments], given: Mapping[str, Any], notes: lis
 
 @dataclass(frozen=True)
 class _Oversize:
-    """What is too large about a value, what would be valid, and what to send instead."""
+    """The problem with an oversized value, the limit, and the remedy."""
 
     what: str
     valid: str
@@ -78,25 +78,25 @@ def _refuse_oversized(model: type[BaseModel], given: Mapping[str, Any]) -> None:
                 raise InvalidRequest(what, valid=[problem.valid], next_step=problem.next_step)
             if count > _MOST_VALUES:
                 raise InvalidRequest(
-                    f"the arguments hold more than {_MOST_VALUES:,} values",
+                    f"the arguments have more than {_MOST_VALUES:,} values",
                     valid=[f"at most {_MOST_VALUES:,} values"],
-                    next_step="ask in several calls",
+                    next_step="use several calls",
                 )
 
 
 def _oversizes(value: Any, longest: int, depth: int = 0) -> Iterator[_Oversize | None]:
-    """For each value within ``value`` what is too large about it, None where nothing is; lazily, from outside in."""
+    """Yield for each value within ``value`` its size problem, or None; lazily, from outside in."""
     if isinstance(value, str):
         if len(value) > longest:
             yield _Oversize(f"a text of {len(value):,} characters", f"at most {longest:,} characters", "shorten it")
         yield None if value.isascii() or _is_unicode(value) else _HALF_A_CHARACTER
     elif isinstance(value, dict | list):
         if depth == _DEEPEST:
-            what = f"more than {_DEEPEST} levels of lists and objects in each other"
-            yield _Oversize(what, f"at most {_DEEPEST} levels", "send it as the tool's input schema has it")
+            what = f"more than {_DEEPEST} levels of nested lists and objects"
+            yield _Oversize(what, f"at most {_DEEPEST} levels", "send it in the form of the tool's input schema")
         parts = f"{len(value):,} elements"
         is_long = len(value) > _LONGEST_LIST
-        yield _Oversize(parts, f"at most {_LONGEST_LIST:,} elements", "ask in several calls") if is_long else None
+        yield _Oversize(parts, f"at most {_LONGEST_LIST:,} elements", "use several calls") if is_long else None
         for part in (*value, *value.values()) if isinstance(value, dict) else value:
             yield from _oversizes(part, longest, depth + 1)
     elif isinstance(value, int | float) and _LARGEST_NUMBER < abs(value) < math.inf:
@@ -107,7 +107,7 @@ def _oversizes(value: Any, longest: int, depth: int = 0) -> Iterator[_Oversize |
 
 
 _HALF_A_CHARACTER = _Oversize(
-    "half a character (a lone surrogate) is no text", "whole Unicode characters", "leave it out"
+    "half a character (a lone surrogate) is not text", "whole Unicode characters", "leave it out"
 )
 
 
@@ -142,7 +142,7 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
     return InvalidRequest(
         "; ".join([*(text for text, _ in problems), *more]),
         valid=dict.fromkeys(valid),
-        next_step="" if remedies else "correct the arguments that are named and call again",
+        next_step="" if remedies else "correct these arguments and call again",
         remedies=remedies,
         complete=all(detail["type"] in _OF_CLOSED_RANGES for detail in details),
     )
@@ -151,17 +151,17 @@ def _explained(model: type[BaseModel], error: ValidationError, given: Mapping[st
 _OF_CLOSED_RANGES = frozenset(
     ["literal_error", "enum", "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"]
 )
-"""Pydantic's types of errors for a value that is none of a few names, or a number beyond its bounds."""
+"""Pydantic's error types for a value outside a set of names, or a number beyond its bounds."""
 
 
 def _corrected(
     model: type[BaseModel], details: Sequence[ErrorDetails], given: Mapping[str, Any]
 ) -> dict[str, Any] | None:
-    """Arguments in which what is wrong is the nearest valid value, or left out; None if that is not enough."""
+    """Return arguments with invalid values replaced by the nearest valid ones or removed, or None if that fails."""
     values = json.loads(json.dumps(given, default=str))
     for _ in range(_CORRECTIONS):
-        # From the back, so that what is left out of a list moves nothing that is still to be mended.
-        mended = [_mended(model, detail, values) for detail in reversed(details)]
+        # From the back, so that removing a list element does not move the others.
+        mended = [_correct_fault(model, detail, values) for detail in reversed(details)]
         if not all(mended):
             return None
         try:
@@ -173,8 +173,8 @@ def _corrected(
     return None
 
 
-def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
-    """Put the nearest valid value in place of a wrong one, or leave it out; whether that could be done."""
+def _correct_fault(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
+    """Replace an invalid value by the nearest valid one, or remove it; return whether that was possible."""
     *holder, last = detail["loc"] or ("",)
     place: Any = values
     try:
@@ -205,7 +205,7 @@ def _mended(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
 
 
 def _nearest_bound(detail: ErrorDetails) -> Any:
-    """The bound that a number or the length of a list breaks; for a list, as much of it as may be. None without one."""
+    """Return the bound that a number or a list's length violates (for a list, its allowed part), or None."""
     limits = detail.get("ctx", {})
     if detail["type"] in ("greater_than_equal", "less_than_equal"):
         bound = limits["ge"] if "ge" in limits else limits["le"]
@@ -218,13 +218,13 @@ def _nearest_bound(detail: ErrorDetails) -> Any:
 
 
 def _usual_value(model: type[BaseModel], location: tuple[int | str, ...]) -> Any:
-    """What a field that must be given usually is; None if there is no such value."""
+    """Return the usual value of a required field, or None."""
     holder = model_at(model, location)
     return holder.usual_values.get(str(location[-1])) if issubclass(holder, Arguments) else None
 
 
 def _without(model: type[BaseModel], location: tuple[int | str, ...], values: Any) -> bool:
-    """Leave the field out in which a value is wrong, or give it its usual value; whether it may be left out."""
+    """Remove the field with an invalid value, or set its usual value; return whether that is allowed."""
     named = max((index for index, part in enumerate(location) if isinstance(part, str)), default=-1)
     if named < 0:
         return False
@@ -244,6 +244,6 @@ def _without(model: type[BaseModel], location: tuple[int | str, ...], values: An
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:
-    """The one valid name that is spelled nearly so; empty where none is."""
+    """Return the single valid name with similar spelling, or an empty text."""
     found = get_close_matches(name.lower(), list(known), n=2, cutoff=_ALIKE)
     return found[0] if found else ""

@@ -1,8 +1,8 @@
-"""Arguments as small models write them, read as what they can only mean; what was read otherwise is told.
+"""Reads arguments as small models write them, if they are unambiguous; notes report each interpretation.
 
-Taken are forms of one and the same value: a number as text, with its unit, one value for a list, JSON text for a list
-or an object, an id as a number, another case, a field's name without its unit. What could mean two things is left as
-it is, and refused by the model of the arguments.
+Accepted are other forms of the same value: a number as text, with its unit; one value for a list; JSON text for a list
+or an object; an id as a number; another case; a field's name without its unit. Ambiguous values stay as they are, and
+the model of the arguments rejects them.
 """
 
 import json
@@ -21,26 +21,26 @@ _UNITS: Mapping[str, tuple[str, ...]] = {
     "m": ("m", "meter", "meters", "metre", "metres"),
     "mps": ("m/s", "mps"),
 }
-"""How the unit of a field is written behind its number; a field's name ends in the unit."""
+"""The unit suffixes of field names, and how people write these units after a number."""
 _ENDINGS = ("_id", "_s", "_m", "_mps")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*([a-z/]*)\s*", re.IGNORECASE)
 _SHOWN = 40
-"""Characters of a value that a note repeats (chosen)."""
+"""Maximum characters of a value in a note (chosen)."""
 
 
 @dataclass
 class LooseReading:
-    """Arguments by their right names and in their right forms; ``notes``: what was read as what."""
+    """Arguments with corrected names and forms; ``notes`` describe each interpretation."""
 
     values: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
 
 def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = "") -> LooseReading:
-    """The given values in the forms that a model's fields take; those that cannot be read so stay as they are."""
+    """Return the given values in the forms that a model's fields accept; unreadable values stay as they are."""
     reading = LooseReading()
     for name, value in given.items():
-        meant = _field_meant(model, name, given)
+        meant = _resolve_field(model, name, given)
         path = f"{where}{meant}"
         if meant != name:
             reading.notes.append(f"{where}{name} is read as {path}")
@@ -57,8 +57,8 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
     return reading
 
 
-def _field_meant(model: type[BaseModel], name: str, given: Mapping[str, Any]) -> str:
-    """The field that a name can only mean: in another case, or without its unit; the name itself where none is."""
+def _resolve_field(model: type[BaseModel], name: str, given: Mapping[str, Any]) -> str:
+    """Return the only field that a name can refer to, ignoring case and a missing unit; else the name itself."""
     fields = model.model_fields
     if name in fields:
         return name
@@ -90,7 +90,7 @@ def _takes_none(annotation: Any) -> bool:
 
 
 def _value(annotation: Any, value: Any, path: str, notes: list[str], *, in_list: bool = False) -> Any:
-    """A value in the form that an annotation takes; a list of one is that one, but ``in_list`` itself."""
+    """Return a value in the form an annotation accepts; a list of one becomes its element unless ``in_list``."""
     arms = [arm for arm in _arms(annotation) if arm is not type(None)]
     if value is None or len(arms) != 1:
         return value
@@ -141,7 +141,7 @@ def _choice(choices: tuple[Any, ...], value: Any) -> Any:
 
 
 def _number(text: str, path: str) -> Any:
-    """The number of a text that is one, with or without the unit of its field."""
+    """Return the number in a text, with or without the unit of its field."""
     found = _NUMBER.fullmatch(text)
     if found is None:
         return text
@@ -153,7 +153,7 @@ def _number(text: str, path: str) -> Any:
 
 
 def _is_same(read: Any, value: Any) -> bool:
-    """Whether a value was taken as it is: objects of lists have notes of their own."""
+    """Return whether a value was used unchanged: objects in lists have their own notes."""
     if isinstance(read, list) and isinstance(value, list) and any(isinstance(one, dict) for one in read):
         return all(isinstance(one, dict) for one in value)
     return type(read) is type(value) and read == value

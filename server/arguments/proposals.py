@@ -1,7 +1,7 @@
-"""The call that a refusal proposes: the first way to mend the refused call that works, or a call that looks things up.
+"""Finds the call that a refusal proposes: the first correction of the refused call that works, or a call for look-up.
 
-A mended call may be refused for another reason, which then is mended too. Calls of tools that make nothing, and those
-that can be tried without making anything, are tried before they are proposed.
+If a corrected call is refused for another reason, that is corrected too. Calls of tools that create nothing, and those
+with a dry run, are tried before they are proposed.
 """
 
 import logging
@@ -32,11 +32,11 @@ from .loose_reading import read_loosely
 
 logger = logging.getLogger(__name__)
 _MOST_TRIED = 8
-"""Mended calls of a refusal that are tried; chosen."""
+"""Maximum corrected calls that are tried per refusal; chosen."""
 _MOST_MENDED = 4
-"""Faults of a call that are mended one after the other; chosen."""
+"""Maximum faults of a call that are corrected in sequence; chosen."""
 TRYING_S = 10.0
-"""Time for all trials of a refusal together, after which it is told without; chosen to be less than clients wait."""
+"""Maximum time for all trials of a refusal, after which it has no proposal; chosen below the time that clients wait."""
 
 
 async def proposed_call(
@@ -46,29 +46,29 @@ async def proposed_call(
     call: ToolCall,
     offered: Mapping[str, ToolSpec] | None = None,
 ) -> NextCall | None:
-    """The call that helps after a refusal; None if no call does.
+    """Return the call that helps after a refusal, or None.
 
     Args:
         error: the refusal.
         spec: the tool that was called.
-        given: the arguments as they were sent.
-        call: what the call may use.
-        offered: the tools that the client may call, which alone are proposed; all if it is None.
+        given: the arguments as sent.
+        call: the resources of the call.
+        offered: the tools that the client may call; only these are proposed. None means all.
     """
     tools = {tool.name: tool for tool in TOOLS} if offered is None else offered
     read = read_loosely(spec.arguments_type, given).values
     mended = None
     if spec.name in tools and spec.proposed:
         with anyio.move_on_after(TRYING_S):
-            mended = await _Mending(spec, read, call).first_that_works(error)
+            mended = await _Correction(spec, read, call).first_that_works(error)
     if mended is not None:
         return NextCall(spec.name, mended, dict(differences(read, mended)))
     return _look_up(error, spec, read, call, tools)
 
 
 @dataclass
-class _Mending:
-    """The search for a mended call: faults are mended one after the other, and calls that can be tried are tried."""
+class _Correction:
+    """The search for a corrected call: corrects faults in sequence, and tries calls if possible."""
 
     spec: ToolSpec
     read: Mapping[str, Any]
@@ -76,7 +76,7 @@ class _Mending:
     seen: list[Mapping[str, Any]] = field(default_factory=list)
 
     async def first_that_works(self, error: PlannerForgeError) -> dict[str, Any] | None:
-        """The arguments of the first mended call that works, or that is valid if it cannot be tried."""
+        """Return the arguments of the first corrected call that works, or that is valid if it cannot be tried."""
         self.seen.append(self.read)
         return await self._mended(error, self.read, 0)
 
@@ -104,7 +104,7 @@ class _Mending:
         return None
 
     async def _try(self, arguments: Arguments) -> None:
-        """Make the call without making anything, if its tool can be tried so.
+        """Run the call without creating anything, if its tool supports that.
 
         Raises:
             PlannerForgeError: it is refused, or fails.
@@ -124,12 +124,12 @@ class _Mending:
 def _look_up(
     error: PlannerForgeError, spec: ToolSpec, read: Mapping[str, Any], call: ToolCall, tools: Mapping[str, ToolSpec]
 ) -> NextCall | None:
-    """The first call that lists valid values, or that an error names, with valid arguments; None without one.
+    """Return the first valid call that lists valid values, or that an error suggests, or None.
 
-    A scenario that it takes over from the refused call has to exist.
+    A scenario from the refused call must exist.
     """
     named = [remedy for remedy in error.remedies if remedy.tool]
-    for remedy in (*named, *_usual_looks(error, spec)):
+    for remedy in (*named, *_default_remedies(error, spec)):
         following = followed(remedy, spec.name, read)
         if following is None or following.tool not in tools or not tools[following.tool].proposed:
             continue
@@ -144,10 +144,10 @@ def _look_up(
     return None
 
 
-def _usual_looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
-    """What helps if nothing better is known: an argument's usual path, or the call that lists valid values.
+def _default_remedies(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]:
+    """Return the default remedies: an argument's usual path, or the call that lists valid values.
 
-    No call helps if the error itself lists all of them.
+    There is no remedy if the error itself lists all valid values.
     """
     if not isinstance(error, InvalidRequest) or error.complete:
         return ()
@@ -156,7 +156,7 @@ def _usual_looks(error: PlannerForgeError, spec: ToolSpec) -> tuple[Remedy, ...]
 
 
 def _is_known(scenario_id: object, call: ToolCall) -> bool:
-    """Whether there is a scenario with this id, or any scenario if it is ``latest``."""
+    """Return whether there is a scenario with this id, or any scenario if it is ``latest``."""
     scenario, _, problem = str(scenario_id).partition("#")
     if scenario == "latest":
         return not problem and bool(call.workspace.newest(kind="scenario", limit=1))
@@ -168,12 +168,12 @@ def _is_known(scenario_id: object, call: ToolCall) -> bool:
 
 
 def _written(arguments: Arguments) -> dict[str, Any]:
-    """The arguments as a call has them."""
+    """Return the arguments in the form of a call."""
     return {name: _as_written(part) for name, part in arguments.model_dump(mode="json", exclude_unset=True).items()}
 
 
 def _as_written(value: Any) -> Any:
-    """The same with whole numbers without a fraction."""
+    """Return the same value with whole numbers without a fraction."""
     if isinstance(value, dict):
         return {name: _as_written(part) for name, part in value.items()}
     if isinstance(value, list):

@@ -1,1 +1,1 @@
-"""MCP over HTTP: who may come in, how much at once, and the server itself."""
+"""MCP over HTTP: access control, limits, and the server itself."""

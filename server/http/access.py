@@ -1,8 +1,7 @@
-"""Who may come in by HTTP: bearer tokens of this server's own, and those of an OAuth authorization server.
+"""Access control by HTTP: this server's own bearer tokens, and those of an OAuth authorization server.
 
-An own token has a name, which stands in the journal, and may be for reading only. Of each its SHA-256 alone is kept in
-memory. Since a token has at least 24 characters that nobody chose by hand, a plain digest is enough: there is no
-dictionary to try.
+An own token has a name, which the journal records, and may be read-only. Memory contains only its SHA-256. A plain
+digest is enough: a token has at least 24 random characters, so no dictionary contains it.
 """
 
 import hashlib
@@ -31,27 +30,30 @@ from ..clients import READ_SCOPE, WRITE_SCOPE
 
 logger = logging.getLogger(__name__)
 FEWEST_CHARACTERS = 24
-"""Of a token; chosen: 24 random characters of 64 are 144 bits."""
+"""Minimum length of a token; chosen: 24 random characters of 64 are 144 bits."""
 _DIGEST = re.compile(r"sha256:([0-9a-f]{64})")
 _NAME = re.compile(r"[A-Za-z0-9][\w.\-]{0,63}")
 _READ_ONLY = "read-only"
 _FORM = "NAME TOKEN, or NAME TOKEN read-only"
 _ALGORITHMS = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")
-"""Signatures by a key pair; one by a shared secret would let whoever can check a token make one."""
+"""Signatures by a key pair; with a shared secret, everyone who can check a token could make one."""
 _LEEWAY_S = 30.0
 _FETCH_TIMEOUT_S = 10.0
 _KEYS_KEPT_S = 300.0
 _LEAST_BETWEEN_FETCHES_S = 10.0
-"""Clocks that differ, the time for a request to the authorization server, how long its keys are kept, and how soon an
-unknown key may make them be asked for anew; chosen."""
+"""Tolerance for clocks, timeout of a request to the authorization server, lifetime of its keys, and minimum interval
+before an unknown key refetches them; chosen.
+"""
 _MOST_BYTES = 1_000_000
 _MOST_ISSUED = 20_000
-"""Bytes of a document of the authorization server, and characters of a token; chosen: real ones have a tenth."""
+"""Maximum bytes of a document of the authorization server, and characters of a token; chosen: real ones have a
+tenth.
+"""
 
 
 @dataclass(frozen=True)
 class OwnToken:
-    """A token of this server's own: what it is called, the SHA-256 of its text, and whether it is for reading only."""
+    """An own token of this server: its name, the SHA-256 of its text, and whether it is read-only."""
 
     name: str
     digest: str
@@ -59,15 +61,15 @@ class OwnToken:
 
     @property
     def scopes(self) -> list[str]:
-        """What it allows."""
+        """The scopes that it allows."""
         return [READ_SCOPE] if self.reads_only else [READ_SCOPE, WRITE_SCOPE]
 
 
 def new_token(name: str, *, reads_only: bool) -> tuple[str, str]:
-    """A token that nobody can guess, and the line that lets it in.
+    """Return a random token, and the line that allows it.
 
     Raises:
-        InvalidRequest: the name is none.
+        InvalidRequest: the name is invalid.
     """
     text = secrets.token_urlsafe(32)
     line = f"{name} sha256:{_digest(text)}{' ' + _READ_ONLY if reads_only else ''}"
@@ -76,10 +78,10 @@ def new_token(name: str, *, reads_only: bool) -> tuple[str, str]:
 
 
 def tokens_of(listed: Sequence[SecretStr], file: Path | None) -> tuple[OwnToken, ...]:
-    """The tokens of settings and of a file, each name once.
+    """Return the tokens of settings and of a file, each name once.
 
     Raises:
-        InvalidRequest: an entry is none, or two have one name.
+        InvalidRequest: an entry is invalid, or two have one name.
         OutsideRoots: the file cannot be read, or others may read the plain tokens in it.
     """
     tokens = read_tokens([entry.get_secret_value() for entry in listed], "http_tokens")
@@ -87,15 +89,15 @@ def tokens_of(listed: Sequence[SecretStr], file: Path | None) -> tuple[OwnToken,
         tokens += _tokens_in(file.expanduser())
     names = [token.name for token in tokens]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise InvalidRequest(f"two tokens are called {twice[0]}", next_step="give each a name of its own")
+        raise InvalidRequest(f"two tokens have the name {twice[0]}", next_step="give each its own name")
     return tuple(tokens)
 
 
 def read_tokens(lines: Iterable[str], where: str) -> list[OwnToken]:
-    """Tokens, one a line; empty lines and those that begin with ``#`` are left out.
+    """Return tokens, one per line; empty lines and those that begin with ``#`` are ignored.
 
     Raises:
-        InvalidRequest: a line is none; it is not repeated, since it may hold a secret.
+        InvalidRequest: a line is invalid; the error does not repeat it, because it may contain a secret.
     """
     tokens = []
     for number, line in enumerate(lines, start=1):
@@ -105,15 +107,15 @@ def read_tokens(lines: Iterable[str], where: str) -> list[OwnToken]:
         valid = [_FORM, f"a token has at least {FEWEST_CHARACTERS} characters, or is its digest: sha256:…"]
         is_form = len(words) == 2 or (len(words) == 3 and words[2] == _READ_ONLY)
         if not is_form or not _NAME.fullmatch(words[0]):
-            raise InvalidRequest(f"entry {number} of {where} is no token", valid=valid, next_step=_MAKE_ONE)
+            raise InvalidRequest(f"entry {number} of {where} is not a token", valid=valid, next_step=_MAKE_ONE)
         digest = _DIGEST.fullmatch(words[1])
         if digest is None and len(words[1]) < FEWEST_CHARACTERS:
-            raise InvalidRequest(f"entry {number} of {where} can be guessed", valid=valid, next_step=_MAKE_ONE)
+            raise InvalidRequest(f"entry {number} of {where} is too easy to guess", valid=valid, next_step=_MAKE_ONE)
         tokens.append(OwnToken(words[0], digest[1] if digest else _digest(words[1]), len(words) == 3))
     return tokens
 
 
-_MAKE_ONE = "`plannerforge token NAME` makes one"
+_MAKE_ONE = "`plannerforge token NAME` creates one"
 
 
 def _tokens_in(file: Path) -> list[OwnToken]:
@@ -122,13 +124,13 @@ def _tokens_in(file: Path) -> list[OwnToken]:
         others = file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO)
     except (OSError, UnicodeDecodeError) as error:
         raise OutsideRoots(
-            f"the file of tokens {quoted(str(file))} cannot be read: {error}", next_step="name one that can"
+            f"the file of tokens {quoted(str(file))} cannot be read: {error}", next_step="use a readable one"
         ) from error
     tokens = read_tokens(lines, f"the file {file.name}")
     if others and any(not _DIGEST.search(line) for line in lines if line.split() and not line.startswith("#")):
         raise OutsideRoots(
             f"others on this machine may read the plain tokens in {quoted(str(file))}",
-            next_step=f"chmod 600 it, or keep digests there: {_MAKE_ONE}",
+            next_step=f"chmod 600 it, or store digests there: {_MAKE_ONE}",
         )
     return tokens
 
@@ -138,17 +140,17 @@ def _digest(text: str) -> str:
 
 
 class OwnTokens(TokenVerifier):
-    """Lets in who has a token of this server's own.
+    """Accepts this server's own tokens.
 
     Args:
-        resource: the address of this server, where it is the resource of an OAuth authorization server as well.
+        resource: the address of this server, if it is also the resource of an OAuth authorization server.
     """
 
     def __init__(self, tokens: Sequence[OwnToken], resource: str | None = None) -> None:
         self._tokens, self._resource = tuple(tokens), resource
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """What a token allows; None for one that is not known. Each is compared, however soon one fits."""
+        """Return the permissions of a token, or None if it is unknown. All are compared, even after a match."""
         digest = _digest(token)
         fitting = [own for own in self._tokens if hmac.compare_digest(own.digest, digest)]
         if not fitting:
@@ -158,15 +160,15 @@ class OwnTokens(TokenVerifier):
 
 
 class IssuedTokens(TokenVerifier):
-    """Lets in who has a signed token (JWT, RFC 9068) of an OAuth authorization server, made for this server.
+    """Accepts signed tokens (JWT, RFC 9068) that an OAuth authorization server issued for this server.
 
-    That it was made for this server, and not for another that the same person uses, is checked by the SDK: it compares
-    the token's audience with this server's address (``validate_token_resource``).
+    The SDK checks that a token is for this server and not for another one of the same person: it compares the token's
+    audience with this server's address (``validate_token_resource``).
 
     Args:
-        issuer: address of the authorization server, as its tokens name it.
-        resource: address of this server, as the audience of tokens names it.
-        keys_url: where its public keys are; found in its metadata (RFC 8414, or OpenID) where empty.
+        issuer: address of the authorization server, as in its tokens.
+        resource: address of this server, as in the audience of tokens.
+        keys_url: address of its public keys; if empty, its metadata give it (RFC 8414, or OpenID).
     """
 
     def __init__(self, issuer: str, resource: str, keys_url: str = "") -> None:
@@ -174,7 +176,7 @@ class IssuedTokens(TokenVerifier):
         self._keys = _IssuerKeys(issuer, keys_url)
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """What a token allows; None for one that is not valid here, with the reason in the log."""
+        """Return the permissions of a token, or None if it is not valid here; the log states the reason."""
         if len(token) > _MOST_ISSUED:
             return None
         try:
@@ -194,12 +196,12 @@ class IssuedTokens(TokenVerifier):
         )
 
     def _claims(self, token: str) -> dict[str, Any]:
-        """The claims of a token whose signature, issuer and time hold.
+        """Return the claims of a token after checking its signature, issuer and time.
 
         Raises:
-            jwt.PyJWTError: they do not.
-            httpx.HTTPError: the issuer's keys cannot be had.
-            ValueError: its metadata are none.
+            jwt.PyJWTError: a check failed.
+            httpx.HTTPError: the issuer's keys cannot be fetched.
+            ValueError: its metadata are invalid.
         """
         header = jwt.get_unverified_header(token)
         claims: dict[str, Any] = jwt.decode(
@@ -214,7 +216,7 @@ class IssuedTokens(TokenVerifier):
 
 
 class _IssuerKeys:
-    """The public keys of an authorization server, fetched when they are needed and kept for a while."""
+    """The public keys of an authorization server, fetched on demand and cached for a while."""
 
     def __init__(self, issuer: str, keys_url: str) -> None:
         self._issuer, self._keys_url = issuer.rstrip("/"), keys_url
@@ -223,19 +225,19 @@ class _IssuerKeys:
         self._fetched_at = float("-inf")
 
     def key(self, key_id: str) -> jwt.PyJWK:
-        """The key with this id, or the only one where a token names none.
+        """Return the key with this id, or the only one if a token has no key id.
 
         Raises:
-            jwt.PyJWTError: there is none, or they are no keys.
+            jwt.PyJWTError: there is none, or the keys are invalid.
             httpx.HTTPError: they cannot be fetched.
-            ValueError: what came is no JSON.
+            ValueError: the response is not JSON.
         """
         with self._lock:
             now = time.monotonic()
             age_s = now - self._fetched_at
             is_known = key_id in self._keys or (not key_id and len(self._keys) == 1)
             if age_s > _KEYS_KEPT_S or (not is_known and age_s > _LEAST_BETWEEN_FETCHES_S):
-                self._fetched_at = now  # also of a fetch that fails
+                self._fetched_at = now  # a failed fetch counts too
                 self._keys = self._fetched()
             if not key_id and len(self._keys) == 1:
                 return next(iter(self._keys.values()))
@@ -250,7 +252,7 @@ class _IssuerKeys:
         return {key.key_id or "": key for key in keys}
 
     def _found_address(self, client: httpx.Client) -> str:
-        """Where the metadata of the authorization server say that its keys are."""
+        """Return the address of the keys from the metadata of the authorization server."""
         parts = urlsplit(self._issuer)
         places = (
             f"{parts.scheme}://{parts.netloc}/.well-known/oauth-authorization-server{parts.path}",
@@ -263,15 +265,15 @@ class _IssuerKeys:
                 continue
             if str(metadata.get("issuer", "")).rstrip("/") == self._issuer and "jwks_uri" in metadata:
                 return str(metadata["jwks_uri"])
-        raise ValueError(f"{self._issuer} does not say where its keys are; set oauth_keys_url")
+        raise ValueError(f"{self._issuer} does not state where its keys are; set oauth_keys_url")
 
 
 def _document(client: httpx.Client, address: str) -> dict[str, Any]:
-    """A JSON object that stands at an address.
+    """Return the JSON object at an address.
 
     Raises:
-        httpx.HTTPError: it cannot be had.
-        ValueError: it is none, or too large.
+        httpx.HTTPError: it cannot be fetched.
+        ValueError: it is invalid, or too large.
     """
     response = client.get(address)
     response.raise_for_status()
@@ -279,22 +281,22 @@ def _document(client: httpx.Client, address: str) -> dict[str, Any]:
         raise ValueError(f"{address} answers with more than {_MOST_BYTES:,} bytes")
     document = response.json()
     if not isinstance(document, dict):
-        raise ValueError(f"{address} answers with no JSON object")  # noqa: TRY004 - it is a value that came from there
+        raise ValueError(f"{address} does not answer with a JSON object")  # noqa: TRY004 - the value came from there
     return document
 
 
 def _scopes(claims: dict[str, Any]) -> list[str]:
-    """The scopes of a token: words in ``scope`` (RFC 9068), or a list in ``scp``, as some servers have it."""
+    """Return the scopes of a token: words in ``scope`` (RFC 9068), or a list in ``scp``, as some servers write it."""
     given = claims.get("scope", claims.get("scp", ""))
     return given.split() if isinstance(given, str) else [str(word) for word in given]
 
 
 class EitherTokens(TokenVerifier):
-    """Lets in who has a token of either kind."""
+    """Accepts tokens of either kind."""
 
     def __init__(self, own: OwnTokens, issued: IssuedTokens) -> None:
         self._own, self._issued = own, issued
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """What a token allows; None for one that is not known."""
+        """Return the permissions of a token, or None if it is unknown."""
         return await self._own.verify_token(token) or await self._issued.verify_token(token)

@@ -1,11 +1,11 @@
-"""The connections of MCP over HTTP: bounds on what a client sends around a body, and on how long it takes.
+"""The connections of MCP over HTTP: limits on the data outside of bodies, and on its duration.
 
-A client proves who it is in the head of a request. Until the head is complete it is a stranger, so a head costs little:
-its bytes, its lines and its time are bounded, and so is everything between and after the parts of a body (sizes of
-chunks, their extensions, trailers). Uvicorn's protocol on httptools has none of these bounds.
+A client authenticates itself in the head of a request. Until the head is complete, it is a stranger, so a head is
+cheap: its bytes, lines and time are limited, and so is everything between and after the parts of a body (sizes of
+chunks, their extensions, trailers). Uvicorn's protocol on httptools has none of these limits.
 
-Descriptors are bounded too. If they run short, the connection that has waited longest for its next request is closed,
-so a client that holds connections without using them gives way to one that works.
+Descriptors are limited too. If they run short, the connection that has waited longest for its next request is closed,
+so that an idle client gives way to an active one.
 """
 
 import asyncio
@@ -30,15 +30,15 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ConnectionLimits:
-    """What a connection may send around bodies, in bytes, lines and seconds, and how many there are at once.
+    """Limits of a connection's data outside of bodies, in bytes, lines and seconds, and of the number of connections.
 
     Args:
-        head_bytes: request line and headers together. Uvicorn's bound for its other protocol, h11.
+        head_bytes: request line and headers together. Uvicorn's limit for its other protocol, h11.
         head_lines: lines of headers, or of trailers. Apache's ``LimitRequestFields``.
         head_s: time for a whole head, from its first byte or from the start of the connection. Apache's
             ``RequestReadTimeout header=20``.
         framing_bytes: bytes of a chunked body that are not content, more than twelve for each byte of content.
-        linger_s: how long the rest of a body is taken after its answer, so that the client can read that answer.
+        linger_s: time for which the rest of a body is read after its answer, so that the client can read the answer.
             nginx's ``lingering_timeout``.
         connections: connections at once.
     """
@@ -52,17 +52,17 @@ class ConnectionLimits:
 
     @classmethod
     def for_descriptors(cls) -> "ConnectionLimits":
-        """Return limits whose connections leave a quarter of this process's descriptors to files and workers."""
+        """Return limits for the connections that leave a quarter of this process's descriptors to files and workers."""
         return cls(connections=max(16, min(cls.connections, 3 * _most_descriptors() // 4)))
 
 
 _CHUNK_BYTES = 12
-"""Of framing for each byte of content: a chunk of one byte has five, and sizes may have leading zeros."""
+"""Framing bytes for each byte of content: a chunk of one byte has five, and sizes may have leading zeros."""
 
 
 def _most_descriptors() -> int:
     if sys.platform == "win32":
-        return 512  # of the C runtime
+        return 512  # limit of the C runtime
     import resource
 
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
@@ -70,10 +70,10 @@ def _most_descriptors() -> int:
 
 
 class Connections:
-    """The open connections of one server; makes the protocol of each.
+    """The open connections of one server; creates the protocol of each.
 
     Args:
-        limits: what a connection may send, and how many there are.
+        limits: the limits of each connection, and of their number.
     """
 
     def __init__(self, limits: ConnectionLimits) -> None:
@@ -88,7 +88,7 @@ class Connections:
         app_state: dict[str, Any],
         _loop: asyncio.AbstractEventLoop | None = None,
     ) -> "BoundedProtocol":
-        """Return the protocol of a new connection; uvicorn calls this as it would call a protocol's class."""
+        """Return the protocol of a new connection; uvicorn calls this like a protocol's class."""
         return BoundedProtocol(config, server_state, app_state, _loop, limits=self._limits, connections=self)
 
     def opened(self, connection: "BoundedProtocol") -> None:
@@ -102,23 +102,23 @@ class Connections:
             self.waits(connection)
 
     def waits(self, connection: "BoundedProtocol") -> None:
-        """Note that a connection has no request under way."""
+        """Record that a connection has no request in progress."""
         if connection in self._open:
             self._waiting[connection] = None
             self._waiting.move_to_end(connection)
 
     def works(self, connection: "BoundedProtocol") -> None:
-        """Note that a connection has a request under way."""
+        """Record that a connection has a request in progress."""
         self._waiting.pop(connection, None)
 
     def closed(self, connection: "BoundedProtocol") -> None:
-        """Forget a connection."""
+        """Remove a connection."""
         self._open.discard(connection)
         self._waiting.pop(connection, None)
 
 
 class BoundedProtocol(HttpToolsProtocol):
-    """Uvicorn's protocol, within limits; a client that exceeds one gets 400, 408 or 431, and the connection closes."""
+    """Uvicorn's protocol with limits; a client that exceeds one gets 400, 408 or 431, and the connection closes."""
 
     def __init__(
         self,
@@ -138,13 +138,13 @@ class BoundedProtocol(HttpToolsProtocol):
         self._linger: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for the first head."""
+        """Start to wait for the first head."""
         super().connection_made(transport)
         self._await_head()
         self._all.opened(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget the connection and its timers."""
+        """Remove the connection and its timers."""
         self._all.closed(self)
         self._stop_timers()
         super().connection_lost(exc)
@@ -156,7 +156,7 @@ class BoundedProtocol(HttpToolsProtocol):
         self.transport.abort()
 
     def data_received(self, data: bytes) -> None:
-        """Parse what arrived, unless it exceeds a limit."""
+        """Parse the received data, unless it exceeds a limit."""
         if self.transport.is_closing():
             return
         if self._in_head:
@@ -177,19 +177,19 @@ class BoundedProtocol(HttpToolsProtocol):
             self._refuse(400, "the client sends requests without waiting for answers")
 
     def on_message_begin(self) -> None:
-        """Begin a head."""
+        """Start a head."""
         super().on_message_begin()
         self._in_head, self._is_complete = True, False
         self._lines = 0
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        """Take a header; trailers, which come after a body, are counted and left out."""
+        """Accept a header; trailers, which come after a body, are counted and dropped."""
         self._lines += 1
         if self._in_head and self._lines <= self._limits.head_lines:
             super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
-        """Begin the request, if its head is within the limits."""
+        """Start the request, if its head is within the limits."""
         self._in_head = False
         self._head_bytes = self._framing_bytes = 0
         self._stop_timers()
@@ -198,7 +198,7 @@ class BoundedProtocol(HttpToolsProtocol):
             super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
-        """Take a part of a body; once there is an answer it is dropped."""
+        """Accept a part of a body; after the answer, drop it."""
         self._framing_bytes -= (1 + _CHUNK_BYTES) * len(body)
         if self.cycle is not None:
             super().on_body(body)
@@ -210,7 +210,7 @@ class BoundedProtocol(HttpToolsProtocol):
             super().on_message_complete()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request; if the body of this one is still on its way, only for a while."""
+        """Wait for the next request; if the body of this one is still arriving, only for a while."""
         super().on_response_complete()
         if self.transport.is_closing() or self.pipeline:
             return
@@ -226,7 +226,7 @@ class BoundedProtocol(HttpToolsProtocol):
     def _late(self) -> None:
         self._deadline = None
         if self.cycle is not None and not self.cycle.response_complete:
-            self._await_head()  # the answer before it goes out first
+            self._await_head()  # the previous answer is sent first
         elif self._head_bytes:
             self._refuse(408, f"the head of the request did not arrive within {self._limits.head_s:g} s")
         else:
@@ -239,7 +239,7 @@ class BoundedProtocol(HttpToolsProtocol):
         self._deadline = self._linger = None
 
     def _refuse(self, status: int, told: str) -> None:
-        """Answer, if no answer is under way on this connection, and close."""
+        """Answer, unless an answer is already being sent on this connection, and close."""
         self._stop_timers()
         if self.transport.is_closing():
             return
@@ -257,12 +257,13 @@ class BoundedProtocol(HttpToolsProtocol):
 
 
 class _OncePerSecond(logging.Filter):
-    """Lets a statement log once a second, whatever it says; its next message says how many were left out.
+    """Limits each log statement to one record per second; its next record states how many were dropped.
 
-    A stranger chooses what a message says (a Host, the id of a key), so its place in the code tells messages apart.
+    Strangers choose the content of messages (a Host, the id of a key), so the position in the code identifies a
+    statement.
 
     Args:
-        clock: gives seconds.
+        clock: returns seconds.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -280,7 +281,7 @@ class _OncePerSecond(logging.Filter):
         self._at[key] = now
         left_out = self._left_out.pop(key, 0)
         if left_out:
-            record.msg, record.args = f"{record.getMessage()} ({left_out} more like it)", None
+            record.msg, record.args = f"{record.getMessage()} ({left_out} similar ones dropped)", None
         return True
 
 
@@ -288,12 +289,12 @@ _NOISY = (
     *("asyncio", "uvicorn.error", __name__, access.__name__),
     *("mcp.server.transport_security", "mcp.server.streamable_http_manager", "mcp.server.auth.middleware.bearer_auth"),
 )
-"""Loggers that a stranger can make write as many records as it likes."""
+"""Loggers through which a stranger can cause any number of records."""
 
 
 @contextmanager
 def calm_logs(clock: Callable[[], float] = time.monotonic) -> Iterator[None]:
-    """Write each message that a stranger can cause once a second at most, while the block lasts."""
+    """Limit each message that a stranger can cause to one per second, within the block."""
     once = _OncePerSecond(clock)
     loggers = [logging.getLogger(name) for name in _NOISY]
     for each in loggers:

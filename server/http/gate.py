@@ -1,7 +1,7 @@
-"""The gate before MCP over HTTP: how large a request may be, how many a client may have under way, and how fast.
+"""The gate before MCP over HTTP: limits the size of requests, and their number and rate per client.
 
-A client is a token here, or an address where no token is asked for. Each bound has an answer of its own that says what
-the bound is and which setting moves it; nothing is dropped silently.
+A client is a token here, or an address if tokens are not required. Each limit has its own answer that states the limit
+and the setting that changes it; nothing is dropped silently.
 """
 
 import json
@@ -20,32 +20,33 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ..clients import principal_of
 
 _MOST_CLIENTS = 10_000
-"""Clients whose pace is remembered; chosen."""
+"""Clients with a remembered rate; chosen."""
 _MOST_STREAMS = 16
-"""Streams of news that a client may keep open; chosen: a host needs one or two."""
+"""Maximum open news streams of a client; chosen: a host needs one or two."""
 BODY_TIMEOUT_S = 30.0
-"""Time in which a body has to arrive; chosen: a slower client would keep its place for ever."""
+"""Time limit for the arrival of a body; chosen: a slower client would keep its place forever."""
 _SHORT_BYTES, _MORE_SHORT = 1_000, 4
-"""Size of a body that may be a cancellation, and how many such are let in beyond the bound: a client with all of its
-calls under way can cancel one. Chosen."""
+"""Maximum size of a body that may be a cancellation, and how many of them are accepted beyond the limit, so that a
+client with all of its calls in progress can cancel one. Chosen.
+"""
 _LISTENING = {"subscriptions/listen"}
-"""Requests that stay open and wait for news, as a GET does in the revisions before."""
+"""Requests that stay open and wait for news, like a GET in earlier revisions."""
 _UNDECLARED = math.inf
 _TOLD = {
-    403: "this Origin is not let in: name it in http_origins, if it is yours",
-    421: "this Host is not let in: name it in http_hosts, if it is yours",
+    403: "this Origin is not allowed; if it is yours, add it to http_origins",
+    421: "this Host is not allowed; if it is yours, add it to http_hosts",
 }
-"""What is said of a refusal by header: the SDK's own words name no setting."""
+"""Answers to a refusal by header: the SDK's own texts do not mention the settings."""
 
 
 @dataclass(frozen=True)
 class HttpLimits:
-    """How much comes in.
+    """Limits on incoming requests.
 
     Args:
         body_bytes: largest request.
-        calls: requests that one client has under way.
-        per_s: requests of one client in a second; twice as many at once.
+        calls: requests that one client may have in progress.
+        per_s: requests of one client per second; twice as many at once.
     """
 
     body_bytes: int
@@ -55,7 +56,7 @@ class HttpLimits:
 
 @dataclass
 class _Client:
-    """What one client has under way, and what it has left of its pace."""
+    """A client's requests in progress, and its remaining rate."""
 
     tokens: float
     filled_at: float
@@ -64,12 +65,12 @@ class _Client:
 
 
 class Gate:
-    """Lets requests through to an ASGI application within limits; counts those under way.
+    """Passes requests to an ASGI application within limits; counts those in progress.
 
     Args:
-        application: who answers what is let through.
-        limits: the bounds.
-        let_in: the Host and Origin headers that are taken.
+        application: answers the accepted requests.
+        limits: the limits.
+        let_in: the accepted Host and Origin headers.
     """
 
     def __init__(self, application: ASGIApp, limits: HttpLimits, let_in: TransportSecuritySettings) -> None:
@@ -82,11 +83,11 @@ class Gate:
 
     @property
     def is_open(self) -> bool:
-        """Whether new requests are let in."""
+        """Whether new requests are accepted."""
         return not self._is_closing
 
     async def close(self, patience_s: float) -> None:
-        """Let no client in any more, wait for the calls under way, then end them and the streams of news."""
+        """Stop accepting requests, wait for the calls in progress, then end them and the news streams."""
         self._is_closing = True
         with anyio.move_on_after(patience_s):
             while self._calls:
@@ -152,12 +153,12 @@ class Gate:
             return _STOPPING
         if client.tokens < 1.0:
             wait_s = max(1, round((1.0 - client.tokens) / self._limits.per_s))
-            told = f"more than {self._limits.per_s:g} requests a second; the setting http_rate moves the bound"
+            told = f"more than {self._limits.per_s:g} requests per second; the setting http_rate changes the limit"
             return _Refusal(429, told, wait_s)
         if is_stream and client.streams >= _MOST_STREAMS:
-            return _Refusal(429, f"{_MOST_STREAMS} streams of news are open already; close one first", 1)
+            return _Refusal(429, f"{_MOST_STREAMS} news streams are already open; close one first", 1)
         if not is_stream and client.calls >= self._limits.calls + (_MORE_SHORT if is_short else 0):
-            told = f"{self._limits.calls} requests are under way already; the setting http_calls moves the bound"
+            told = f"{self._limits.calls} requests are already in progress; the setting http_calls changes the limit"
             return _Refusal(429, told, 1)
         client.tokens -= 1.0
         return None
@@ -169,7 +170,7 @@ class Gate:
             client.calls += change
 
     async def _body(self, receive: Receive) -> "bytes | _Refusal":
-        """The whole body, or why it is not taken."""
+        """Return the whole body, or the reason why it is rejected."""
         most = self._limits.body_bytes
         body = bytearray()
         with anyio.move_on_after(BODY_TIMEOUT_S):
@@ -180,12 +181,12 @@ class Gate:
                     return _too_long(most)
                 if message["type"] != "http.request" or not message.get("more_body", False):
                     return bytes(body)
-        return _Refusal(408, f"the body did not arrive within {BODY_TIMEOUT_S:g} s; send it whole")
+        return _Refusal(408, f"the body did not arrive within {BODY_TIMEOUT_S:g} s; send it without pauses")
 
 
 @dataclass(frozen=True)
 class _Refusal:
-    """A request that is not let through: as JSON-RPC, so that a client shows it as any other error."""
+    """A request that is not accepted: as JSON-RPC, so that a client shows it like any other error."""
 
     status: int
     told: str
@@ -202,36 +203,34 @@ class _Refusal:
         await send({"type": "http.response.body", "body": body})
 
 
-_STOPPING = _Refusal(503, "the server is stopping; jobs are kept, and go on when the same is asked for again", 5)
+_STOPPING = _Refusal(503, "the server is stopping; jobs are kept, and continue when the same call is made again", 5)
 
 
 def _too_long(most: int) -> _Refusal:
-    return _Refusal(
-        413, f"the request has more than {most:,} bytes; send it in parts, or raise the setting http_body_mb"
-    )
+    return _Refusal(413, f"the request has more than {most:,} bytes; split it, or raise the setting http_body_mb")
 
 
 @dataclass
 class _Answer:
-    """What an application answers, on its way to the client."""
+    """The answer of an application on its way to the client."""
 
     to_client: Send
     has_begun: bool = False
 
     async def send(self, message: Message) -> None:
-        """Pass a message on, and note that there is an answer."""
+        """Pass a message on, and record that an answer has started."""
         self.has_begun = self.has_begun or message["type"] == "http.response.start"
         await self.to_client(message)
 
 
 def _declared_bytes(headers: Headers) -> float:
-    """How long a body says that it is; infinite where it does not say."""
+    """Return the declared length of a body; infinite if it is not declared."""
     declared = headers.get("content-length", "")
     return int(declared[:18]) if declared.isdecimal() else _UNDECLARED
 
 
 def _replayed(body: bytes, receive: Receive) -> Receive:
-    """A channel that gives the body that has arrived, and then what comes after it."""
+    """Return a channel that yields the received body, and then what comes after it."""
     waiting = [body]
 
     async def receive_again() -> Message:

@@ -1,6 +1,6 @@
-"""``plannerforge serve --http``: MCP at ``/mcp``, ``/health`` and ``/ready`` beside it, a stop that loses nothing.
+"""``plannerforge serve --http``: MCP at ``/mcp``, with ``/health`` and ``/ready``, and a stop that loses nothing.
 
-``plannerforge ui`` serves the same with the pages of the workspace beside it, on this machine alone.
+``plannerforge ui`` serves the same together with the pages of the workspace, on this machine only.
 """
 
 import asyncio
@@ -50,26 +50,27 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 PATH = "/mcp"
 _LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
-_ANY_ADDRESS = {"0.0.0.0", "::"}  # noqa: S104 - what is looked for, not what is bound
+_ANY_ADDRESS = {"0.0.0.0", "::"}  # noqa: S104 - searched for, not bound
 _SESSION_IDLE_S = 1800.0
-"""Seconds until a session that asks nothing is forgotten; the SDK's default. A client simply begins another."""
+"""Seconds until an idle session is forgotten; the SDK's default. A client simply begins another."""
 _BACKLOG = 256
 _CONNECTIONS_END_S = 2.0
-"""Connections that wait to be taken, and how long they have to close once nothing is under way; chosen."""
+"""Connections that wait to be accepted, and their time to close after the last request; chosen."""
 KEEP_ALIVE_S = 75
 """How long an idle connection stays open. Chosen: longer than clients (5 s) and proxies (60 s) keep one, so that they
-close it; where the server closes first, a request that is on its way just then is lost."""
+close it; if the server closes first, a request that is on its way then is lost.
+"""
 READY_KEPT_S = 1.0
-"""How long the answer of ``/ready`` holds (chosen): it needs no token, and must not hold up who works here."""
+"""Lifetime of the answer of ``/ready`` (chosen): it needs no token, and must not disturb clients."""
 
 
 class HttpServer:
-    """MCP over HTTP for these settings, with the checks of who may come in, from where, and how much.
+    """MCP over HTTP for these settings, with access control and limits.
 
     Args:
-        server: what is served.
-        settings: where and to whom.
-        pages: pages of the workspace, which are a client of this endpoint; for everybody on this machine.
+        server: the server.
+        settings: address and access.
+        pages: pages of the workspace, which are a client of this endpoint; for everyone on this machine.
 
     Raises:
         InvalidRequest: it would be open to others, or settings contradict each other.
@@ -80,24 +81,23 @@ class HttpServer:
         authentication = _Authentication.of(settings)
         if authentication is None and not _is_loopback(settings.http_host):
             raise InvalidRequest(
-                f"http_host {settings.http_host} lets other machines in, and no token is asked for",
-                valid=["127.0.0.1, where no token is needed"],
-                next_step="`plannerforge token NAME` makes one, for a file that http_token_file names; "
-                "or set oauth_issuer",
+                f"http_host {settings.http_host} lets other machines in, but tokens are not required",
+                valid=["127.0.0.1, which needs no token"],
+                next_step="`plannerforge token NAME` creates one for the file in http_token_file; or set oauth_issuer",
             )
         most_bytes = settings.http_body_mb * 1024**2
         let_in = _let_in(settings)
         self._sessions = StreamableHTTPSessionManager(
             app=server.protocol,
             security_settings=let_in,
-            max_request_body_size=most_bytes + 1,  # the gate says more of a larger one
+            max_request_body_size=most_bytes + 1,  # the gate explains the refusal of a larger one
             session_idle_timeout=_SESSION_IDLE_S,
-            max_sessions=None,  # they are bounded per token
+            max_sessions=None,  # they are limited per token
         )
         limits = HttpLimits(most_bytes, settings.http_calls, settings.http_rate)
         self._gate = Gate(BoundedSessions(StreamableHTTPASGIApp(self._sessions)), limits, let_in)
         endpoint: ASGIApp = self._gate
-        if authentication is not None:  # before the gate: a stranger takes no place there, and no body of his is read
+        if authentication is not None:  # before the gate: a stranger takes no place there, and their body is not read
             endpoint = RequireAuthMiddleware(endpoint, [READ_SCOPE], authentication.metadata_url)
         self._readiness = _Readiness(self._gate, server)
         routes = [
@@ -128,7 +128,7 @@ class HttpServer:
         self._uvicorn = _Uvicorn(config, self._gate, settings.http_stop_s)
 
     async def serve(self, listener: socket.socket) -> None:
-        """Serve until ``stop`` or a signal; the address is told on standard error.
+        """Serve until ``stop`` or a signal; write the address to standard error.
 
         Raises:
             PlannerForgeError: the services of the tools cannot be opened.
@@ -149,16 +149,16 @@ class HttpServer:
                 await self._uvicorn.serve(sockets=[listener])
 
     def stop(self) -> None:
-        """Let calls under way end, then end."""
+        """Let calls in progress end, then stop."""
         self._uvicorn.should_exit = True
 
 
 class _Readiness:
-    """Whether requests are taken and the workspace can be read; that is looked at once a second, however often asked.
+    """Checks whether requests are accepted and the workspace can be read, at most once a second.
 
     Args:
-        gate: what takes requests.
-        server: what reads the workspace.
+        gate: accepts requests.
+        server: reads the workspace.
     """
 
     def __init__(self, gate: Gate, server: PlannerForgeServer) -> None:
@@ -167,7 +167,7 @@ class _Readiness:
         self._can_read, self._looked_at = False, -math.inf
 
     async def answer(self, request: Request) -> JSONResponse:
-        """200 or 503."""
+        """Return 200 or 503."""
         del request
         is_ready = self._gate.is_open and await self._reads() and self._gate.is_open
         if is_ready:
@@ -183,27 +183,27 @@ class _Readiness:
 
 
 async def _health(request: Request) -> JSONResponse:
-    """That the process answers at all."""
+    """Report that the process is alive."""
     del request
     return JSONResponse({"status": "ok"})
 
 
 @dataclass(frozen=True)
 class _Authentication:
-    """How tokens are checked; with an OAuth authorization server, where clients find it."""
+    """The check of tokens; with an OAuth authorization server, also where clients find it."""
 
     verifier: TokenVerifier
     settings: AuthSettings | None
 
     @classmethod
     def of(cls, settings: Settings) -> "_Authentication | None":
-        """What the settings ask for; None where everybody on this machine may come in."""
+        """Return the authentication that the settings require, or None if everyone on this machine has access."""
         tokens = tokens_of(settings.http_tokens, settings.http_token_file)
         if not settings.oauth_issuer:
             return cls(OwnTokens(tokens), None) if tokens else None
         if not settings.http_url:
             raise InvalidRequest(
-                "oauth_issuer is set and http_url is not, which tokens have to name as their audience",
+                "oauth_issuer is set but http_url, the required audience of tokens, is not",
                 next_step="set http_url to the address that clients use, such as https://forge.example.org/mcp",
             )
         oauth = AuthSettings(
@@ -217,19 +217,19 @@ class _Authentication:
 
     @property
     def metadata_url(self) -> AnyHttpUrl | None:
-        """Where a client that is refused finds whose tokens are taken (RFC 9728)."""
+        """The address at which a refused client finds the accepted authorization servers (RFC 9728)."""
         if self.settings is None or self.settings.resource_server_url is None:
             return None
         return build_resource_metadata_url(self.settings.resource_server_url)
 
     def middleware(self) -> list[Middleware]:
-        """What reads the token of each request, and checks its audience."""
+        """Return the middleware that reads each request's token and checks its audience."""
         audience = self.settings.resource_server_url if self.settings is not None else None
         backend = BearerAuthBackend(self.verifier, resource_server_url=audience)
         return [Middleware(AuthenticationMiddleware, backend=backend), Middleware(AuthContextMiddleware)]
 
     def routes(self) -> list[Route]:
-        """The metadata of this server as a resource."""
+        """Return the metadata of this server as a resource."""
         if self.settings is None or self.settings.resource_server_url is None:
             return []
         return create_protected_resource_routes(
@@ -241,16 +241,16 @@ class _Authentication:
 
 
 def _as_written(url: str) -> AnyHttpUrl:
-    """Return a URL to which no slash is added: clients compare issuers letter by letter (RFC 8414, section 3.3)."""
+    """Return a URL without an added slash: clients compare issuers letter by letter (RFC 8414, section 3.3)."""
     adapter = TypeAdapter(AnyHttpUrl, config=ConfigDict(url_preserve_empty_path=True))
     return adapter.validate_python(url)
 
 
 def _let_in(settings: Settings) -> TransportSecuritySettings:
-    """The Host and Origin headers that are taken: of this machine, of the address that is bound, and those named.
+    """Return the accepted Host and Origin headers: of this machine, of the bound address, and those in the settings.
 
     Raises:
-        InvalidRequest: every address of the machine is bound, and no name is given by which it is called.
+        InvalidRequest: every address of the machine is bound, but the settings give no name for it.
     """
     hosts = [*_LOOPBACK_NAMES, *settings.http_hosts]
     origins = [f"http://{name}" for name in _LOOPBACK_NAMES]
@@ -263,8 +263,8 @@ def _let_in(settings: Settings) -> TransportSecuritySettings:
         hosts.append(f"[{bound}]" if ":" in bound else bound)
     elif not settings.http_hosts and not settings.http_url:
         raise InvalidRequest(
-            f"http_host {settings.http_host} is every address of this machine, and no name is given that clients call",
-            next_step="name it in http_hosts, or set http_url; requests with another Host are refused",
+            f"http_host {settings.http_host} is every address of this machine, but the settings give no name for it",
+            next_step="add its name to http_hosts, or set http_url; requests with another Host are refused",
         )
     return TransportSecuritySettings(
         enable_dns_rebinding_protection=True,
@@ -281,14 +281,14 @@ def _is_loopback(host: str) -> bool:
 
 
 class _Uvicorn(uvicorn.Server):
-    """Uvicorn, with a stop that waits for calls under way; a second signal does not wait."""
+    """Uvicorn with a stop that waits for calls in progress; a second signal does not wait."""
 
     def __init__(self, config: uvicorn.Config, gate: Gate, patience_s: float) -> None:
         super().__init__(config)
         self._gate, self._patience_s = gate, patience_s
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Stop at a signal, with exit code 0; uvicorn's own would raise the signal again at the end."""
+        """Stop at a signal with exit code 0; uvicorn would raise the signal again at the end."""
         del sig, frame
         self.force_exit = self.should_exit
         self.should_exit = True
@@ -305,10 +305,10 @@ def serve_http(
     pages: "Pages | None" = None,
     when_bound: Callable[[int], None] | None = None,
 ) -> None:
-    """Serve until a signal ends it; ``when_bound`` is told the port.
+    """Serve until a signal ends it; call ``when_bound`` with the port.
 
     Raises:
-        PlannerForgeError: the settings do not allow it, the port is taken, or the services cannot be opened.
+        PlannerForgeError: the settings do not allow it, the port is in use, or the services cannot be opened.
     """
     made = HttpServer(server, settings, pages)
     with bound(settings.http_host, settings.http_port) as listener:
@@ -318,15 +318,15 @@ def serve_http(
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """A socket that listens.
+    """Return a listening socket.
 
     Raises:
-        InvalidRequest: the address is none of this machine, or the port is taken.
+        InvalidRequest: the address does not belong to this machine, or the port is in use.
     """
     listener: socket.socket | None = None
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        # with its protocol named, or asyncio leaves Nagle's algorithm on, and each answer waits 40 ms for an
+        # with an explicit protocol; otherwise asyncio leaves Nagle's algorithm on, and each answer waits 40 ms for an
         # acknowledgement
         listener = socket.socket(family, kind, protocol or socket.IPPROTO_TCP)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -337,6 +337,6 @@ def bound(host: str, port: int) -> socket.socket:
             listener.close()
         raise InvalidRequest(
             f"http_host {host} and http_port {port} cannot be bound: {error.strerror or error}",
-            next_step="choose another http_port; 0 takes a free one",
+            next_step="choose another http_port; 0 picks a free one",
         ) from error
     return listener

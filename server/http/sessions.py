@@ -1,8 +1,8 @@
-"""Sessions of the protocol revisions that have them, bounded for each token.
+"""Sessions of the protocol revisions that have them, limited per token.
 
-A client of these revisions begins with ``initialize`` and gets a session, which it rarely ends. Each token may hold a
-number of sessions, so that no token takes the room of another; a client that begins one more than that ends the one
-that has been idle for longest. If each of them has a request under way, it is asked to come again.
+A client of these revisions begins with ``initialize`` and gets a session, which it rarely ends. Each token has its own
+limit, so that no token takes another's room. A client that exceeds it ends its session that has been idle longest. If
+all of them have requests in progress, the client must try again later.
 """
 
 import time
@@ -22,20 +22,20 @@ from ..asking import STATELESS_SINCE
 from ..clients import principal_of
 
 MOST_SESSIONS = 64
-"""Sessions of one token; a host has one for each of its windows. A session costs some 30 kB and a task."""
+"""Maximum sessions of one token; a host has one per window. A session costs some 30 kB and a task."""
 _WAIT_S = 1
 
 
 @dataclass
 class _Session:
-    """A session: when it was last used, and how many of its requests are under way."""
+    """A session: the time of its last use, and how many of its requests are in progress."""
 
     used_at: float
     under_way: int = 0
 
 
 class BoundedSessions:
-    """Passes requests on to the SDK's endpoint, and ends sessions of a token that holds too many.
+    """Passes requests to the SDK's endpoint, and ends sessions of a token that has too many.
 
     Args:
         endpoint: serves MCP over HTTP, with sessions.
@@ -51,7 +51,7 @@ class BoundedSessions:
         headers, owner = Headers(scope=scope), principal_of(scope)
         session_id = headers.get(MCP_SESSION_ID_HEADER)
         if session_id is None and _begins_session(scope, headers) and not await self._has_room(owner, scope):
-            told = f"{self._most} sessions of this token have requests under way; end one of them, or wait"
+            told = f"{self._most} sessions of this token have requests in progress; end one of them, or wait"
             error = {"code": INTERNAL_ERROR, "message": f"[http_503] {told}."}
             body = {"jsonrpc": "2.0", "id": None, "error": error}
             await JSONResponse(body, 503, {"retry-after": str(_WAIT_S)})(scope, receive, send)
@@ -73,7 +73,7 @@ class BoundedSessions:
             session.used_at = time.monotonic()
 
     def _noting(self, owner: str, send: Send, asked: str | None) -> Send:
-        """Return a channel that notes which session an answer begins, or says is gone."""
+        """Return a channel that records the session that an answer begins, or reports as gone."""
 
         async def noting(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -87,7 +87,7 @@ class BoundedSessions:
         return noting
 
     async def _has_room(self, owner: str, scope: Scope) -> bool:
-        """Return whether this token may begin a session; ends the one that has been idle for longest if need be."""
+        """Return whether this token may begin a session; end the one that has been idle longest if necessary."""
         own = self._by_owner.get(owner, OrderedDict())
         while len(own) >= self._most:
             idle = [(session.used_at, session_id) for session_id, session in own.items() if not session.under_way]
@@ -106,7 +106,7 @@ class BoundedSessions:
                 del self._by_owner[owner]
 
     async def _end(self, session_id: str, scope: Scope) -> None:
-        """End a session as its client would: with a DELETE, in the name of the same token."""
+        """End a session like its client would: with a DELETE, with the same token."""
         replaced = (MCP_SESSION_ID_HEADER.encode(), b"content-length", b"transfer-encoding")
         kept = [(name, value) for name, value in scope["headers"] if name not in replaced]
         ended = {**scope, "method": "DELETE", "headers": [*kept, (MCP_SESSION_ID_HEADER.encode(), session_id.encode())]}
@@ -114,13 +114,13 @@ class BoundedSessions:
         async def nothing() -> Message:
             return {"type": "http.request", "body": b"", "more_body": False}
 
-        async def unheard(message: Message) -> None:
+        async def ignore(message: Message) -> None:
             del message
 
-        await self._endpoint(ended, nothing, unheard)
+        await self._endpoint(ended, nothing, ignore)
 
 
 def _begins_session(scope: Scope, headers: Headers) -> bool:
-    """Return whether a request without a session gets one: all of the revisions that have sessions do."""
+    """Return whether a request without a session gets one: all do in the revisions with sessions."""
     version = headers.get(MCP_PROTOCOL_VERSION_HEADER)
     return scope["method"] == "POST" and (version is None or version < STATELESS_SINCE)

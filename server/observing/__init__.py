@@ -1,1 +1,1 @@
-"""What a server tells whoever runs it: the journal of calls, the log, traces and metrics where they are asked for."""
+"""Reports for the operator of a server: the journal of calls, the log, and, on request, traces and metrics."""

@@ -1,6 +1,6 @@
-"""The journal of calls: one JSON line per call, written behind the answer's back, rotated by size.
+"""The journal of calls: one JSON line per call, written in the background, rotated by size.
 
-Only its owner may read it. Texts are cut, and what looks like a secret is left out.
+Only its owner may read it. Texts are cut, and apparent secrets are removed.
 """
 
 import json
@@ -27,18 +27,19 @@ from .logs import Secrets
 
 logger = logging.getLogger(__name__)
 JOURNAL = "journal/calls.jsonl"
-"""Where a workspace keeps it."""
+"""Its place in a workspace."""
 KEPT_FILES = 5
 _MOST_IDS = 20
 MOST_ELEMENTS = 50
-"""Rotated files that are kept, ids that a line holds of one answer, and elements of a list or object; chosen."""
+"""Maximum rotated files, ids of one answer per line, and elements of a list or object; chosen."""
 _SEARCHED, _LONGEST_ERROR, _LARGEST_BITS = 5000, 2000, 128
-"""Characters of a text that are searched for secrets, and of an error that are kept; bits of a whole number; chosen."""
+"""Maximum characters of a text that are searched for secrets, and of a stored error; bits of a whole number; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
-"""Reading the table of the token count takes .3 s, which is longer than many a single call."""
+"""Loading the table of the token count takes .3 s, longer than many a single call."""
 _SETTLED_S = 1.0
-"""How long after the first call the tables are read; a server that ends before does so without them. Chosen: a
-command that makes one call has ended then, and hosts kill a server two seconds after they left it."""
+"""Delay between the first call and loading the tables; a server that ends earlier does so without them. Chosen: a
+command with one call has ended by then, and hosts kill a server two seconds after they leave it.
+"""
 _ID = re.compile(
     r"\b(?:(?:cfg|run|batch|search|job)_[0-9a-f]{8,}(?:_\d+)?|map_\w+|(?:C-)?[A-Z]{3}_[A-Za-z]\w*-[\w\-]+)"
 )
@@ -46,7 +47,7 @@ _ID = re.compile(
 
 @dataclass(frozen=True)
 class _JournalledCall:
-    """One call: when (UTC), its id in the log, by which client, what was asked, how long it took and what came out."""
+    """One call: time (UTC), id in the log, client, arguments, duration and result."""
 
     time: str
     call_id: str
@@ -57,7 +58,7 @@ class _JournalledCall:
     result: CallToolResult
 
     def entry(self, count: Callable[[str], int | None]) -> dict[str, Any]:
-        """What the journal holds of it; ``count``: of tokens, None where they are not counted."""
+        """Return the journal's entry; ``count`` returns tokens, or None if they are not counted."""
         text, structured, failed = answer_text(self.result), self.result.structured_content, bool(self.result.is_error)
         said = json.dumps(structured, ensure_ascii=False) if structured else text
         return {
@@ -74,7 +75,7 @@ class _JournalledCall:
 
 
 class Journal:
-    """Appends entries to a file from a thread of its own, so that no caller waits for the disk or the token count."""
+    """Appends entries to a file from its own thread, so that no caller waits for the disk or the token count."""
 
     def __init__(self, path: Path, size_bytes: int, redact: Iterable[str] = ()) -> None:
         self._path, self._size_bytes = path, size_bytes
@@ -94,7 +95,7 @@ class Journal:
         duration_s: float,
         result: CallToolResult,
     ) -> None:
-        """Write down a call."""
+        """Record a call."""
         if self._thread is None:
             self._closing.clear()
             thread = threading.Thread(target=self._write, name="journal", daemon=True)
@@ -107,7 +108,7 @@ class Journal:
         self._waiting.put(_JournalledCall(time, call_id, client, tool, arguments, duration_s, result))
 
     def close(self) -> None:
-        """Write what is waiting, and stop."""
+        """Write waiting entries, and stop."""
         if self._thread is not None:
             self._closing.set()
             self._waiting.put(None)
@@ -126,20 +127,20 @@ class Journal:
         while (call := self._waiting.get()) is not None:
             try:
                 line = json.dumps(self._fit(call.entry(self._tokens_of)), ensure_ascii=False)
-            except Exception:  # the journal goes on: what one call holds must not cost the lines of all others
-                logger.exception("a call of %s could not be written down", call.tool)
+            except Exception:  # the journal continues: one call must not cost the lines of all others
+                logger.exception("a call of %s could not be recorded", call.tool)
             else:
                 handler.emit(logging.LogRecord("journal", logging.INFO, "", 0, line, None, None))
         handler.close()
 
     def _tokens_of(self, text: str) -> int | None:
-        """Tokens of an answer; None where a server ends that has read no tables: its end would wait for them."""
+        """Count the tokens of an answer; return None if the server ends before the tables are loaded, to end faster."""
         if not has_tables() and self._closing.wait(_SETTLED_S):
             return None
         return count_tokens(text)
 
     def _fit(self, value: Any, longest: int = LONGEST_TEXT) -> Any:
-        """A value as the journal keeps it: texts on one line, cut and without secrets, the first of many elements."""
+        """Return a value in the journal's form: a few elements, and texts on one line, cut and without secrets."""
         if isinstance(value, str):
             return one_line(self._secrets.left_out_of(value[:_SEARCHED]), longest)
         if isinstance(value, dict):
@@ -153,7 +154,7 @@ class Journal:
 
 
 class _Appending(logging.handlers.RotatingFileHandler):
-    """Makes its folder when the first line is written; a line that cannot be written costs no call, but is logged."""
+    """Creates its folder with the first line; a line that cannot be written is logged and fails no call."""
 
     def _open(self) -> TextIOWrapper:
         path = Path(self.baseFilename)
@@ -163,4 +164,4 @@ class _Appending(logging.handlers.RotatingFileHandler):
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - the name is the standard library's
         del record
-        logger.error("a call could not be written down in %s", self.baseFilename, exc_info=True)
+        logger.error("a call could not be recorded in %s", self.baseFilename, exc_info=True)

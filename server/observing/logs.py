@@ -1,6 +1,6 @@
-"""The log on standard error, as lines of text or of JSON: each call, and what else happened, with the call it was in.
+"""The log on standard error, as lines of text or JSON: each call, and other events with their call.
 
-No line holds arguments or results, which the journal has, nor what looks like a secret.
+No line contains arguments or results, which the journal has, or apparent secrets.
 """
 
 import json
@@ -31,19 +31,19 @@ _SECRETS = (
 )
 """Forms of keys, tokens and passwords; the setting ``journal_redact`` adds others."""
 _LONGEST = 20_000
-"""Characters of a message or a traceback that are logged; chosen: the longest traceback seen has 6,000."""
+"""Maximum logged characters of a message or a traceback; chosen: the longest observed traceback has 6,000."""
 _calls = logging.getLogger("plannerforge.calls")
 _CALL: ContextVar["CallNames | None"] = ContextVar("plannerforge call", default=None)
 
 
 class Secrets:
-    """What looks like a key, token or password, and what else is to be left out of texts."""
+    """Patterns of keys, tokens and passwords, and of other content to remove from texts."""
 
     def __init__(self, patterns: Iterable[str] = ()) -> None:
         self._patterns = [re.compile(pattern) for pattern in (*_SECRETS, *patterns)]
 
     def left_out_of(self, text: str) -> str:
-        """The text with a mark in place of each."""
+        """Return the text with a mark instead of each match."""
         for pattern in self._patterns:
             text = pattern.sub(REDACTED, text)
         return text
@@ -51,7 +51,7 @@ class Secrets:
 
 @dataclass(frozen=True)
 class CallNames:
-    """A call that is under way: an id of its own, the tool, and the name that the client gives itself."""
+    """A call in progress: its id, the tool, and the name that the client gives itself."""
 
     call_id: str
     tool: str
@@ -63,9 +63,10 @@ class EndedCall:
     """A call that has ended.
 
     Args:
-        outcome: ``ok``, the code of the error, ``asks`` (the client is asked something first), ``protocol`` (the call
-            broke the protocol) or ``cancelled``.
-        duration_s: from when it was its turn.
+        outcome: ``ok``, the code of the error, ``asks`` (the client must answer a question first), ``protocol`` (the
+            call
+            violated the protocol) or ``cancelled``.
+        duration_s: measured from its turn.
     """
 
     names: CallNames
@@ -75,7 +76,7 @@ class EndedCall:
 
 @contextmanager
 def named_call(tool: str, client: str) -> Iterator[CallNames]:
-    """Names for a call; what is logged in the block, and in threads and jobs that it starts, bears them."""
+    """Name a call; log records in the block, and in threads and jobs that it starts, carry the names."""
     names = CallNames(uuid.uuid4().hex[:16], tool, client)
     token = _CALL.set(names)
     try:
@@ -85,7 +86,7 @@ def named_call(tool: str, client: str) -> Iterator[CallNames]:
 
 
 def outcome_of(result: CallToolResult) -> str:
-    """``ok``, or the code that the text of an error begins with."""
+    """Return ``ok``, or the code at the beginning of an error's text."""
     if not result.is_error:
         return "ok"
     text = next((block.text for block in result.content if block.type == "text"), "")
@@ -101,21 +102,21 @@ def log_call(call: EndedCall) -> None:
 
 
 def log_to_stderr(level: str, form: LogFormat = "text", redact: Iterable[str] = ()) -> None:
-    """Have everything that is logged from this level on written to standard error; a log that is set up stays."""
+    """Write all log records from this level to standard error, unless logging is already set up."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter((JsonLines if form == "json" else TextLines)(Secrets(redact)))
     logging.basicConfig(level=level, handlers=[handler])
 
 
 class TextLines(logging.Formatter):
-    """``LEVEL name: message``, then the call it was in."""
+    """``LEVEL name: message``, then its call."""
 
     def __init__(self, secrets: Secrets) -> None:
         super().__init__("%(levelname)s %(name)s: %(message)s")
         self._secrets = secrets
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record as text; its lines are one, but for tracebacks."""
+        """Return the record as text on one line, except for tracebacks."""
         text = super().format(record)
         names = _CALL.get()
         if names is not None:
@@ -124,7 +125,7 @@ class TextLines(logging.Formatter):
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object a line: ``time`` (UTC), ``level``, ``logger``, ``event``, and of a call ``call_id``, ``tool``,
+    """One JSON object per line: ``time`` (UTC), ``level``, ``logger``, ``event``; in a call also ``call_id``, ``tool``,
     ``client``; at its end also ``duration_s`` and ``outcome``; with telemetry ``trace_id``.
     """
 
@@ -133,7 +134,7 @@ class JsonLines(logging.Formatter):
         self._secrets = secrets
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record as JSON."""
+        """Return the record as JSON."""
         entry: dict[str, Any] = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname,
@@ -154,7 +155,7 @@ class JsonLines(logging.Formatter):
 
 
 def _trace_id() -> str | None:
-    """The trace that telemetry puts the call into, as it is written everywhere else."""
+    """Return the call's trace id in telemetry, in the usual form."""
     from opentelemetry.trace import format_trace_id, get_current_span
 
     context = get_current_span().get_span_context()

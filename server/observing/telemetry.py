@@ -1,8 +1,8 @@
-"""Traces and metrics by OpenTelemetry, sent where ``telemetry_endpoint`` says; nothing of it is imported otherwise.
+"""Traces and metrics by OpenTelemetry, sent to ``telemetry_endpoint``; without it, none of this is imported.
 
-The SDK of MCP makes a span of each request, below the trace that the request names (``traceparent`` in ``_meta``), as
-soon as a provider is set. That span is used: it is told which call it was, and below it stand spans of what the call
-had done by workers, and of the job that it began.
+As soon as a provider is set, the MCP SDK makes a span of each request, below the request's trace (``traceparent`` in
+``_meta``). That span gets the call's attributes, and the spans of its operations in workers and of its job are below
+it.
 """
 
 import logging
@@ -40,16 +40,16 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 _NAME = "plannerforge"
 _TIMEOUT_S, _DELAY_MS, _INTERVAL_MS = 5.0, 1_000, 15_000
-"""How long one message to the collector may take, and how often spans and metrics are sent; chosen."""
+"""Timeout of one message to the collector, and interval of spans and metrics; chosen."""
 LAST_S = 1.0
-"""How long a server that stops waits for the collector; chosen: a host kills it after two seconds."""
+"""How long a stopping server waits for the collector; chosen: a host kills it after two seconds."""
 _SECONDS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 25, 50, 100, 300)
 """Bounds of the histograms, in seconds: a call that reads takes 0.003, an operation has 300."""
 _OK = frozenset({"ok", "asks"})
 
 
 class Telemetry:
-    """What is told of calls, jobs, operations and workers, to the providers that it is made with."""
+    """Reports calls, jobs, operations and workers to its providers."""
 
     def __init__(self, traces: "TracerProvider", metrics: "MeterProvider") -> None:
         self._traces, self._metrics = traces, metrics
@@ -63,7 +63,7 @@ class Telemetry:
         self._operation_s = meter.create_histogram(
             "plannerforge.operation.duration",
             "s",
-            "Time of operations in workers, with the time that they waited for one",
+            "Time of operations in workers, including their wait",
             explicit_bucket_boundaries_advisory=_SECONDS,
         )
         self._jobs = meter.create_up_down_counter("plannerforge.jobs", "{job}", "Jobs of this server that run")
@@ -73,13 +73,13 @@ class Telemetry:
 
     @classmethod
     def sending_to(cls, endpoint: str) -> "Telemetry":
-        """Traces and metrics to a collector by OTLP over HTTP; spans of the SDK of MCP, too.
+        """Return telemetry to a collector by OTLP over HTTP, including the spans of the MCP SDK.
 
         Args:
             endpoint: its address without the path of a signal, such as ``http://127.0.0.1:4318``.
 
         Raises:
-            NotPossible: the packages for it are not installed.
+            NotPossible: the required packages are not installed.
         """
         try:
             from opentelemetry.exporter.otlp.json.http.metric_exporter import OTLPMetricExporter
@@ -91,24 +91,23 @@ class Telemetry:
             from opentelemetry.sdk.trace.export import BatchSpanProcessor
         except ImportError as error:
             raise NotPossible(
-                f"telemetry_endpoint asks for {endpoint}, and the packages for it are not installed",
-                next_step="pip install 'plannerforge-mcp[telemetry]', or leave the setting out",
+                f"telemetry_endpoint is {endpoint}, but the required packages are not installed",
+                next_step="pip install 'plannerforge-mcp[telemetry]', or remove the setting",
             ) from error
         resource = Resource.create({"service.name": _NAME, "service.version": __version__})
         address = endpoint.rstrip("/")
-        traces = TracerProvider(resource=resource, shutdown_on_exit=False)  # ``close`` is what ends it
+        traces = TracerProvider(resource=resource, shutdown_on_exit=False)  # ``close`` ends it
         spans = OTLPSpanExporter(endpoint=f"{address}/v1/traces", timeout=_TIMEOUT_S)
         traces.add_span_processor(BatchSpanProcessor(spans, schedule_delay_millis=_DELAY_MS))
         sender = OTLPMetricExporter(endpoint=f"{address}/v1/metrics", timeout=_TIMEOUT_S)
         metrics = MeterProvider([PeriodicExportingMetricReader(sender, _INTERVAL_MS)], resource, shutdown_on_exit=False)
-        trace.set_tracer_provider(traces)  # where the SDK of MCP looks for it
+        trace.set_tracer_provider(traces)  # the MCP SDK looks for it there
         return cls(traces, metrics)
 
     def close(self) -> None:
-        """Send what is left, and stop; blocks a second at most, whether the collector answers or not.
+        """Send the rest, and stop; block for at most a second, whether the collector answers or not.
 
-        The SDK's own end tries and waits as often as it does in between, for traces first: seven seconds where a
-        collector hangs.
+        The SDK's own shutdown retries and waits as usual, for traces first: seven seconds if a collector hangs.
         """
         ends = [threading.Thread(target=each.shutdown, daemon=True) for each in (self._traces, self._metrics)]
         for end in ends:
@@ -120,7 +119,7 @@ class Telemetry:
             logger.warning("the collector did not take the last traces and metrics within %g s", LAST_S)
 
     def call_ended(self, call: EndedCall) -> None:
-        """Count a call, and tell the span of its request which one it was."""
+        """Count a call, and add its attributes to the span of its request."""
         about = {"gen_ai.tool.name": call.names.tool}
         failed = {} if call.outcome in _OK else {"error.type": call.outcome}
         self._calls.add(1, about)
@@ -138,10 +137,10 @@ class Telemetry:
             )
 
     def watched(self, executor: Executor, workers: Callable[[], int]) -> Executor:
-        """The executor, with a span of each operation.
+        """Return the executor with a span for each operation.
 
         Args:
-            workers: how many worker processes there are now.
+            workers: returns the current number of worker processes.
         """
         most: dict[Lane, int] = {"compute": executor.capacity, "retrieval": 1}
 
@@ -166,7 +165,7 @@ class Telemetry:
         return _WatchedExecutor(executor, self._carried_out)
 
     def jobs_apart(self, run_apart: "RunApart", store: JobStore) -> "RunApart":
-        """How jobs are run, with a span of each below the call that began it."""
+        """Return a runner of jobs that gives each a span below the call that started it."""
 
         async def run(function: Callable[..., Awaitable[None]], job_id: str, *arguments: object) -> None:
             async def in_its_thread() -> None:
@@ -213,7 +212,7 @@ class Telemetry:
 
 
 class _WatchedExecutor(ExecutorAround):
-    """An executor whose operations are told of."""
+    """An executor that reports its operations."""
 
     def __init__(self, inner: Executor, run: Callable[..., Awaitable[Any]]) -> None:
         super().__init__(inner)

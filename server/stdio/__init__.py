@@ -1,1 +1,1 @@
-"""MCP over standard input and output: the streams, and messages on them that cannot be read."""
+"""MCP over standard input and output: the streams, and unreadable messages on them."""

@@ -1,7 +1,7 @@
-"""Messages on standard input that the SDK cannot read: of bounded length, and answered instead of dropped.
+"""Handles messages on standard input that the SDK cannot read: limits their length, and answers them.
 
-A number of thousands of digits, lists within lists or half a message are refused by the SDK's parser without a
-word: a client that waits for the answer of such a request would wait for ever.
+The SDK's parser silently drops a number with thousands of digits, nested lists or half a message. A client that waits
+for an answer would wait forever.
 """
 
 import json
@@ -20,22 +20,22 @@ from ...schemas.text import one_line
 
 logger = logging.getLogger(__name__)
 LONGEST_MESSAGE = 4 * 1024**2
-"""Characters of a message; chosen: the longest arguments that tools take have half as many."""
+"""Maximum characters of a message; chosen: the longest arguments that tools accept have half as many."""
 _SEARCHED = 1_000_000
-"""Characters in which the id of a request is looked for; chosen: parameters rarely come before it."""
+"""Characters in which the id of a request is searched; chosen: parameters rarely come before it."""
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*+"?|[{}\[\]]', re.DOTALL)
 _ID = re.compile(r'"id"\s*:\s*("(?:[^"\\]|\\.){0,200}+"|-?\d{1,18}(?=\s*[,}]))')
 _METHOD = re.compile(r'"method"\s*:')
 
 
 class Incoming(Protocol):
-    """A stream of messages, and of what was raised instead of one."""
+    """A stream of messages, or of exceptions instead of one."""
 
     async def receive(self) -> SessionMessage | Exception:
-        """The next one."""
+        """Return the next one."""
 
     async def aclose(self) -> None:
-        """End it."""
+        """Close it."""
 
 
 class Outgoing(Protocol):
@@ -46,31 +46,31 @@ class Outgoing(Protocol):
 
 
 class ReadableMessages:
-    """The messages of a stream that could be read; for the others their sender gets an error.
+    """The readable messages of a stream; for the others, the sender gets an error.
 
-    An error needs the id of the request. Where none can be found, or where it was no request, a line is logged.
+    An error needs the id of the request. If there is no id, or if it was not a request, a line is logged.
     """
 
     def __init__(self, incoming: Incoming, outgoing: Outgoing) -> None:
         self._incoming, self._outgoing = incoming, outgoing
 
     async def receive(self) -> SessionMessage | Exception:
-        """The next message.
+        """Return the next message.
 
         Raises:
-            anyio.EndOfStream: there is none any more.
+            anyio.EndOfStream: there are no more.
         """
         while isinstance(item := await self._incoming.receive(), Exception):
             await self._tell(item)
         return item
 
     async def aclose(self) -> None:
-        """End the stream."""
+        """Close the stream."""
         await self._incoming.aclose()
 
     @property
     def last_context(self) -> Any:
-        """The context of the sender of the last message, which the SDK asks for."""
+        """The context of the sender of the last message, which the SDK needs."""
         return getattr(self._incoming, "last_context", None)
 
     def __aiter__(self) -> "ReadableMessages":
@@ -100,7 +100,7 @@ class ReadableMessages:
 
 
 def unreadable(raised: Exception) -> JSONRPCError | None:
-    """The answer to a request that could not be read; None where there is no request to be found."""
+    """Return the answer to an unreadable request, or None if no request can be found."""
     if not isinstance(raised, ValidationError):
         return None
     (problem, *_) = raised.errors(include_url=False)
@@ -110,16 +110,16 @@ def unreadable(raised: Exception) -> JSONRPCError | None:
         cause = f"more than {LONGEST_MESSAGE:,} characters" if len(given) >= LONGEST_MESSAGE else problem["msg"]
     else:
         request_id = given.get("id") if isinstance(given, dict) and "method" in given else None
-        code, cause = INVALID_REQUEST, "no JSON-RPC 2.0 request"
+        code, cause = INVALID_REQUEST, "not a JSON-RPC 2.0 request"
     if isinstance(request_id, bool) or not isinstance(request_id, int | str):
         return None
     valid = f"JSON-RPC 2.0 of at most {LONGEST_MESSAGE:,} characters, not nested deeply"
-    message = f"the message cannot be read: {one_line(cause)}. Valid: {valid}. Next: send it smaller, or in parts."
+    message = f"the message cannot be read: {one_line(cause)}. Valid: {valid}. Next: shorten it, or split it."
     return JSONRPCError(jsonrpc="2.0", id=request_id, error=ErrorData(code=code, message=message))
 
 
 def _request_id(line: str) -> int | str | None:
-    """The id at the top level of a request that is no JSON, or is JSON beyond what a parser takes."""
+    """Return the id at the top level of a request that is not JSON, or is JSON beyond a parser's limits."""
     line, depth = line[:_SEARCHED], 0
     found: int | str | None = None
     is_request = False
@@ -140,6 +140,6 @@ def _request_id(line: str) -> int | str | None:
 def _value(text: str) -> int | str | None:
     try:
         value: int | str = json.loads(text)
-    except ValueError:  # an escape that is none
+    except ValueError:  # an invalid escape
         return None
     return value

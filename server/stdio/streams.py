@@ -1,7 +1,7 @@
 """Standard input and output as the wire of the protocol, which nothing else reads or writes.
 
-The SDK's streams take a thread of a shared pool for each line. If no further thread can be started (memory, or the
-limit of processes of a container), such a line would end the server; with threads of their own both go on.
+The SDK's streams use a thread of a shared pool for each line. If no further thread can be started (memory, or the
+process limit of a container), the server would end; with threads of their own, both continue.
 """
 
 import io
@@ -18,7 +18,7 @@ from .messages import LONGEST_MESSAGE
 
 
 class BoundedLines(io.TextIOWrapper):
-    """Text with lines no longer than a message may be: a longer one is cut, and can then not be read."""
+    """Text with a maximum line length: a longer line is cut, and is then unreadable."""
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]  # as its base class does
         """Return the next line."""
@@ -31,7 +31,7 @@ class BoundedLines(io.TextIOWrapper):
 
 
 class _ThreadedFile:
-    """What the SDK uses of an ``anyio.AsyncFile``, with one thread for all of it."""
+    """The part of ``anyio.AsyncFile`` that the SDK uses, with one thread for all of it."""
 
     def __init__(self, file: IO[str]) -> None:
         self._file, self._thread = file, OwnThread()
@@ -50,7 +50,7 @@ class _ThreadedFile:
         return await self._thread.run(self._file.write, text)
 
     async def flush(self) -> None:
-        """Hand over what was written."""
+        """Flush what was written."""
         await self._thread.run(self._file.flush)
 
     def end(self) -> None:
@@ -60,10 +60,10 @@ class _ThreadedFile:
 
 @contextmanager
 def standard_streams() -> Iterator["tuple[anyio.AsyncFile[str], anyio.AsyncFile[str]]"]:
-    """Lend standard input, with bounded lines, and standard output, until the block is left.
+    """Provide standard input, with limited lines, and standard output, within the block.
 
-    Whatever else reads standard input meanwhile, such as a library or a child process, reads nothing; whatever else
-    writes to standard output writes to standard error.
+    Other readers of standard input in this time, such as a library or a child process, read nothing; other writers to
+    standard output write to standard error.
     """
     sys.stdout.flush()
     wire_in, wire_out = os.dup(0), os.dup(1)
@@ -71,7 +71,7 @@ def standard_streams() -> Iterator["tuple[anyio.AsyncFile[str], anyio.AsyncFile[
     os.dup2(nothing, 0)
     os.close(nothing)
     os.dup2(2, 1)
-    # a thread may still wait on them at the end: they are not closed, and nothing else gets their numbers
+    # a thread may still wait on them at the end: they are not closed, so that their numbers are not reused
     lines = _ThreadedFile(BoundedLines(os.fdopen(wire_in, "rb", closefd=False), encoding="utf-8", errors="replace"))
     answers = _ThreadedFile(io.TextIOWrapper(os.fdopen(wire_out, "wb", closefd=False), encoding="utf-8", newline="\n"))
     try:

@@ -76,7 +76,7 @@ def test_lost_sites_and_refusals_are_failures_and_maps_without_sites_are_not(
     good = Made(request, executable=True, outcome="off_road", road_type=None, vehicles=True)
     found = [
         FreshMap("lost", made=(Made(request, fault=f"NotPossible: {LOST}"),)),
-        FreshMap("late", made=(Made(request, executable=True, notes=(f"passed over: {LOST}",)),)),
+        FreshMap("late", made=(Made(request, executable=True, notes=(f"skipped: {LOST}",)),)),
         FreshMap("good", made=(good,)),
         FreshMap("empty"),
         FreshMap("refused", refusal="cut in the middle"),

@@ -89,14 +89,14 @@ async def test_a_reading_token_calls_each_tool_that_makes_nothing_and_no_other(p
         for spec in TOOLS:
             good = filled(CASES[spec.name].good, prepared)
             if not spec.read_only:
-                with pytest.raises(MCPError, match=f"no tool '{spec.name}' for a token that is for reading only"):
+                with pytest.raises(MCPError, match=f"no tool '{spec.name}' for a read-only token"):
                     await client.call_tool(spec.name, good)
                 continue
             assert not (await client.call_tool(spec.name, good)).is_error, spec.name
             for argument in spec.making:
                 refused = await client.call_tool(spec.name, {**good, argument: True})
                 assert refused.is_error
-                assert f"makes nothing, and {argument} does" in refused.content[0].text  # type: ignore[union-attr]
+                assert f"read-only, but {argument} creates data" in refused.content[0].text  # type: ignore[union-attr]
         assert await _artifacts(client) == before
     assert offered == {spec.name for spec in TOOLS if spec.read_only}
     assert any(spec.making for spec in TOOLS)

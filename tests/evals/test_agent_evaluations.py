@@ -199,7 +199,7 @@ def test_evaluations_of_other_requests_are_not_compared() -> None:
 def test_a_corpus_line_that_is_no_request_is_named(tmp_path: Path) -> None:
     path = tmp_path / "selection.jsonl"
     path.write_text(line_of(request(1)) + '\n{"id": "sel-2"}\n')
-    with pytest.raises(InvalidRequest, match=r"line 2 of selection\.jsonl is no request: task is missing"):
+    with pytest.raises(InvalidRequest, match=r"line 2 of selection\.jsonl is not a request: task is missing"):
         read_corpus(path)
     path.write_text(line_of(request(1)) + "\n" + line_of(request(1)) + "\n")
     with pytest.raises(InvalidRequest, match=r"line 2 .* has the id sel-001"):

@@ -65,8 +65,8 @@ def test_marks_note_when_each_request_began_and_ended(tmp_path: Path) -> None:
         (("eval", "selection", "--agent", "orcle"), "there is no agent 'orcle'"),
         (("eval", "selection", "--condition", "hints"), "there is no condition 'hints'"),
         (("eval", "requests", "walking"), "there is no task 'walking'"),
-        (("eval", "compare", "nowhere", "nowhere"), "holds no rows"),
-        (("eval", "tuning", "--conversations", "3"), "--conversations belongs to e2e"),
+        (("eval", "compare", "nowhere", "nowhere"), "has no rows"),
+        (("eval", "tuning", "--conversations", "3"), "--conversations is for e2e"),
         (("eval", "selection", "--agent", "ollama:"), "names no model"),
     ],
 )

@@ -81,7 +81,7 @@ async def test_turns_of_a_conversation_have_marks_of_their_own(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("marks", "session", "told"),
     [
-        ([mark("sel-002", 20, 25)], EchoSession, "do not hold this request"),
+        ([mark("sel-002", 20, 25)], EchoSession, "do not contain this request"),
         ([mark("sel-001", 40, 45)], EchoSession, "cut a long text"),
         ([mark("sel-001", 30, 35)], RefusingSession, "refused now: no such id"),
     ],

@@ -76,7 +76,7 @@ async def test_reading_token_sees_and_calls_only_what_makes_nothing(serve: Serve
     async with serve(http_tokens=TOKENS) as server, server.client(era, READER) as client:
         tools = (await client.list_tools()).tools
         listed = await client.call_tool("list_artifacts", {})
-        with pytest.raises(MCPError, match="for a token that is for reading only"):
+        with pytest.raises(MCPError, match="for a read-only token"):
             await client.call_tool("cancel_job", {"job_id": "latest"})
     assert not listed.is_error
     assert all(tool.annotations is not None and tool.annotations.read_only_hint for tool in tools)
@@ -236,13 +236,13 @@ async def test_stop_lets_a_call_end_and_turns_new_ones_away(serve: Serve) -> Non
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.7", "::", "example.org"])
 async def test_other_addresses_need_a_token(settings: Settings, host: str) -> None:
     server = create_server(settings)
-    with pytest.raises(InvalidRequest, match="no token is asked for"):
+    with pytest.raises(InvalidRequest, match="tokens are not required"):
         HttpServer(server, settings.model_copy(update={"http_host": host}))
 
 
 async def test_every_address_needs_a_name_that_clients_call(settings: Settings) -> None:
     open_to_all = {"http_host": "0.0.0.0", "http_tokens": TOKENS}
-    with pytest.raises(InvalidRequest, match="no name is given"):
+    with pytest.raises(InvalidRequest, match="settings give no name"):
         HttpServer(create_server(settings), settings.model_copy(update=open_to_all))
     HttpServer(create_server(settings), settings.model_copy(update={**open_to_all, "http_hosts": ("forge.example",)}))
 
@@ -274,7 +274,7 @@ async def test_tokens_of_a_file_are_kept_from_others_unless_they_are_digests(tmp
         tokens_of((), file)
     file.chmod(0o600)
     assert tokens_of((), file)[0].digest
-    with pytest.raises(InvalidRequest, match="two tokens are called ci"):
+    with pytest.raises(InvalidRequest, match="two tokens have the name ci"):
         tokens_of((SecretStr(line),), file)
     with pytest.raises(OutsideRoots, match="cannot be read"):
         tokens_of((), tmp_path / "missing")

@@ -94,7 +94,7 @@ async def test_seventeenth_stream_of_news_is_refused_until_one_is_closed(serve: 
         for _ in range(15):
             await stack.enter_async_context(one.listen(tools_list_changed=True))
         async with one.listen(tools_list_changed=True):
-            with pytest.raises(MCPError, match="16 streams of news are open already; close one first"):
+            with pytest.raises(MCPError, match="16 news streams are already open"):
                 async with one.listen(tools_list_changed=True):
                     pass
             async with two.listen(tools_list_changed=True):
@@ -157,7 +157,7 @@ async def test_call_that_outlasts_a_stop_is_told_so_and_its_job_is_kept(serve: S
     (answer,) = answers
     assert answer.status_code == 503
     assert answer.headers["retry-after"]
-    assert "jobs are kept, and go on when the same is asked for again" in answer.json()["error"]["message"]
+    assert "jobs are kept" in answer.json()["error"]["message"]
     async with serve() as server:
         kept = await post(server, *called("get_job", job_id=job_id, wait_s=0))
         again = await post(server, *called("start_job", text="endless"))

@@ -199,4 +199,4 @@ def test_message_of_a_stranger_is_logged_once_a_second(name: str, monkeypatch: p
             logger.warning(f"request {number} is none")  # as the SDK logs
         logger.warning("another")
     assert len(written) == 3
-    assert "49 more" in written[1]
+    assert "49 similar" in written[1]

@@ -145,7 +145,7 @@ def test_journal_that_cannot_be_written_costs_no_call_but_is_told(
         add(journal)
         add(journal)
         journal.close()
-    assert caplog.text.count("could not be written down") == 2
+    assert caplog.text.count("could not be recorded") == 2
 
 
 def test_journal_is_its_owners_alone_and_follows_no_link(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_call_that_cannot_be_written_down_costs_no_other_its_line(
     add(journal)
     journal.close()
     assert len(entries(tmp_path / "calls.jsonl")) == 1
-    assert "a call of echo could not be written down" in caplog.text
+    assert "a call of echo could not be recorded" in caplog.text
 
 
 def test_text_of_any_length_is_counted() -> None:

@@ -103,7 +103,7 @@ async def test_what_is_not_there_is_told_with_status_404(settings: Settings, tmp
     async with shown(settings, tmp_path) as (browser, _):
         page = await browser.get(f"/ui/{path}")
     assert page.status_code == 404
-    assert "That cannot be shown" in page.text
+    assert "This page cannot be shown" in page.text
 
 
 @pytest.mark.parametrize(

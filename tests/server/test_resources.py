@@ -208,7 +208,7 @@ def test_pages_follow_each_other_and_no_other_cursor_is_taken() -> None:
     assert pages == [[0, 1, 2], [3, 4, 5], [6]]
     assert page_of([], None, 3) == ([], None)
     for wrong in ("from-7", "from--1", "3", "from-", "from-٣" * 3):
-        with pytest.raises(InvalidRequest, match="is no cursor"):
+        with pytest.raises(InvalidRequest, match="is not a cursor"):
             page_of(entries, wrong, 3)
 
 
@@ -218,7 +218,7 @@ async def test_client_lists_a_handful_and_is_refused_a_wrong_cursor(connect: Any
     async with connect() as client:
         listed = await client.list_resources()
         for ask in (client.list_resources, client.list_resource_templates, client.list_tools, client.list_prompts):
-            with pytest.raises(MCPError, match="is no cursor") as caught:
+            with pytest.raises(MCPError, match="is not a cursor") as caught:
                 await ask(cursor="nonsense")
             assert caught.value.error.code == INVALID_PARAMS
         following = await client.list_resources(cursor=listed.next_cursor) if listed.next_cursor else None

@@ -123,7 +123,7 @@ def test_addresses_of_map_services_are_checked_and_listed_in_any_way(monkeypatch
     assert Settings().overpass_urls == ("https://one.example/api",)
     for wrong in ("ftp://one.example", "https://user:word@one.example", "https://one.example/?x=1", ""):
         monkeypatch.setenv("PLANNERFORGE_OVERPASS_URLS", wrong)
-        with pytest.raises(ValidationError, match="is no address such as"):
+        with pytest.raises(ValidationError, match="is not an address such as"):
             Settings()
 
 

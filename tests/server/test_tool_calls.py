@@ -128,7 +128,7 @@ async def test_pictures_too_large_for_an_answer_are_linked_only(connect: Any) ->
         result = await client.call_tool("draw_much", {})
     text, *others = result.content
     assert [type(block) for block in others] == [ImageContent, ImageContent, ResourceLink]
-    assert "too large for this answer, to be opened by their links: 1" in text.text
+    assert "too large for this answer; open their links: 1" in text.text
 
 
 async def test_links_are_left_out_where_the_host_cannot_take_them(connect: Any, settings: Settings) -> None:

@@ -44,7 +44,7 @@ async def test_no_site_is_taken_twice_and_fewer_are_made_where_there_are_not_eno
     [
         ({"place": "Atlantis"}, "Musterstadt"),
         ({"place": "Landmoor", "scenario_type": "ramp"}, "rural"),
-        ({"place": "Landmoor", "scenario_type": "ramp", "count": 2}, "holds no ramp site"),
+        ({"place": "Landmoor", "scenario_type": "ramp", "count": 2}, "no ramp site"),
         ({"vehicles": ["trukc"]}, "truck"),
         ({"vehicles": ["car>many"]}, "car"),
         ({"bbox": [5, 4, 3, 2]}, "south"),

@@ -56,7 +56,7 @@ def test_a_site_that_fails_is_replaced_by_one_that_no_other_scenario_takes(
     made = generating.generate_scenario(request.model_copy(update={"folder": str(tmp_path)}), silent)
     sites = fitting_sites(generating.read_map_file(Path(request.map_path)), request)
     assert asked == [(site.latitude, site.longitude) for site in (sites[0], sites[3])]
-    assert "an earlier try was given up: this site is flooded" in made.notes
+    assert any("this site is flooded" in note for note in made.notes)
 
 
 @pytest.mark.parametrize("spelled", ["GBR", "gbr", "United Kingdom"])

@@ -52,7 +52,7 @@ async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_the
         assert made is not None
         path = settings.workspace / "scenarios" / made["scenarios"][0]["scenario_id"] / REPORT
         warnings = [f"edge {number} is odd" for number in range(40)]
-        repair = "an earlier try was given up: vehicles overlap"
+        repair = "an earlier attempt failed: vehicles overlap"
         kept = json.loads(path.read_text()) | {"netconvert_warnings": warnings, "notes": [repair]}
         path.write_text(json.dumps(kept))
         brief = str((await client.call_tool("describe_scenario", {})).content)

@@ -125,7 +125,7 @@ async def test_the_setting_says_whether_the_net_is_asked(
     cached = changed(online, servers, maps_online="cache")
     async with connect(cached) as client:
         text, _ = await generate(client, place="Ringstadt")
-        assert "maps_online is cache, it is not asked" in text
+        assert "maps_online is cache, so it is not asked" in text
     assert servers.requests == []
 
 

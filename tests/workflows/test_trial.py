@@ -53,7 +53,7 @@ async def test_a_server_that_makes_nothing_tries_nothing(connect: Connect, setti
         assert tool.annotations.read_only_hint
         refused = await client.call_tool("analyze_results", {"trial": True})
         assert refused.is_error
-        assert "makes nothing, and trial does" in str(refused.content[0].text)  # type: ignore[union-attr]
+        assert "read-only, but trial creates data" in str(refused.content[0].text)  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""Extracts of whole countries: read once into tiles, from which any part is an ordinary map in a second."""
+"""Extracts of whole countries: read once into tiles; any part can then be read as an ordinary map within a second."""

@@ -1,7 +1,7 @@
-"""A part of an extract as an ordinary map: found by what the user calls it, read from its tiles, written as .osm.
+"""Cuts a part of an extract as an ordinary map: finds it by name, reads it from tiles, writes it as .osm.
 
-The same request gives the same bytes. A part is a few kilometres: as wide as the place that is meant, no more than what
-a map of it can be looked through in a second.
+The same request gives the same bytes. A part is a few kilometres wide: as wide as the requested place, but small enough
+to search its map in a second.
 """
 
 import math
@@ -27,27 +27,27 @@ from ..osm import OsmMap, append_node, append_object, ground_distance_m
 from .tiles import TileStore, box_of_tile, index_failures, tiles_in
 
 SIDES_M = (5_000.0, 3_500.0, 2_500.0, 1_800.0)
-"""Sides of the square that is cut out: the first that holds no more nodes than ``MOST_NODES``, or the last (chosen)."""
+"""Side lengths of the cut square: the first with no more nodes than ``MOST_NODES``, or the last (chosen)."""
 MOST_NODES = 40_000
-"""A map of so many is read and looked through in a second or two (measured)."""
+"""A map with this many nodes is read and searched in a second or two (measured)."""
 MARGIN_M = 900.0
-"""Around what was meant: the widest site needs 450 m, and a recording of 120 s twice that."""
+"""Margin around the requested place: the widest site needs 450 m, and a recording of 120 s twice that."""
 NEAR_PLACE_M = 1_000.0
-"""Around a place, within which a street of it is looked for (chosen): its outskirts belong to it."""
+"""Margin around a place in which a street of it is searched (chosen): its outskirts belong to it."""
 _MOST_TILES, _AT_SITE_M = 6, 60.0
-"""Tiles with a street that are looked into, at most; from a street to a site on it (chosen)."""
+"""Maximum number of tiles with a street that are examined, and maximum distance from a street to its site (chosen)."""
 _STRIDE = 7919
-"""A prime by which seeds step through what fits, so that neighbouring seeds lie apart."""
+"""A prime by which seeds step through the candidates, so that neighbouring seeds are far apart."""
 _DECIMALS = 4
-"""Of boxes in degrees: about 10 m, so that the same place gives the same box however it was computed."""
+"""Precision of boxes in degrees: about 10 m, so that the same place gives the same box however it was computed."""
 Position = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class _Meant:
-    """The middle of what was meant, how far it reaches, what it is called, and the words that name something there.
+class _Target:
+    """The centre of the requested place, its reach, its label, and the text that refers to something there.
 
-    ``sites``: where to go instead when not all of it can be cut out.
+    ``sites``: positions to use instead if not all of it can be cut out.
     """
 
     middle: Position
@@ -59,7 +59,7 @@ class _Meant:
 
 
 def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfExtract:
-    """Write the part of an extract that a request means as a map file; an empty path where it shows none such.
+    """Write the part of an extract that a request refers to as a map file; the path is empty if there is none.
 
     Raises:
         ResourceFailure: the index cannot be read.
@@ -67,25 +67,25 @@ def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfEx
     index = Path(request.index)
     with index_failures(index), closing(TileStore(index)) as store:
         report(0.0, "looking the place up in the extract")
-        meant = _meant(request, store)
-        if meant is None:
+        chosen = _resolve_target(request, store)
+        if chosen is None:
             return CutOfExtract()
-        core = _core(meant, request.seed, store)
+        core = _core(chosen, request.seed, store)
         report(0.3, "cutting the part out")
         part = store.read(_widened(core, MARGIN_M))
     if not part.roads():
         return CutOfExtract()
     target = Path(request.folder) / "cut.osm"
     _write(part, target)
-    known = ReadMapRequest(path=str(target), place=meant.place or request.facts.place, country=request.facts.country)
+    known = ReadMapRequest(path=str(target), place=chosen.place or request.facts.place, country=request.facts.country)
     facts = facts_of(part, known).model_copy(
         update={"cut_of": request.facts.map_id, "file_name": request.facts.file_name}
     )
-    return CutOfExtract(path=str(target), facts=facts, core=core, label=meant.label, words=meant.words)
+    return CutOfExtract(path=str(target), facts=facts, core=core, label=chosen.label, words=chosen.words)
 
 
-def _meant(request: CutExtractRequest, store: TileStore) -> _Meant | None:
-    """What the words or the box mean in the extract; None where it shows nothing such."""
+def _resolve_target(request: CutExtractRequest, store: TileStore) -> _Target | None:
+    """Resolve the text or the box in the extract; return None if it shows no such place."""
     parts = place_parts((request.place or "")[:LONGEST_TEXT])
     facts = request.facts
     own = {facts.map_id, facts.place, facts.file_name, file_stem(facts.file_name), facts.country or ""}
@@ -105,7 +105,7 @@ def _meant(request: CutExtractRequest, store: TileStore) -> _Meant | None:
 
 
 def _place_called(part: str, others: Sequence[PlaceArea], store: TileStore) -> PlaceArea | None:
-    """The largest place of a name, or the one nearest to a place that was named with it."""
+    """Return the largest place of a name, or the one nearest to a place given with it."""
     bodies = store.places_called(place_keys(part) | place_keys(without_frame(part)))
     bodies = bodies or store.places_called(names_elsewhere(without_frame(part)))
     places = [PlaceArea.model_validate_json(body) for body in bodies]
@@ -115,38 +115,39 @@ def _place_called(part: str, others: Sequence[PlaceArea], store: TileStore) -> P
     return places[0] if places else None
 
 
-def _at_place(area: PlaceArea, request: CutExtractRequest, store: TileStore) -> _Meant:
+def _at_place(area: PlaceArea, request: CutExtractRequest, store: TileStore) -> _Target:
     middle = area.latitude, area.longitude
     sites = _sites_in(_square(middle, 2 * area.radius_m), request, store)
-    return _Meant(middle, area.radius_m, f"{area.kind} {area.name}", "", area.name, sites)
+    return _Target(middle, area.radius_m, f"{area.kind} {area.name}", "", area.name, sites)
 
 
-def _anywhere(request: CutExtractRequest, store: TileStore) -> _Meant | None:
-    """Around a site of the type, in the box or anywhere, chosen by the seed."""
+def _anywhere(request: CutExtractRequest, store: TileStore) -> _Target | None:
+    """Return the surroundings of a site of the type, in the box or anywhere, chosen by the seed."""
     sites = _sites_in(request.bbox, request, store)
     if not sites:
         return None
     middle = sites[request.seed * _STRIDE % len(sites)]
-    return _Meant(middle, math.inf, f"around {middle[0]:.4f}, {middle[1]:.4f}", "", None)
+    return _Target(middle, math.inf, f"around {middle[0]:.4f}, {middle[1]:.4f}", "", None)
 
 
 def _sites_in(box: Box | None, request: CutExtractRequest, store: TileStore) -> list[Position]:
-    """The sites of the type in a box and in that of the request; those of any type where there is none."""
+    """Return the sites of the type in a box and in the request's box; those of any type if there are none."""
     boxes = [each for each in (box, request.bbox) if each is not None]
     tiles = None if not boxes else tiles_in(boxes[0])
     for kind in dict.fromkeys((request.scenario_type, "any")):
         sites = store.sites(kind, tiles)
-        if inside := [site for site in sites if all(_lies_in(site, each) for each in boxes)]:
+        if inside := [site for site in sites if all(_is_in(site, each) for each in boxes)]:
             return inside
     return []
 
 
 def _at_roads(
     roads: Sequence[str], area: PlaceArea | None, request: CutExtractRequest, store: TileStore
-) -> _Meant | None:
-    """Around a node of the road, or where the roads meet, with a site of the type near by where there is one.
+) -> _Target | None:
+    """Return the surroundings of a node of the road, or of the roads' crossing, with a site of the type nearby if
+    possible.
 
-    Tiles are looked through from the middle of the place on, or from one that the seed chooses.
+    The search covers tiles outwards from the centre of the place, or from one that the seed chooses.
     """
     box = request.bbox if area is None else _square((area.latitude, area.longitude), 2 * (area.radius_m + NEAR_PLACE_M))
     tiles = _with_all_roads(roads, box, store)
@@ -168,18 +169,18 @@ def _at_roads(
     _, _, spot = min(found)
     words = ", ".join(roads)
     if area is None:
-        return _Meant(spot, math.inf, words, words, None)
-    return _Meant(spot, math.inf, f"{words} in {area.kind} {area.name}", words, area.name)
+        return _Target(spot, math.inf, words, words, None)
+    return _Target(spot, math.inf, f"{words} in {area.kind} {area.name}", words, area.name)
 
 
 def _spots(roads: Sequence[str], tile: int, box: Box | None, store: TileStore) -> list[Position]:
-    """Where all the roads meet in a tile and a box; of a single road, and of those that never meet, all its nodes."""
+    """Return where all the roads meet in a tile and a box; all nodes for a single road or roads that never meet."""
     inside = box_of_tile(tile)
     osm = store.read(inside)
     lines = [_nodes_of(road, osm) for road in roads]
     meeting = set.intersection(*lines) or lines[0]
     spots = sorted(osm.nodes[key].position for key in meeting)
-    return [spot for spot in spots if _lies_in(spot, inside) and (box is None or _lies_in(spot, box))]
+    return [spot for spot in spots if _is_in(spot, inside) and (box is None or _is_in(spot, box))]
 
 
 def _nodes_of(road: str, osm: OsmMap) -> set[int]:
@@ -193,7 +194,7 @@ def _keys_of(road: str) -> frozenset[str]:
 
 
 def _with_all_roads(roads: Sequence[str], box: Box | None, store: TileStore) -> list[int]:
-    """The tiles, of a box or all, that have a road of each name."""
+    """Return the tiles, of a box or all, that have a road of each name."""
     found: set[int] | None = None if box is None else set(tiles_in(box))
     for road in roads:
         tiles = set(store.tiles_with_road(_keys_of(road)))
@@ -201,13 +202,13 @@ def _with_all_roads(roads: Sequence[str], box: Box | None, store: TileStore) -> 
     return sorted(found or ())
 
 
-def _core(meant: _Meant, seed: int, store: TileStore) -> Box:
-    """The square around what was meant that is not too much for one map; of a large place, around one of its sites."""
-    core = _square(meant.middle, min(SIDES_M[0], 2 * meant.reach_m))
-    is_whole = 2 * meant.reach_m <= SIDES_M[0] and store.node_count_within(_widened(core, MARGIN_M)) <= MOST_NODES
-    middle = meant.middle if is_whole or not meant.sites else meant.sites[seed * _STRIDE % len(meant.sites)]
+def _core(chosen: _Target, seed: int, store: TileStore) -> Box:
+    """Return the largest allowed square around the requested place; around one of its sites if it is too large."""
+    core = _square(chosen.middle, min(SIDES_M[0], 2 * chosen.reach_m))
+    is_whole = 2 * chosen.reach_m <= SIDES_M[0] and store.node_count_within(_widened(core, MARGIN_M)) <= MOST_NODES
+    middle = chosen.middle if is_whole or not chosen.sites else chosen.sites[seed * _STRIDE % len(chosen.sites)]
     for side_m in SIDES_M:
-        core = _square(middle, min(side_m, 2 * meant.reach_m))
+        core = _square(middle, min(side_m, 2 * chosen.reach_m))
         if store.node_count_within(_widened(core, MARGIN_M)) <= MOST_NODES:
             break
     return core
@@ -225,7 +226,7 @@ def _widened(box: Box, by_m: float) -> Box:
     return low, left, high, right
 
 
-def _lies_in(position: Position, box: Box) -> bool:
+def _is_in(position: Position, box: Box) -> bool:
     south, west, north, east = box
     return south <= position[0] <= north and west <= position[1] <= east
 

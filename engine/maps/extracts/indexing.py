@@ -1,8 +1,8 @@
-"""Reading an extract of a country into tiles, once: elements, then names, then the sites of each tile.
+"""Reads an extract of a country into tiles, once: elements, then names, then the sites of each tile.
 
-What is done is noted in the index itself, so that work that broke off goes on: a stage that was not finished begins
-anew, sites go on at the tile that they had come to. Positions of nodes are kept on disk meanwhile, and what of them was
-looked at is given back as the work goes on, so that memory does not grow with the extract.
+The index records its own progress, so that interrupted work can resume: an unfinished stage starts again, and the
+search for sites continues at its last tile. Positions of nodes stay on disk meanwhile. Their pages are released as the
+work proceeds, so that memory does not grow with the extract.
 """
 
 import ctypes
@@ -53,25 +53,25 @@ from ..site_search.finder import SiteFinder
 from .tiles import TileStore, box_of_tile, index_failures, tile_of
 
 VERSION = "1"
-"""Raised when the index holds something else than before: it is then made anew."""
+"""Increase this if the index's content changes: existing indexes are then rebuilt."""
 SURROUNDINGS_DEG = 0.012
-"""What is looked at around a tile, so that its sites are those of a map of any size (over a kilometre; chosen)."""
+"""Margin around a tile, so that its sites equal those of a larger map (over a kilometre; chosen)."""
 TOLD_EVERY, _BYTES_OF_ELEMENT = 10_000, 60
-"""Elements between two reports; what one that is kept takes in a file, for the share that is read (measured)."""
+"""Elements between two reports, and the file size of a stored element, for the progress share (measured)."""
 _TIMESTAMP = "osmosis_replication_timestamp"
 """The header's field for the time of the data."""
 _NO_ROOM = tuple(os.strerror(number) for number in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG))
-"""What osmium says where the disk takes no more; it raises the same error as of a broken file."""
+"""osmium's text for a full disk; it raises the same error for a broken file."""
 _SHOWN_PLACES = 300
-"""Names of places that the facts list (chosen)."""
+"""Maximum number of names of places in the facts (chosen)."""
 
 
 def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> IndexedExtract:
-    """Read an extract into tiles, or go on where that broke off; an index that is whole is looked through for damage.
+    """Read an extract into tiles, or resume that work; check a complete index for damage.
 
     Raises:
-        UnsafeInput: the file is broken, or holds no road for vehicles.
-        ResourceFailure: the index cannot be written; what is done of it is kept.
+        UnsafeInput: the file is broken, or has no road for vehicles.
+        ResourceFailure: the index cannot be written; its finished part is kept.
     """
     path, folder = Path(request.path), Path(request.folder)
     index = folder / INDEX_NAME
@@ -89,7 +89,7 @@ def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> Ind
 
 
 def _begun(index: Path) -> TileStore:
-    """The index as far as it was made; from the beginning where it is damaged or of another version of this program."""
+    """Return the unfinished index; start again if it is damaged or from another version of this program."""
     if index.exists() and not _can_go_on(index):
         for leftover in index.parent.glob(f"{index.name}*"):
             leftover.unlink()
@@ -99,10 +99,10 @@ def _begun(index: Path) -> TileStore:
 
 
 def _can_go_on(index: Path) -> bool:
-    """Whether an index is of this version, and without damage where all of it is there.
+    """Return whether an index is of this version and, if complete, undamaged.
 
     Raises:
-        sqlite3.OperationalError: it cannot be looked at: the disk is full, or another process writes.
+        sqlite3.OperationalError: it cannot be read: the disk is full, or another process writes.
     """
     try:
         with closing(TileStore(index, writable=True)) as store:
@@ -110,7 +110,7 @@ def _can_go_on(index: Path) -> bool:
             return store.state("version") in ("", VERSION) and (not is_done or store.is_sound())
     except sqlite3.OperationalError:
         raise
-    except sqlite3.DatabaseError:  # no index at all, or its first pages are gone
+    except sqlite3.DatabaseError:  # not an index, or its first pages are missing
         return False
 
 
@@ -128,7 +128,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
         header = osmium.FileProcessor(str(path)).header
         if header.has_multiple_object_versions:
             raise UnsafeInput(
-                f"{shown_name(path.name)} holds the history of its objects",
+                f"{shown_name(path.name)} contains the history of its objects",
                 next_step="use an extract of one time (osmium time-filter)",
             )
         for element in _in_order(_elements(path, positions), path.name):
@@ -159,7 +159,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
                 report(0.4 * min(share, 1.0), f"reading the extract: {nodes + ways:,} elements")
                 give_pages_back(positions)
                 store.keep()
-    except (RuntimeError, ValueError) as error:  # all that osmium raises, of the file and of the positions
+    except (RuntimeError, ValueError) as error:  # all that osmium raises, about the file and about positions
         if any(words in str(error) for words in _NO_ROOM):
             raise ResourceFailure(
                 f"the positions of the nodes of {shown_name(path.name)} could not be written: {cited(error)}",
@@ -173,7 +173,7 @@ def _stage(path: Path, folder: Path, store: TileStore, report: ProgressReporter)
         positions.unlink(missing_ok=True)
     if not road_m:
         raise UnsafeInput(
-            f"{shown_name(path.name)} holds no road for vehicles", next_step="use an extract with streets in it"
+            f"{shown_name(path.name)} has no road for vehicles", next_step="use an extract with streets in it"
         )
     for number, (rank, place) in enumerate(_areas(places)):
         keys = {key for name in (place.name, *place.other_names) for key in place_keys(name)}
@@ -195,10 +195,10 @@ def _elements(path: Path, positions: Path) -> Iterator[Any]:
 
 
 def give_pages_back(path: Path) -> None:
-    """Take the pages of a file that is mapped and shared out of this process; they stay in the file.
+    """Release the pages of a shared file mapping from this process; they stay in the file.
 
-    osmium maps the positions, and a process keeps every page that it looked at as long as others leave it room. Nothing
-    is done where the system does not list what is mapped: there it takes pages back when memory is short.
+    osmium maps the positions, and a process keeps every page that it read as long as others leave it room. This does
+    nothing on systems that do not list mappings: they take pages back when memory is short.
     """
     try:
         mapped = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -207,13 +207,13 @@ def give_pages_back(path: Path) -> None:
     system = ctypes.CDLL(None)
     for line in mapped:
         places, access, *rest = line.split(maxsplit=5)
-        if access.endswith("s") and rest[-1] == str(path.resolve()):  # of one that is not shared, changes would go
+        if access.endswith("s") and rest[-1] == str(path.resolve()):  # changes to a private mapping would be lost
             begin, end = (int(place, 16) for place in places.split("-"))
             system.madvise(ctypes.c_void_p(begin), ctypes.c_size_t(end - begin), mmap.MADV_DONTNEED)
 
 
 def _in_order(elements: Iterator[Any], name: str) -> Iterator[Any]:
-    """Nodes, then ways, then relations, each by id and once: what comes before its nodes has no position.
+    """Yield nodes, then ways, then relations, each by id and once: a way before its nodes has no positions.
 
     Raises:
         UnsafeInput: they come in another order.
@@ -223,7 +223,7 @@ def _in_order(elements: Iterator[Any], name: str) -> Iterator[Any]:
         here = ("nwr".find(element.type_str()), element.id > 0, abs(element.id))
         if here <= last:
             raise UnsafeInput(
-                f"{name} is not in order at {element.type_str()}{element.id}, or holds it twice",
+                f"{name} is not in order at {element.type_str()}{element.id}, or contains it twice",
                 next_step="sort it with osmium sort, or use an extract of one time",
             )
         last = here
@@ -235,7 +235,7 @@ def _tags(element: Any) -> dict[str, str]:
 
 
 def _node(element: Any) -> OsmNode | None:
-    """The node; None where it was deleted, has no position, or lies where no map is drawn."""
+    """Return the node, or None if it was deleted, has no position, or is beyond the latitudes of maps."""
     if element.deleted or not element.location.valid():
         return None
     latitude, longitude = element.location.lat, element.location.lon
@@ -245,7 +245,7 @@ def _node(element: Any) -> OsmNode | None:
 
 
 def _way(element: Any) -> tuple[OsmWay, list[tuple[int, int]]]:
-    """The way through the nodes that have a position, and their (latitude, longitude) in 1e-7 degrees."""
+    """Return the way through the nodes that have a position, and their (latitude, longitude) in 1e-7 degrees."""
     refs, line = [], []
     if not element.deleted:
         for node in element.nodes:
@@ -265,7 +265,7 @@ def _relation(element: Any) -> OsmRelation | None:
 
 
 def _length_m(line: list[tuple[int, int]]) -> float:
-    """Length of a line of (latitude, longitude) in 1e-7 degrees."""
+    """Return the length in m of a line of (latitude, longitude) in 1e-7 degrees."""
     sides = np.radians(np.array(line) / 1e7)
     north, east = np.diff(sides, axis=0).T
     middle = (sides[1:, 0] + sides[:-1, 0]) / 2
@@ -288,7 +288,7 @@ class _Settlement(NamedTuple):
 
 
 def _areas(places: Iterable[_Settlement]) -> list[tuple[int, PlaceArea]]:
-    """Settlements with their rank, the larger first; each reaches at most half way to the next that is as large."""
+    """Return settlements with their rank, the larger first; each reaches at most half way to the next of its size."""
     from scipy.spatial import cKDTree
 
     ranked = sorted(places, key=lambda place: (place.rank, fold(place.names[0]), place.latitude, place.longitude))
@@ -333,7 +333,7 @@ def _find_sites(store: TileStore, report: ProgressReporter) -> None:
 
 
 def _road_keys(osm: OsmMap, tile: int) -> set[str]:
-    """The keys of all names and numbers of the roads that come through a tile."""
+    """Return the keys of all names and numbers of the roads through a tile."""
     return {
         key
         for way in osm.roads()
@@ -343,7 +343,7 @@ def _road_keys(osm: OsmMap, tile: int) -> set[str]:
 
 
 def _sites_in(osm: OsmMap, tile: int) -> Iterator[tuple[str, float, float, str]]:
-    """The sites in a tile, of a map that shows what lies around it too."""
+    """Yield the sites in a tile, from a map that also shows its surroundings."""
     if not osm.roads():
         return
     finder = SiteFinder(osm)

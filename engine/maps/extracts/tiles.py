@@ -1,7 +1,7 @@
-"""What an extract holds, by tiles of a few kilometres, in one SQLite file.
+"""Stores an extract's content in tiles of a few kilometres, in one SQLite file.
 
-The elements of the file are staged as they come, with the tiles that they touch; then each tile is packed into arrays.
-A part of the extract is read from the tiles that it touches, so that its cost does not depend on the extract's size.
+The elements of the file are staged as they come, with the tiles that they touch. Each tile is then packed into arrays.
+A part of the extract is read from the tiles that it touches, so its cost does not depend on the extract's size.
 """
 
 import io
@@ -29,21 +29,21 @@ from ....schemas.text import cited, shown_name
 from ..osm import NO_TAGS, OsmMap, OsmNode, OsmRelation, OsmWay
 
 TILE_DEG = 0.05
-"""Side of a tile (chosen): some 5 km from south to north, so that a town is a few tiles and a tile a second's work."""
+"""Side of a tile (chosen): some 5 km from south to north, so that a town is a few tiles and a tile takes a second."""
 _COLUMNS = round(360 / TILE_DEG)
 _UNITS_PER_DEG = 10_000_000
 """OpenStreetMap's own resolution."""
 _NODE, _WAY, _RELATION = range(3)
 _MOST_OPEN_TILES = 12
-"""Unpacked tiles that are kept: those around one, and a few more (chosen)."""
+"""Unpacked tiles kept in memory: those around one, and a few more (chosen)."""
 _STAGING_ENDING = ".staged"
 _KEPT_AT_ONCE = 500
-"""Tiles that are packed in one transaction (chosen): some megabytes."""
+"""Tiles packed in one transaction (chosen): some megabytes."""
 _WIDEST_TILES = 400
-"""A way that touches more tiles is none of a road network: it is left out (chosen; the longest roads touch dozens)."""
+"""A way that touches more tiles is not part of a road network and is left out (chosen; long roads touch dozens)."""
 _LONGEST_SEGMENT_DEG = 0.5
-"""Between two nodes of a way, beyond which the tiles between are not told of it: no road is so straight (chosen)."""
-_ADD_AGAIN = "add the extract again with plannerforge maps add: what is broken of its index is made anew"
+"""Tiles between two nodes farther apart than this do not get the way (chosen): no road is so straight."""
+_ADD_AGAIN = "add the extract again with plannerforge maps add: it rebuilds the damaged part of the index"
 SCHEMA = """
 CREATE TABLE IF NOT EXISTS state (name TEXT PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS tiles (tile INTEGER PRIMARY KEY, nodes INTEGER NOT NULL, body BLOB NOT NULL);
@@ -61,15 +61,15 @@ PRAGMA staging.journal_mode=WAL; PRAGMA staging.synchronous=NORMAL;
 CREATE TABLE IF NOT EXISTS staging.staged
     (tile INTEGER NOT NULL, kind INTEGER NOT NULL, id INTEGER NOT NULL, body BLOB);
 """
-"""A file beside the index, removed once all is packed: to empty a table takes more room than the table."""
+"""A separate file, removed after packing: emptying a table takes more space than the table."""
 
 
 @contextmanager
 def index_failures(path: Path, *, writable: bool = False) -> Iterator[None]:
-    """What SQLite says of an index, as an error that says what to do.
+    """Convert an SQLite failure of an index into an error with a remedy.
 
     Raises:
-        ResourceFailure: the index cannot be read, or written.
+        ResourceFailure: the index cannot be read or written.
     """
     try:
         yield
@@ -77,27 +77,25 @@ def index_failures(path: Path, *, writable: bool = False) -> Iterator[None]:
         raise ResourceFailure(
             f"the index {shown_name(path.name)} of the extract cannot be {'written' if writable else 'used'}: "
             f"{cited(error)}",
-            next_step="free disk space and add the extract again: it goes on with what is done"
-            if writable
-            else _ADD_AGAIN,
+            next_step="free disk space and add the extract again: it resumes the work" if writable else _ADD_AGAIN,
         ) from error
 
 
 def tile_of(latitude: float, longitude: float) -> int:
-    """The number of the tile around a position in degrees."""
+    """Return the number of the tile around a position in degrees."""
     row = math.floor((latitude + 90.0) / TILE_DEG)
     return row * _COLUMNS + math.floor((longitude + 180.0) / TILE_DEG) % _COLUMNS
 
 
 def box_of_tile(tile: int) -> Box:
-    """The box of a tile in degrees."""
+    """Return the box of a tile in degrees."""
     row, column = divmod(tile, _COLUMNS)
     south, west = row * TILE_DEG - 90.0, column * TILE_DEG - 180.0
     return south, west, south + TILE_DEG, west + TILE_DEG
 
 
 def tiles_in(box: Box) -> list[int]:
-    """The tiles that a box touches, ascending."""
+    """Return the tiles that a box touches, ascending."""
     south, west, north, east = box
     rows = range(math.floor((south + 90.0) / TILE_DEG), math.floor((north + 90.0) / TILE_DEG) + 1)
     columns = range(math.floor((west + 180.0) / TILE_DEG), math.floor((east + 180.0) / TILE_DEG) + 1)
@@ -118,7 +116,7 @@ class _Tile:
     relations: Sequence[Any]
 
     def ways_within(self, sides: Sequence[int]) -> Iterator[int]:
-        """The ways of which the box of a segment comes into a box: (south, west, north, east) in units."""
+        """Yield the ways with a segment that may touch a box: (south, west, north, east) in units."""
         south, west, north, east = sides
         of_way = np.repeat(np.arange(len(self.way_ids)), np.diff(self.begins))
         one, other = self.places[self.refs[:-1]], self.places[self.refs[1:]]
@@ -128,7 +126,7 @@ class _Tile:
 
 
 class TileStore:
-    """The file; used by one thread, within ``index_failures``: what SQLite raises is not told here."""
+    """The file of tiles; for one thread, and only within ``index_failures``, which converts SQLite's errors."""
 
     def __init__(self, path: Path, *, writable: bool = False) -> None:
         self._path = path
@@ -146,27 +144,27 @@ class TileStore:
         self._tile = lru_cache(maxsize=_MOST_OPEN_TILES)(self._unpacked)
 
     def close(self) -> None:
-        """Release the file."""
+        """Close the file."""
         self._database.close()
 
-    # What is done already
+    # Progress
 
     def state(self, name: str) -> str:
-        """A note on the work; empty where there is none."""
+        """Return a stored note on the work, or an empty text."""
         row = self._database.execute("SELECT value FROM state WHERE name = ?", (name,)).fetchone()
         return "" if row is None else str(row[0])
 
     def note(self, name: str, value: str) -> None:
-        """Keep a note, with all that was written before."""
+        """Store a note, and commit everything written before."""
         self._database.execute("INSERT OR REPLACE INTO state VALUES (?, ?)", (name, value))
         self._database.commit()
 
     def keep(self) -> None:
-        """Keep what was written: the log of changes would hold all of it a second time."""
+        """Commit what was written: the log of changes would otherwise contain all of it a second time."""
         self._database.commit()
 
     def is_sound(self) -> bool:
-        """Whether the file can be read to its last byte: its pages by SQLite, its tiles by their checksums."""
+        """Return whether the whole file is readable: its pages by SQLite, its tiles by their checksums."""
         try:
             if self._database.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok":
                 return False
@@ -179,7 +177,7 @@ class TileStore:
     # Staging
 
     def begin_staging(self) -> None:
-        """Forget what was staged by work that broke off."""
+        """Discard what interrupted work has staged."""
         self._database.execute("DELETE FROM places")
         self._database.execute("DELETE FROM place_names")
         self.keep()
@@ -188,7 +186,7 @@ class TileStore:
         self._attach_staging()
 
     def end_staging(self) -> None:
-        """Note that all is staged; first what was staged is on the disk, since the note lies in another file."""
+        """Note that staging is complete; first flush the staged data, because the note is in another file."""
         self.keep()
         self._database.execute("PRAGMA staging.wal_checkpoint(TRUNCATE)").fetchall()
         self.note("staged", "yes")
@@ -202,12 +200,12 @@ class TileStore:
             leftover.unlink()
 
     def stage_nodes(self, nodes: Iterable[OsmNode]) -> None:
-        """Take in nodes with tags."""
+        """Stage nodes with tags."""
         rows = ((tile_of(node.latitude, node.longitude), _NODE, node.node_id, _node_body(node)) for node in nodes)
         self._database.executemany("INSERT INTO staged VALUES (?, ?, ?, ?)", rows)
 
     def stage_way(self, way: OsmWay, places: Sequence[tuple[int, int]]) -> None:
-        """Take in a way; ``places``: of its nodes, (latitude, longitude) in units of 1e-7 degrees."""
+        """Stage a way; ``places``: (latitude, longitude) of its nodes in units of 1e-7 degrees."""
         tiles = _tiles_along(places)
         if len(tiles) > _WIDEST_TILES:
             return
@@ -217,7 +215,7 @@ class TileStore:
         )
 
     def stage_relation(self, relation: OsmRelation) -> None:
-        """Take in a relation wherever a way of it was staged."""
+        """Stage a relation in every tile with a staged way of it."""
         ways = [number for kind, number, _ in relation.members if kind == "way"]
         body = json.dumps([relation.relation_id, relation.members, dict(relation.tags)]).encode()
         tiles = {
@@ -231,13 +229,13 @@ class TileStore:
         )
 
     def index_staged(self) -> None:
-        """Make ways findable by id, for the relations."""
+        """Index ways by id, for the relations."""
         self._database.execute("CREATE INDEX IF NOT EXISTS staging.staged_by_id ON staged (kind, id)")
 
     # Packing
 
     def pack(self) -> Iterator[int]:
-        """Pack every tile; how many are left."""
+        """Pack every tile; yield how many are left."""
         self._database.execute("DROP INDEX IF EXISTS staging.staged_by_id")
         self._database.execute("CREATE INDEX IF NOT EXISTS staging.staged_by_tile ON staged (tile)")
         tiles = [row[0] for row in self._database.execute("SELECT DISTINCT tile FROM staged ORDER BY tile")]
@@ -253,34 +251,34 @@ class TileStore:
         self._remove_staging()
 
     def finish(self) -> None:
-        """Close the log of changes, so that the file can be read where nothing may be written."""
-        self._remove_staging()  # of work that was killed when all was packed
+        """Close the log of changes, so that the file can be read without write access."""
+        self._remove_staging()  # from work that was killed after packing
         self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         self._database.execute("PRAGMA journal_mode=DELETE")
 
     # Names and sites
 
     def add_place(self, number: int, rank: int, body: str, names: Iterable[str]) -> None:
-        """Keep a place with the keys of its names."""
+        """Store a place with the keys of its names."""
         self._database.execute("INSERT OR REPLACE INTO places VALUES (?, ?, ?)", (number, rank, body))
         self._database.executemany(
             "INSERT OR IGNORE INTO place_names VALUES (?, ?)", ((name, number) for name in names)
         )
 
     def add_sites(self, tile: int, sites: Iterable[tuple[str, float, float, str]], roads: Iterable[str]) -> None:
-        """Keep a tile's sites (kind, latitude, longitude, OSM id) and the keys of its roads, in one transaction."""
+        """Store a tile's sites (kind, latitude, longitude, OSM id) and the keys of its roads, in one transaction."""
         self._database.executemany("INSERT OR IGNORE INTO road_names VALUES (?, ?)", ((name, tile) for name in roads))
         self._database.executemany("INSERT INTO sites VALUES (?, ?, ?, ?, ?)", ((tile, *site) for site in sites))
         self._database.execute("INSERT INTO sited VALUES (?)", (tile,))
         self._database.commit()
 
     def tiles_without_sites(self) -> list[int]:
-        """The tiles whose sites are not known yet, ascending."""
+        """Return the tiles without known sites, ascending."""
         rows = self._database.execute("SELECT tile FROM tiles WHERE tile NOT IN (SELECT tile FROM sited) ORDER BY tile")
         return [row[0] for row in rows]
 
     def counts(self) -> dict[str, int]:
-        """How many tiles, places and road names there are."""
+        """Count tiles, places and road names."""
         of = {"tiles": "tiles", "places": "places", "road_names": "(SELECT DISTINCT name FROM road_names)"}
         return {
             name: int(self._database.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0])  # noqa: S608 - fixed names
@@ -288,16 +286,16 @@ class TileStore:
         }
 
     def kept_nodes(self) -> int:
-        """How many nodes all tiles hold; one at a border of tiles may count for each."""
+        """Return how many nodes all tiles contain; a node at a border of tiles may count once per tile."""
         return int(self._database.execute("SELECT COALESCE(SUM(nodes), 0) FROM tiles").fetchone()[0])
 
     def site_counts(self) -> dict[SiteType, int]:
-        """How many sites of each kind there are."""
+        """Count the sites of each kind."""
         rows = self._database.execute("SELECT kind, COUNT(*) FROM sites GROUP BY kind ORDER BY kind")
         return {kind: int(count) for kind, count in rows}
 
     def places_called(self, keys: Iterable[str]) -> list[str]:
-        """The places that have one of the names, the larger first, as they were added."""
+        """Return the places with one of the names, the larger first, as they were added."""
         wanted = sorted(set(keys))
         holes = ", ".join("?" * len(wanted))
         query = (
@@ -307,21 +305,21 @@ class TileStore:
         return [str(row[0]) for row in self._database.execute(query, wanted)]
 
     def largest_places(self, count: int) -> list[str]:
-        """The first places by rank, as they were added."""
+        """Return the first places by rank, as they were added."""
         return [
             str(row[0])
             for row in self._database.execute("SELECT body FROM places ORDER BY rank, place LIMIT ?", (count,))
         ]
 
     def tiles_with_road(self, keys: Iterable[str]) -> list[int]:
-        """The tiles with a road of one of the names, ascending."""
+        """Return the tiles with a road of one of the names, ascending."""
         wanted = sorted(set(keys))
         holes = ", ".join("?" * len(wanted))
         query = f"SELECT DISTINCT tile FROM road_names WHERE name IN ({holes}) ORDER BY tile"  # noqa: S608 - only ? marks
         return [row[0] for row in self._database.execute(query, wanted)]
 
     def sites(self, kind: str, tiles: Sequence[int] | None = None) -> list[tuple[float, float]]:
-        """Positions of the sites of a kind (``any``: of all), of some tiles or all, in a fixed order."""
+        """Return positions of the sites of a kind (``any`` for all), in some tiles or all, in a fixed order."""
         query, values = "SELECT latitude, longitude FROM sites", list[Any]()
         conditions = []
         if kind != "any":
@@ -336,7 +334,7 @@ class TileStore:
     # Reading a part
 
     def node_count_within(self, box: Box) -> int:
-        """How many nodes lie in a box."""
+        """Return how many nodes are in a box."""
         south, west, north, east = (round(side * _UNITS_PER_DEG) for side in box)
         count = 0
         for number in tiles_in(box):
@@ -346,7 +344,7 @@ class TileStore:
         return count
 
     def read(self, box: Box) -> OsmMap:
-        """The part of the extract in a box: ways that come into it are whole, so are relations of such ways."""
+        """Return the part of the extract in a box, with whole ways that enter it and whole relations of these ways."""
         sides = south, west, north, east = [round(side * _UNITS_PER_DEG) for side in box]
         nodes: dict[int, OsmNode] = {}
         ways: dict[int, OsmWay] = {}
@@ -404,7 +402,7 @@ class TileStore:
 
 
 def _tiles_along(places: Sequence[tuple[int, int]]) -> set[int]:
-    """The tiles that a line of (latitude, longitude) in units comes through, and those at the corners that it cuts."""
+    """Return the tiles that a line of (latitude, longitude) in units passes, and those at the corners that it cuts."""
     tiles = [tile_of(y / _UNITS_PER_DEG, x / _UNITS_PER_DEG) for y, x in places]
     found = set(tiles)
     for number, (one, other) in enumerate(pairwise(tiles)):
@@ -423,14 +421,14 @@ def _node_body(node: OsmNode) -> bytes:
 
 
 def _way_body(way: OsmWay, places: Sequence[tuple[int, int]]) -> bytes:
-    """The number of nodes, their ids, their places, and the tags."""
+    """Pack the number of nodes, their ids, their places, and the tags."""
     flat = array("i", (side for place in places for side in place))
     numbers = array("q", (len(way.node_ids), *way.node_ids)).tobytes() + flat.tobytes()
     return numbers + json.dumps(dict(way.tags)).encode()
 
 
 def _packed(rows: Iterable[tuple[int, int, bytes]]) -> tuple[int, bytes]:
-    """The number of nodes and the arrays of a tile; of elements with one id the last counts."""
+    """Return the number of nodes and the arrays of a tile; of elements with one id, the last counts."""
     places: dict[int, tuple[int, int]] = {}
     node_tags: dict[int, dict[str, str]] = {}
     ways: dict[int, tuple[NDArray[np.int64], dict[str, str]]] = {}

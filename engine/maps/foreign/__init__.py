@@ -1,1 +1,3 @@
-"""Maps in other formats than OpenStreetMap: SUMO, CommonRoad, OpenDRIVE, Lanelet2. Its face is that of the maps."""
+"""Maps in other formats than OpenStreetMap: SUMO, CommonRoad, OpenDRIVE, Lanelet2. ``engine.maps`` exports the
+names.
+"""

@@ -1,4 +1,4 @@
-"""The conversion of maps in other formats: an operation, as the files are foreign."""
+"""Converts maps in other formats: an operation for a worker, because the files are foreign."""
 
 from pathlib import Path
 
@@ -12,12 +12,12 @@ from .opendrive import convert_opendrive
 
 
 def convert_roads(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
-    """Write an OpenDRIVE file as a SUMO network, a Lanelet2 map or a CommonRoad file as a CommonRoad road network.
+    """Write an OpenDRIVE file as a SUMO network, or a Lanelet2 map or CommonRoad file as a CommonRoad road network.
 
-    A SUMO network stays as it is; what its lanelets will lack is told.
+    A SUMO network stays as it is; the result reports what its lanelets will lack.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, or holds no road.
+        UnsafeInput: the file is hostile or broken, or has no road.
     """
     source, folder = Path(request.path), Path(request.folder)
     report(0.1, "converting the map")

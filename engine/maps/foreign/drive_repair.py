@@ -1,9 +1,9 @@
-"""An OpenDRIVE document rewritten into what netconvert reads, with the same roads and the same ways over them.
+"""Rewrites an OpenDRIVE document so that netconvert can read it, with the same roads and the same routes over them.
 
 netconvert reads OpenDRIVE 1.4. It knows no namespace, no centre lane without a type, no arc of curvature 0, no signal
-without a type, no direct junction and no traffic on the left. Each of these is valid in some version of the standard
-(ASAM OpenDRIVE 1.8: 9.4 arcs, 11.7 lanes, 10.3 traffic direction, 12.3 direct junctions), so each is rewritten as
-something that says the same and can be read.
+without a type, no direct junction and no left-hand traffic. Each of these is valid in some version of the standard
+(ASAM OpenDRIVE 1.8: 9.4 arcs, 11.7 lanes, 10.3 traffic direction, 12.3 direct junctions). Each is therefore rewritten
+as an equivalent that netconvert can read.
 """
 
 import math
@@ -19,31 +19,31 @@ from ....schemas.text import cited, shown_name
 
 LEFT, RIGHT = "LHT", "RHT"
 LONGEST_SECTION_M = 2_000.0
-"""Longer lane sections are cut: at netconvert's resolution of 1 m a lane has 2,000 points then, and 5,000 are read."""
+"""Longer lane sections are cut: at netconvert's resolution of 1 m, a lane then has 2,000 of 5,000 allowed points."""
 _STRAIGHT_PER_M = 1e-8
-"""An arc with less curvature is a line: after 1 km it is 5 mm beside it."""
+"""An arc with less curvature is a line: after 1 km, it deviates by 5 mm."""
 _SAME_PER_M = 1e-7
-"""A spiral whose curvature changes by less is an arc: after 1 km it is about 1 cm beside it."""
+"""A spiral with a smaller change of curvature is an arc: after 1 km, it deviates by about 1 cm."""
 _SHORTEST_PIECE_M = 1e-6
 """A shorter piece of a reference line has no direction in files with six decimals."""
 _JOINT_M = 0.1
-"""Length of the roads that stand for the connections of a direct junction; netconvert needs one that is not 0."""
+"""Length of the roads that replace the connections of a direct junction; netconvert needs a length above 0."""
 _STEPS = 200
-"""Of the integration along a piece of a reference line."""
+"""Number of steps of the integration along a piece of a reference line."""
 
 
 def without_namespaces(root: etree._Element) -> None:
-    """Let elements be known by their local names alone, in place."""
+    """Replace the elements' names by their local names, in place."""
     for element in root.iter(etree.Element):
         element.tag = etree.QName(element).localname
     etree.cleanup_namespaces(root)
 
 
 def traffic_rule(name: str, root: etree._Element) -> str:
-    """Return the side on which the file drives (``LHT`` or ``RHT``); a road that does not say drives as the others.
+    """Return the file's driving side (``LHT`` or ``RHT``); a road without a rule takes that of the others.
 
     Raises:
-        UnsafeInput: some roads drive on the left and some on the right, or a rule is unknown.
+        UnsafeInput: some roads have left-hand and some right-hand traffic, or a rule is unknown.
     """
     rules = {rule for road in root.iterfind("road") if (rule := road.get("rule")) is not None}
     if unknown := rules - {LEFT, RIGHT}:
@@ -57,17 +57,17 @@ def traffic_rule(name: str, root: etree._Element) -> str:
 
 
 def repair(name: str, root: etree._Element) -> None:
-    """Rewrite what netconvert cannot read, in place; the traffic rule is left as it is.
+    """Rewrite what netconvert cannot read, in place; the traffic rule stays as it is.
 
     Raises:
-        UnsafeInput: a direct junction names a road or lane that is not there.
+        UnsafeInput: a direct junction refers to a road or lane that does not exist.
     """
     for lane in root.iter("lane"):
         if not lane.get("type"):
             lane.set("type", "none")
     for signal in root.iter("signal"):
         if not signal.get("type"):
-            signal.set("type", "-1")  # the standard's word for a type that is not known
+            signal.set("type", "-1")  # the standard's value for an unknown type
     for geometry in list(root.iter("geometry")):
         _simplify(geometry)
     for view in root.iter("planView"):
@@ -83,9 +83,9 @@ def repair(name: str, root: etree._Element) -> None:
 
 
 def _simplify(geometry: etree._Element) -> None:
-    """Write a spiral that is an arc as an arc, and an arc that is a line as a line.
+    """Write a spiral with constant curvature as an arc, and an arc without curvature as a line.
 
-    netconvert divides by the curvature, and by its change: a spiral that hardly changes it takes all memory.
+    netconvert divides by the curvature and by its change: a spiral that hardly changes it takes all memory.
     """
     spiral = geometry.find("spiral")
     if spiral is not None:
@@ -98,9 +98,9 @@ def _simplify(geometry: etree._Element) -> None:
 
 
 def mirror(root: etree._Element, middle_m: float) -> None:
-    """Mirror all roads at the line y = ``middle_m``, in place, so that traffic on the left drives on the right.
+    """Mirror all roads at the line y = ``middle_m``, in place, so that left-hand traffic becomes right-hand traffic.
 
-    Lanes change the side of their road and the sign of their id, and everything that turns left turns right.
+    Lanes swap sides and the sign of their ids, and everything that turns left turns right.
     """
     for road in root.iterfind("road"):
         road.set("rule", RIGHT)
@@ -142,7 +142,7 @@ _MIRRORED = {
     "signal": ("t",),
     "object": ("t",),
 }
-"""Numbers that are positive to the left of a reference line, or of what turns left."""
+"""Values that are positive to the left of a reference line, or for left turns."""
 
 
 def _negate(element: etree._Element, key: str) -> None:
@@ -156,7 +156,7 @@ def _value(element: etree._Element, key: str) -> float:
 
 @dataclass(frozen=True)
 class _End:
-    """Where a reference line begins or ends: position in m and heading in rad, both in its own direction."""
+    """The start or end of a reference line: position in m and heading in rad, both in its own direction."""
 
     x: float
     y: float
@@ -164,7 +164,7 @@ class _End:
 
 
 def end_of(road: etree._Element, *, at_start: bool) -> _End:
-    """The first or last point of a road's reference line, by the formulas of ASAM OpenDRIVE (9: geometry)."""
+    """Return the first or last point of a road's reference line, by the formulas of ASAM OpenDRIVE (9: geometry)."""
     pieces = road.findall("planView/geometry")
     piece = pieces[0 if at_start else -1]
     x, y, heading, length = (_value(piece, key) for key in ("x", "y", "hdg", "length"))
@@ -176,7 +176,7 @@ def end_of(road: etree._Element, *, at_start: bool) -> _End:
 
 
 def _along(piece: etree._Element, length_m: float) -> tuple[float, float, float]:
-    """How far ahead and to the left a piece of a reference line ends, and by how much it turns, in m and rad."""
+    """Return how far ahead and to the left a piece of a reference line ends, and its turn, in m and rad."""
     if (poly := piece.find("paramPoly3")) is not None:
         p = length_m if poly.get("pRange") == "arcLength" else 1.0
         (u, du), (v, dv) = (_cubic([_value(poly, k + axis) for k in "abcd"], p) for axis in "UV")
@@ -200,7 +200,7 @@ def _cubic(row: list[float], at: float) -> tuple[float, float]:
 
 
 def _connect_directly(name: str, root: etree._Element, junction: etree._Element) -> None:
-    """Rewrite a direct junction as a common one: each of its links becomes a connecting road with hardly any length."""
+    """Rewrite a direct junction as a common one: each of its links becomes a very short connecting road."""
     roads = {road.get("id", ""): road for road in root.iterfind("road")}
     key = junction.get("id", "")
     junction.attrib.pop("type")
@@ -209,8 +209,8 @@ def _connect_directly(name: str, root: etree._Element, junction: etree._Element)
         contact = connection.get("contactPoint", "")
         if not set(ids) <= roads.keys() or contact not in ("start", "end"):
             raise UnsafeInput(
-                f"{name}: connection {shown_name(connection.get('id'))} of the direct junction {shown_name(key)} names "
-                "a road or an end that is not there",
+                f"{name}: connection {shown_name(connection.get('id'))} of the direct junction {shown_name(key)} has "
+                "a road or an end that does not exist",
                 next_step="correct the file's direct junction",
             )
         junction.remove(connection)
@@ -229,18 +229,18 @@ def _connect_directly(name: str, root: etree._Element, junction: etree._Element)
 
 @dataclass(frozen=True)
 class _Arm:
-    """A road at a direct junction, and which of its ends lies there; traffic keeps to the right."""
+    """A road at a direct junction, and which of its ends is there; for right-hand traffic."""
 
     key: str
     road: etree._Element
     at_start: bool
 
     def leads_in(self, lane: int) -> bool:
-        """Whether a lane leads into the junction: right lanes lead to a road's end, left ones to its start."""
+        """Return whether a lane leads into the junction: right lanes lead to a road's end, left ones to its start."""
         return (lane > 0) == self.at_start
 
     def width_m(self, lane: int) -> float:
-        """Width of a lane where the road meets the junction, at least roughly: the first of its widths there."""
+        """Return the approximate width of a lane at the junction: the first of its widths there."""
         section = self.road.findall("lanes/laneSection")[0 if self.at_start else -1]
         found = next((one for one in section.iter("lane") if one.get("id") == str(lane)), None)
         width = None if found is None else found.find("width")
@@ -258,7 +258,7 @@ def _free_id(roads: dict[str, etree._Element]) -> str:
 
 
 def _joint(key: str, junction: str, before: _Arm, after: _Arm, pairs: list[tuple[int, int]]) -> etree._Element:
-    """A connecting road from one arm to another; ``pairs``: its lanes, from lane to lane."""
+    """Return a connecting road from one arm to another; ``pairs`` lists its lanes, from lane to lane."""
     end = end_of(before.road, at_start=before.at_start)
     heading = end.heading_rad + (math.pi if before.at_start else 0.0)
     road = etree.Element("road", {"name": "", "length": repr(_JOINT_M), "id": key, "junction": junction})
@@ -292,7 +292,7 @@ def _connection(key: str, incoming: str, road: str, pairs: list[tuple[int, int]]
 
 
 def _cut_long_sections(road: etree._Element) -> None:
-    """Cut lane sections that are too long for one lanelet into equal ones, each lane followed by itself."""
+    """Cut lane sections that are too long for one lanelet into equal ones; each lane is followed by itself."""
     lanes, length_m = road.find("lanes"), _value(road, "length")
     if lanes is None or length_m <= LONGEST_SECTION_M:
         return
@@ -315,7 +315,7 @@ def _cut_long_sections(road: etree._Element) -> None:
 
 
 def _shift(lane: etree._Element, by_m: float) -> None:
-    """Let a lane's tables, which begin with the section, begin later."""
+    """Shift a lane's tables, which begin with the section, to a later start."""
     for tag in ("width", "border", "speed", "access", "roadMark", "material", "rule", "height"):
         rows = lane.findall(tag)
         current = [row for row in rows if _value(row, "sOffset") <= by_m]
@@ -345,5 +345,5 @@ def _follow_itself(lane: etree._Element, *, before: bool, behind: bool) -> None:
 
 
 def y_range(root: etree._Element) -> Iterator[float]:
-    """The y of every piece of a reference line, in m."""
+    """Return the y of every piece of a reference line, in m."""
     return (_value(piece, "y") for piece in root.iter("geometry"))

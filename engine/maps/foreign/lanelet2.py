@@ -1,9 +1,8 @@
-"""Lanelet2 maps (OpenStreetMap's XML with other words) as CommonRoad road networks.
+"""Converts Lanelet2 maps (OpenStreetMap's XML with other tags) to CommonRoad road networks.
 
 Format: https://github.com/fzi-forschungszentrum-informatik/Lanelet2 (LaneletPrimitives, LinestringTagging). A lanelet
-is a relation of two ways, its bounds, which may be stored in either direction. What follows what is told by shared
-nodes, what lies beside what by shared ways. A reader of our own, because the library's is native code that would read
-foreign files.
+is a relation of two ways, its bounds, which may be stored in either direction. Shared nodes determine successors,
+shared ways determine neighbours. The reader is our own, because the library would parse foreign files in native code.
 """
 
 import math
@@ -24,7 +23,7 @@ from ..osm import LIMITS
 
 LARGEST_ID = 2**31
 SAME_PLACE_M = 0.01
-"""Nodes in one square of this size are one (chosen): positions in degrees have 7 decimals, 1 cm, in many files."""
+"""Nodes in one square of this size are one (chosen): many files give degrees with 7 decimals, which is 1 cm."""
 MOST_LANELETS = 10_000
 """Chosen, as for all CommonRoad files."""
 USERS = {
@@ -55,7 +54,7 @@ PARTICIPANTS = {
 }
 """CommonRoad's user by Lanelet2's participant."""
 PARTICIPANT = "participant:"
-"""Before a participant in the key of a tag that says whether it may use a lanelet."""
+"""Prefix of a participant in the key of a tag that states whether it may use a lanelet."""
 _NO = ("no", "false", "0")
 MPS_OF = {"km/h": 1 / 3.6, "kmh": 1 / 3.6, "mph": 0.44704, "m/s": 1.0, "mps": 1.0, "": 1 / 3.6}
 _PLANE = "+proj=tmerc +lat_0={:.7f} +lon_0={:.7f} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs"
@@ -73,7 +72,7 @@ class _Relation:
 
 @dataclass(frozen=True)
 class _Lane:
-    """A lanelet: nodes of its bounds in driving direction, the ways they are made of, and its points."""
+    """A lanelet: nodes of its bounds in driving direction, the ways they consist of, and its points."""
 
     key: int
     left_nodes: tuple[int, ...]
@@ -89,7 +88,7 @@ class _Lane:
 
 @dataclass(frozen=True)
 class _Plane:
-    """Positions of nodes (x, y) in m by id; ``projection`` is empty where the file gives none in degrees."""
+    """Positions of nodes (x, y) in m by id; ``projection`` is empty if the file has no positions in degrees."""
 
     positions: Mapping[int, tuple[float, float]]
     projection: str
@@ -97,7 +96,7 @@ class _Plane:
 
     @cached_property
     def same(self) -> dict[int, int]:
-        """Node → the first node at its place: some programs write a node anew for every line that ends there."""
+        """Map each node to the first at its place: some programs write a new node for every line that ends there."""
         first: dict[tuple[int, int], int] = {}
         return {
             key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)
@@ -106,15 +105,15 @@ class _Plane:
 
 
 def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
-    """Write the lanelets of a Lanelet2 map as a CommonRoad road network; what is lost on the way, in words.
+    """Write the lanelets of a Lanelet2 map as a CommonRoad road network; return descriptions of what is lost.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, or holds no lanelet with two bounds.
+        UnsafeInput: the file is hostile, broken, or has no lanelet with two bounds.
     """
     name = scan_xml(source, LIMITS).name
     if name != "osm":
         raise UnsafeInput(
-            f"{shown_name(source.name)} is no Lanelet2 map: its root element is <{shown_name(name)}>, not <osm>"
+            f"{shown_name(source.name)} is not a Lanelet2 map: its root element is <{shown_name(name)}>, not <osm>"
         )
     try:
         root = etree.parse(source, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
@@ -132,7 +131,7 @@ def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
     lanes = [lane for one in wanted if (lane := _lane(one, ways, plane, limits)) is not None]
     if not lanes:
         raise UnsafeInput(
-            f"{shown_name(source.name)} holds no lanelet with two bounds", next_step="use a map with lanelets in it"
+            f"{shown_name(source.name)} has no lanelet with two bounds", next_step="use a map with lanelets in it"
         )
     closed = [lane for lane in lanes if not lane.users]
     lost = _lost(root, relations, wanted, lanes)
@@ -146,9 +145,9 @@ def convert_lanelet2(source: Path, target: Path) -> tuple[str, ...]:
         )
     if len({lane.key for lane in lanes}) < len(lanes) or any(not 0 < lane.key < LARGEST_ID for lane in lanes):
         lanes = [replace(lane, key=number) for number, lane in enumerate(lanes, start=1)]
-        lost.append("ids of lanelets that CommonRoad cannot hold: they are numbered anew")
+        lost.append("ids of lanelets that CommonRoad cannot store: they are renumbered")
     if not plane.projection:
-        lost.append("no positions in degrees: its roads are given an artificial place near 0°, 0°")
+        lost.append("no positions in degrees: its roads get an artificial place near 0°, 0°")
     target.write_bytes(etree.tostring(_document(source, plane, lanes), encoding="UTF-8", xml_declaration=True) + b"\n")
     return tuple(lost)
 
@@ -175,7 +174,7 @@ def _relation(element: etree._Element) -> _Relation:
 
 
 def _plane(root: etree._Element) -> _Plane:
-    """Every node in metres: projected around the middle of all, or by tags where a map has a plane of its own."""
+    """Return every node in metres: projected around the middle of all, or by tags if a map has its own plane."""
     from pyproj import Proj
 
     nodes = list(root.iterfind("node"))
@@ -187,7 +186,7 @@ def _plane(root: etree._Element) -> _Plane:
         projection = _PLANE.format(latitude, longitude)
         x, y = Proj(projection)(table[:, 1], table[:, 0])
         if not (np.isfinite(x).all() and np.isfinite(y).all()):
-            raise ValueError("its nodes lie too far apart for one map")
+            raise ValueError("its nodes are too far apart for one map")
         return _Plane(
             dict(zip(degrees, zip(x.tolist(), y.tolist(), strict=True), strict=True)), projection, (latitude, longitude)
         )
@@ -208,7 +207,7 @@ def _float(text: str) -> float:
 
 
 def _limits(relations: list[_Relation]) -> dict[int, float]:
-    """Speed limits in m/s by the regulatory element that states them."""
+    """Return speed limits in m/s by the regulatory element that states them."""
     found = {}
     for one in relations:
         if one.tags.get("subtype") == "speed_limit":
@@ -253,10 +252,10 @@ def _lane(
 
 
 def users_of(tags: Mapping[str, str]) -> tuple[str, ...]:
-    """CommonRoad's users of a lanelet with these tags.
+    """Return CommonRoad's users of a lanelet with these tags.
 
-    As in Lanelet2's traffic rules: the subtype decides as long as no tag ``participant:…`` is there; otherwise a
-    participant may use the lanelet where the longest tag that fits it says so, and no other may.
+    As in Lanelet2's traffic rules, the subtype decides if there is no tag ``participant:…``. Otherwise a participant
+    may use the lanelet if the longest matching tag allows it, and all others may not.
     """
     overrides = {key.removeprefix(PARTICIPANT): value for key, value in tags.items() if key.startswith(PARTICIPANT)}
     if not overrides:
@@ -272,7 +271,7 @@ def users_of(tags: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _chain(keys: tuple[int, ...], ways: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:
-    """The nodes of a bound, which may be made of several ways in any direction, one behind the other."""
+    """Return the nodes of a bound in sequence; the bound may consist of several ways in any direction."""
     parts = [ways[key] for key in keys if ways.get(key)]
     if not parts:
         return ()
@@ -285,13 +284,13 @@ def _chain(keys: tuple[int, ...], ways: Mapping[int, tuple[int, ...]]) -> tuple[
 
 
 def _area(ring: Points) -> float:
-    """Twice the signed area of a ring (n, 2): positive where it runs counter-clockwise."""
+    """Return twice the signed area of a ring (n, 2): positive if it runs counter-clockwise."""
     x, y = ring.T
     return float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
 
 
 def _level(left: Points, right: Points) -> tuple[Points, Points]:
-    """Both bounds with as many points: each keeps its own, and has one where the other has one."""
+    """Return both bounds with the same number of points: each keeps its own, and gets one where the other has one."""
     shares = [arc_length(line) / arc_length(line)[-1] for line in (left, right)]
     every = np.unique(np.concatenate(shares))
     kept = every[np.concatenate([[True], np.diff(every) > 1e-9])]
@@ -312,9 +311,9 @@ def _lost(root: etree._Element, relations: list[_Relation], wanted: list[_Relati
     counts = (
         (len(wanted) - len(lanes), "lanelet", "without two bounds"),
         (lights, "traffic light", "(the format has no programmes of lights)"),
-        (rules, "rule of way", "(right before left and turns decide)"),
+        (rules, "right-of-way rule", "(right before left and turn directions apply)"),
         (areas, "area", ""),
-        (both_ways, "lanelet", "for both directions (the stored one is driven)"),
+        (both_ways, "lanelet", "for both directions (only the stored direction is used)"),
     )
     lost = [f"{counted(count, what)} {more}".strip() for count, what, more in counts if count]
     return lost + ["heights"] * heights
@@ -348,9 +347,9 @@ def _document(source: Path, plane: _Plane, lanes: list[_Lane]) -> etree._Element
     first_sign = max(lane.key for lane in lanes) + 1
     speeds = sorted({lane.speed_mps for lane in lanes if lane.speed_mps is not None})
     signs = {speed: first_sign + number for number, speed in enumerate(speeds)}
-    following, before, beside = _relations(lanes)
+    following, before, adjoining = _relations(lanes)
     for lane in lanes:
-        _write(root, lane, before[lane.key], following[lane.key], beside[lane.key], signs)
+        _write(root, lane, before[lane.key], following[lane.key], adjoining[lane.key], signs)
     for speed, key in signs.items():
         sign = etree.SubElement(root, "trafficSign", {"id": str(key)})
         inside = _add(sign, "trafficSignElement")
@@ -362,11 +361,11 @@ def _document(source: Path, plane: _Plane, lanes: list[_Lane]) -> etree._Element
     return root
 
 
-_Beside = dict[str, tuple[int, str]]
+_Adjoining = dict[str, tuple[int, str]]
 
 
-def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list[int]], dict[int, _Beside]]:
-    """What follows each lanelet, what leads into it, and what lies beside it (side → id and driving direction)."""
+def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list[int]], dict[int, _Adjoining]]:
+    """Return successors, predecessors, and neighbours (side → id and driving direction) of each lanelet."""
     starts: dict[tuple[int, int], list[int]] = {}
     on_right: dict[frozenset[int], list[_Lane]] = {}
     on_left: dict[frozenset[int], list[_Lane]] = {}
@@ -379,7 +378,7 @@ def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list
     for key, after in following.items():
         for one in after:
             before[one].append(key)
-    beside: dict[int, _Beside] = {lane.key: {} for lane in lanes}
+    adjoining: dict[int, _Adjoining] = {lane.key: {} for lane in lanes}
     for lane in lanes:
         for side, ways, nodes, same, opposite in (
             ("adjacentLeft", lane.left_ways, lane.left_nodes, on_right, on_left),
@@ -388,16 +387,21 @@ def _relations(lanes: list[_Lane]) -> tuple[dict[int, list[int]], dict[int, list
             for other in same.get(ways, []):
                 shared = other.right_nodes if side == "adjacentLeft" else other.left_nodes
                 if other is not lane and shared == nodes:
-                    beside[lane.key].setdefault(side, (other.key, "same"))
+                    adjoining[lane.key].setdefault(side, (other.key, "same"))
             for other in opposite.get(ways, []):
                 shared = other.left_nodes if side == "adjacentLeft" else other.right_nodes
                 if other is not lane and shared == nodes[::-1]:
-                    beside[lane.key].setdefault(side, (other.key, "opposite"))
-    return following, before, beside
+                    adjoining[lane.key].setdefault(side, (other.key, "opposite"))
+    return following, before, adjoining
 
 
 def _write(
-    root: etree._Element, lane: _Lane, before: list[int], after: list[int], beside: _Beside, signs: Mapping[float, int]
+    root: etree._Element,
+    lane: _Lane,
+    before: list[int],
+    after: list[int],
+    adjoining: _Adjoining,
+    signs: Mapping[float, int],
 ) -> None:
     element = etree.SubElement(root, "lanelet", {"id": str(lane.key)})
     for tag, line in (("leftBound", lane.left), ("rightBound", lane.right)):
@@ -408,8 +412,8 @@ def _write(
         for key in keys:
             etree.SubElement(element, tag, {"ref": str(key)})
     for side in ("adjacentLeft", "adjacentRight"):
-        if side in beside:
-            key, direction = beside[side]
+        if side in adjoining:
+            key, direction = adjoining[side]
             etree.SubElement(element, side, {"ref": str(key), "drivingDir": direction})
     _add(element, "laneletType", KINDS.get(lane.subtype, "urban" if lane.subtype == "road" else "unknown"))
     for user in lane.users:

@@ -1,7 +1,7 @@
-"""The lanelet network of a CommonRoad file as a map: traffic is generated on it as it is, with its ids.
+"""The lanelet network of a CommonRoad file as a map: traffic is generated on it unchanged, with its ids.
 
-A map is kept as a CommonRoad file of the road network alone (2020a, steps of 0.1 s): of a scenario its vehicles and
-planning problems are left out, of a file of format 2018b signs stand for its speed limits.
+A map is stored as a CommonRoad file of the road network alone (2020a, steps of 0.1 s). Vehicles and planning problems
+of a scenario are left out; signs replace the speed limits of format 2018b.
 """
 
 import math
@@ -32,23 +32,23 @@ from ..osm import OSM_ATTRIBUTION
 from .net_map import PROJECTION, NetMap, read_net_map
 
 ROAD_ELEMENTS = ("lanelet", "trafficSign", "trafficLight", "intersection")
-"""Elements of a file that make its road network, in the order of CommonRoad's schema."""
+"""Elements of a file that make up its road network, in the order of CommonRoad's schema."""
 STEP_S = 0.1
-"""Time step of generated scenarios, in which the cycles of a kept map's lights are counted."""
+"""Time step of generated scenarios; the cycles of a stored map's lights count in it."""
 NOWHERE = GeoReference("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +no_defs", (0.0, 0.0))
-"""Where a network lies that says nothing of it: about 0° N 0° E, where no country is."""
+"""Position of a network that does not state one: about 0° N 0° E, outside all countries."""
 _ARTIFICIAL = "ZAM"
-"""CommonRoad's country of networks that lie nowhere; if the file says where it lies, the place decides."""
+"""CommonRoad's country of networks without a location; if the file states a location, it decides."""
 _OSM_WORDS = ("openstreetmap", "osm")
 _SHORTEST_STEP_S = 1e-3
-"""Chosen: of a file's time step."""
+"""Tolerance of a file's time step (chosen)."""
 
 
 @dataclass(frozen=True)
 class LaneletMap(NetMap):
     """A lanelet network as a map: the file at ``path`` with its lanelets, the net over them, and plain values of both.
 
-    ``is_located``: whether the file says where on earth it lies; otherwise the map has an artificial place there.
+    ``is_located``: whether the file states its location on earth; otherwise the map has an artificial one.
     """
 
     net: bytes = b""
@@ -60,7 +60,8 @@ def read_lanelet_map(path: Path) -> LaneletMap:
     """Read the network of a CommonRoad file as a map.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no CommonRoad file, or no lanelet of it is a road for vehicles.
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file, or none of its lanelets is a road for
+            vehicles.
     """
     loaded = read_scenario(path)
     document = ScenarioDocument.read(path).root
@@ -96,17 +97,17 @@ def read_lanelet_map(path: Path) -> LaneletMap:
 
 
 def write_network(source: Path, target: Path) -> tuple[str, ...]:
-    """Write the road network of a CommonRoad file alone; what was left out, in words.
+    """Write the road network of a CommonRoad file alone; return descriptions of what was left out.
 
     Raises:
-        UnsafeInput: the file is hostile, broken or no CommonRoad file.
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file.
     """
     loaded = read_scenario(source)
     document = ScenarioDocument.read(source)
     root = document.root
     left_out = [f"{len(loaded.tracks)} recorded road users"] if loaded.tracks else []
     if document.is_2018b:
-        left_out.append(_put_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
+        left_out.append(_replace_limits_by_signs(root, parse_benchmark_id(loaded.benchmark_id)[0]))
     step_s = loaded.step_s
     if not _SHORTEST_STEP_S <= step_s < math.inf:
         raise UnsafeInput(f"{shown_name(source.name)} has time steps of {step_s:g} s", valid=["timeStepSize of 0.1"])
@@ -127,19 +128,19 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
     for height in heights:
         _remove(height)
     left_out += ["heights"] if heights else []
-    if (count := _without_torn(copy)) > 0:
+    if (count := _remove_invalid(copy)) > 0:
         left_out.append(
-            f"{count} elements that CommonRoad's schema refuses (empty intersections and signs, lost references)"
+            f"{count} elements that CommonRoad's schema rejects (empty intersections and signs, lost references)"
         )
-    if refused := _without_refused(copy):
+    if refused := _remove_rejected(copy):
         kinds = ", ".join(f"{name} {count}" for name, count in Counter(refused).most_common(_REFUSED_SHOWN))
-        left_out.append(f"{counted(len(refused), 'more element')} that CommonRoad's schema refuses: {kinds}")
+        left_out.append(f"{counted(len(refused), 'more element')} that CommonRoad's schema rejects: {kinds}")
     target.write_bytes(etree.tostring(copy, encoding="UTF-8", xml_declaration=True) + b"\n")
     return tuple(left_out)
 
 
-def _without_torn(root: etree._Element) -> int:
-    """Take out what files hold against the schema, and nobody can use; how many elements that were."""
+def _remove_invalid(root: etree._Element) -> int:
+    """Remove elements that violate the schema and have no use; return how many were removed."""
     torn = [one for one in root.iterfind("intersection") if one.find("incoming") is None]
     torn += [one for one in root.iterfind("trafficSign") if one.find("trafficSignElement") is None]
     for element in torn:
@@ -161,15 +162,15 @@ def _without_torn(root: etree._Element) -> int:
 
 
 _REFUSED_SHOWN = 4
-"""Kinds of refused elements that are named (chosen)."""
+"""Maximum number of kinds of rejected elements that are listed (chosen)."""
 _MOST_ROUNDS = 20
-"""Of looking for refused elements (chosen): taking one out may show another, or leave its parent incomplete."""
+"""Rounds of removal (chosen): removing one element may reveal another, or leave its parent incomplete."""
 
 
-def _without_refused(root: etree._Element) -> list[str]:
-    """Take out of a network what the schema refuses, each time the smallest element; the names of what it was.
+def _remove_rejected(root: etree._Element) -> list[str]:
+    """Remove from a network what the schema rejects, each time the smallest element; return their names.
 
-    Lanelets stay, whatever is wrong with them: traffic needs them, and the rules for networks name their faults.
+    Lanelets stay even if they are wrong: traffic needs them, and the rules for networks report their faults.
     """
     names = []
     for _ in range(_MOST_ROUNDS):
@@ -199,7 +200,7 @@ def _remove(element: etree._Element) -> None:
 
 @dataclass(frozen=True)
 class RoadFile:
-    """What a scenario takes over from a kept map: the elements of its roads, its location, tags, and friction."""
+    """The content that a scenario takes over from a stored map: elements of its roads, location, tags, friction."""
 
     elements: tuple[etree._Element, ...]
     location: etree._Element
@@ -219,7 +220,7 @@ class RoadFile:
 
 
 def cut_lanelets(lanelets: LaneletMap, center: tuple[float, float], radius_m: float, target: Path) -> bool:
-    """Write the lanelets that come within a circle around (x, y) in m of a network, with what stands at them.
+    """Write the lanelets of a network within a circle around (x, y) in m, with their signs and lights.
 
     Returns:
         Whether that is less than the whole network; nothing is written otherwise.
@@ -245,7 +246,7 @@ def cut_lanelets(lanelets: LaneletMap, center: tuple[float, float], radius_m: fl
 
 
 def _forget(root: etree._Element, beyond: Set[str]) -> None:
-    """Take references to lanelets that are gone out of a network, and arms and intersections that are left empty."""
+    """Remove references to removed lanelets, and arms and intersections that are then empty."""
     words = ("predecessor", "successor", "adjacentLeft", "adjacentRight", "incomingLanelet", "crossing")
     turns = ("successorsRight", "successorsStraight", "successorsLeft")
     for element in [one for tag in (*words, *turns) for one in root.iter(tag) if one.get("ref") in beyond]:
@@ -260,15 +261,15 @@ def _forget(root: etree._Element, beyond: Set[str]) -> None:
 
 
 def _no_location() -> etree._Element:
-    """CommonRoad's words for a place that is not known."""
+    """Return CommonRoad's element for an unknown location."""
     location = etree.Element("location")
     for tag, text in (("geoNameId", "-999"), ("gpsLatitude", "999"), ("gpsLongitude", "999")):
         etree.SubElement(location, tag).text = text
     return location
 
 
-def _put_signs(document: etree._Element, country: str) -> str:
-    """Replace the speed limits of format 2018b by signs, where CommonRoad has one in the country; what was done."""
+def _replace_limits_by_signs(document: etree._Element, country: str) -> str:
+    """Replace speed limits of format 2018b by signs if CommonRoad has one for the country; describe the change."""
     number, next_id = speed_limit_number(country), _largest_id(document) + 1
     signs: dict[str, int] = {}
     for lanelet in document.iterfind("lanelet"):
@@ -283,7 +284,7 @@ def _put_signs(document: etree._Element, country: str) -> str:
                 signs[text] = next_id + len(signs)
                 document.append(_sign(signs[text], number, text, lanelet))
             etree.SubElement(lanelet, "trafficSignRef", {"ref": str(signs[text])})
-    return "format 2018b: its speed limits are " + ("signs now" if signs or number else "left out, there is no sign")
+    return "format 2018b: its speed limits are " + ("now signs" if signs or number else "left out: no such sign")
 
 
 def _sign(key: int, number: str, speed_mps: str, lanelet: etree._Element) -> etree._Element:
@@ -303,7 +304,7 @@ def _largest_id(document: etree._Element) -> int:
 
 
 def _degrees(document: etree._Element) -> tuple[float, float] | None:
-    """Latitude and longitude that the file gives; None where it gives none, or 999 as CommonRoad's word for that."""
+    """Return the file's latitude and longitude, or None if it has none, or 999, CommonRoad's value for unknown."""
     try:
         latitude = float(document.findtext("location/gpsLatitude") or "")
         longitude = float(document.findtext("location/gpsLongitude") or "")
@@ -314,7 +315,7 @@ def _degrees(document: etree._Element) -> tuple[float, float] | None:
 
 
 def _ground(document: etree._Element) -> GeoReference | None:
-    """The projection that the file names, where its coordinates are those of it but for a shift."""
+    """Return the file's projection if its coordinates are in it, apart from a shift."""
     projection = (document.findtext("location/geoTransformation/geoReference") or "").strip()
     if PROJECTION.fullmatch(projection) is None:
         return None
@@ -330,7 +331,7 @@ def _ground(document: etree._Element) -> GeoReference | None:
 
 
 def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GeoReference:
-    """A plane on earth: the middle of the network lies at the place that the file gives, or nowhere."""
+    """Return a plane on earth with the network's middle at the file's location, or at the artificial one."""
     points = np.concatenate([lanelet.center_vertices[:, :2] for lanelet in loaded.scenario.lanelet_network.lanelets])
     x, y = (points.min(axis=0) + points.max(axis=0)) / 2
     if degrees is None:
@@ -341,7 +342,7 @@ def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GeoR
 
 
 def _attribution(document: etree._Element, benchmark_id: str) -> str:
-    """What a scenario on the network has to name: the file, and OpenStreetMap where its roads came from there."""
+    """Return the attribution for scenarios on the network: the file, and OpenStreetMap if its roads come from there."""
     origin = f"{document.get('source', '')} {document.get('affiliation', '')}".lower().replace(",", " ").split()
     osm = f"; {OSM_ATTRIBUTION}" if any(word.strip(".;()") in _OSM_WORDS for word in origin) else ""
     return f"road network of CommonRoad {one_line(benchmark_id)}{osm}"

@@ -1,6 +1,6 @@
-"""A user's SUMO network (.net.xml) as a map with the nodes, roads and tags that a site finder knows from OpenStreetMap.
+"""A user's SUMO network (.net.xml) as a map with the nodes, roads and tags that a site finder expects of OpenStreetMap.
 
-Its ids are numbers made here, because a network has names for its roads and no ids of OpenStreetMap.
+Its numeric ids are created here, because a network has names for its roads and no OpenStreetMap ids.
 """
 
 import re
@@ -17,20 +17,20 @@ from ..osm import HALF_TURN_DEG, NO_TAGS, OSM_ATTRIBUTION, OsmMap, OsmNode, OsmW
 from ..road_classes import ALL_ROADS
 
 OSM_TYPE = "highway."
-"""Before the ``highway`` value, in the types that netconvert gives to edges from OSM."""
+"""Prefix of the ``highway`` value in the types that netconvert gives to edges from OSM."""
 PROJECTION = re.compile(
     r"(?!.*(pipeline|grids|init=|file=))\+proj=[\w.+-]{1,20}( \+\w{1,20}(=[\w.,:+-]{0,60})?){0,30} ?"
 )
-"""A PROJ string that names no file and is no pipeline: netconvert writes none other."""
+"""A PROJ string without files and pipelines: netconvert writes no others."""
 FAST_KMH = 60
-"""Above it, a road whose type says nothing is taken for one outside towns (chosen)."""
+"""Above it, a road with an unknown type counts as a road outside towns (chosen)."""
 
 
 @dataclass(frozen=True)
 class NetMap(OsmMap):
-    """A network as a map; ``edges``: by way, the edges of the network that it stands for (both directions of a road).
+    """A network as a map; ``edges``: the network's edges by way (both directions of a road).
 
-    ``attribution`` names OpenStreetMap where the network was made from it, and otherwise the network's file.
+    ``attribution`` credits OpenStreetMap if the network comes from it, and otherwise the network's file.
     """
 
     path: Path = Path()
@@ -41,19 +41,19 @@ def read_net_map(path: Path) -> NetMap:
     """Scan and read a network with a georeference.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no SUMO network, has no georeference or no road for vehicles.
+        UnsafeInput: the file is hostile, broken or not a SUMO network, or has no georeference or no road for vehicles.
     """
     try:
         net = read_net(path)
         edges = [edge for edge in net.edges.values() if not edge.internal and _is_road(edge, net)]
         if not net.projection:
             raise UnsafeInput(
-                f"{shown_name(path.name)} has no georeference, so nobody can say where its roads lie",
+                f"{shown_name(path.name)} has no georeference, so the location of its roads is unknown",
                 next_step="make the network with a projection (netconvert --proj.utm), or import the extract behind it",
             )
         if not edges:
             raise UnsafeInput(
-                f"{shown_name(path.name)} holds no road for vehicles", next_step="use a network with streets in it"
+                f"{shown_name(path.name)} has no road for vehicles", next_step="use a network with streets in it"
             )
         return _as_map(net, edges, path)
     except (ValueError, KeyError, IndexError, ArithmeticError) as error:
@@ -61,14 +61,14 @@ def read_net_map(path: Path) -> NetMap:
 
 
 MOST_TRACED = 4_000
-"""Lanes of a network up to which its lanelets are drawn at once, to tell what cannot be (chosen: a few seconds)."""
+"""Maximum number of lanes of a network for which import draws all lanelets to find gaps (chosen: a few seconds)."""
 
 
 def untraced_links(path: Path) -> list[str]:
-    """Tell the drivable connections of a network that no lanelet can stand for; a large one is judged where it is cut.
+    """Describe the drivable connections of a network that no lanelet can represent; large networks are checked per cut.
 
     Raises:
-        UnsafeInput: the file is hostile, broken or no SUMO network.
+        UnsafeInput: the file is hostile, broken or not a SUMO network.
     """
     try:
         net = read_net(path)
@@ -83,7 +83,7 @@ def untraced_links(path: Path) -> list[str]:
     if not missing:
         return []
     start, goal = missing[0]
-    return [f"{counted(len(missing), 'turn')} too tight to be drawn as a lanelet, first: {start} to {goal}"]
+    return [f"{counted(len(missing), 'turn')} too tight for a lanelet, first: {start} to {goal}"]
 
 
 def _as_map(net: SumoNet, edges: list[NetEdge], path: Path) -> NetMap:
@@ -120,7 +120,7 @@ def _is_road(edge: NetEdge, net: SumoNet) -> bool:
 
 
 def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
-    """Edges with the one back between the same junctions, where there is one that is not taken yet."""
+    """Pair each edge with the one back between the same junctions, if there is one that is not paired yet."""
     waiting: dict[tuple[str, str], list[NetEdge]] = {}
     for edge in edges:
         waiting.setdefault((edge.from_junction, edge.to_junction), []).append(edge)
@@ -139,7 +139,7 @@ def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
 
 
 def _junctions(edges: list[NetEdge], net: SumoNet) -> dict[str, Points]:
-    """Junctions in the order of the edges, each in the middle of the ends of its roads."""
+    """Return the junctions in the order of the edges, each in the middle of the ends of its roads."""
     ends: dict[str, list[Points]] = {}
     for edge in edges:
         line = _middle_line(edge, net)
@@ -149,7 +149,7 @@ def _junctions(edges: list[NetEdge], net: SumoNet) -> dict[str, Points]:
 
 
 def _middle_line(edge: NetEdge, net: SumoNet) -> Points:
-    """The line of the edge's leftmost lane, which lies next to the middle of a road in two directions."""
+    """Return the line of the edge's leftmost lane, which is next to the middle of a two-way road."""
     lines = [net.lanes[lane].shape for lane in edge.lane_ids if len(net.lanes[lane].shape) > 1]
     return lines[-1]
 
@@ -164,21 +164,21 @@ def _tags(edge: NetEdge, net: SumoNet, *, oneway: bool, roundabout: bool) -> dic
 
 
 def _degrees(points: Points, net: SumoNet) -> list[tuple[float, float]]:
-    """(latitude, longitude) of points (n, 2) of the network.
+    """Return (latitude, longitude) of points (n, 2) of the network.
 
     Raises:
-        ValueError: the projection is unknown, or the points lie outside it.
+        ValueError: the projection is unknown, or the points are outside it.
     """
     from pyproj import Proj
     from pyproj.exceptions import ProjError
 
     if PROJECTION.fullmatch(net.projection) is None:
-        raise ValueError(f"its projection {cited(net.projection)} is none that is read")
+        raise ValueError(f"its projection {cited(net.projection)} is not supported")
     x, y = points[:, 0] - net.offset_m[0], points[:, 1] - net.offset_m[1]
     try:
         longitudes, latitudes = Proj(net.projection)(x, y, inverse=True)
     except ProjError as error:
         raise ValueError(f"the projection {cited(net.projection)} is unknown") from error
     if not ((np.abs(latitudes) <= 90.0).all() and (np.abs(longitudes) <= HALF_TURN_DEG).all()):
-        raise ValueError(f"its coordinates lie outside the projection {cited(net.projection)}")
+        raise ValueError(f"its coordinates are outside the projection {cited(net.projection)}")
     return list(zip(np.round(latitudes, 7).tolist(), np.round(longitudes, 7).tolist(), strict=True))

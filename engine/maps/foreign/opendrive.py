@@ -1,4 +1,4 @@
-"""OpenDRIVE files as SUMO networks, through netconvert: what it reads of them, where they lie, and what is lost."""
+"""Converts OpenDRIVE files to SUMO networks with netconvert, and reports their location and what is lost."""
 
 import math
 import re
@@ -20,28 +20,30 @@ from .net_map import PROJECTION, untraced_links
 
 LIMITS = XmlLimits(size_bytes=LARGEST_BYTES, depth=24)
 MOST_LANES, MOST_ROADS, MOST_GEOMETRIES = 50_000, 10_000, 200_000
-"""Elements of a file (chosen): a town has some hundred roads; netconvert takes seconds for some thousand."""
+"""Maximum number of elements of a file (chosen): a town has some hundred roads; netconvert takes seconds for
+thousands.
+"""
 MOST_AT_ONCE = 64
-"""Lanes of one cross-section (chosen)."""
+"""Maximum number of lanes of one cross-section (chosen)."""
 FARTHEST_M, LONGEST_M = 1e8, 1e6
-"""Of coordinates and of one piece of a reference line (chosen)."""
+"""Maximum of coordinates and of the length of one piece of a reference line (chosen)."""
 STEEPEST = 1e30
-"""Of coefficients of polynomials (chosen): those that hold over a micrometre only are large; values stay finite."""
+"""Maximum of polynomial coefficients (chosen): only those valid over a micrometre are larger; values stay finite."""
 DRIVEN = frozenset({"driving", "bidirectional", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "bus", "taxi"})
-"""Types of lanes that vehicles of SUMO drive on; bicycles have lanes of type biking besides."""
+"""Types of lanes for SUMO's vehicles; bicycles also use lanes of type biking."""
 _LOST_FRICTION = (
-    f"friction, which is not the same at all lanes for vehicles, or not from {LEAST_FRICTION:g} to {MOST_FRICTION:g} "
+    f"friction, which differs between lanes for vehicles, or is not from {LEAST_FRICTION:g} to {MOST_FRICTION:g} "
     "(a scenario's roads have one: set_weather with friction=… states it)"
 )
 _VERTICAL = re.compile(r"\+(geoidgrids|nadgrids|vunits|vto_meter|to_meter)=\S*")
-"""Parts of a PROJ string that say how heights are meant, or name files."""
+"""Parts of a PROJ string that define heights, or refer to files."""
 
 
 def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, ...]:
-    """Write the roads of an OpenDRIVE file as a SUMO network; what is lost on the way, in words.
+    """Write the roads of an OpenDRIVE file as a SUMO network; return descriptions of what is lost.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no OpenDRIVE, without roads or too large, or netconvert refuses it.
+        UnsafeInput: the file is hostile, broken, not OpenDRIVE, without roads or too large, or netconvert rejects it.
     """
     root = _checked(source)
     lost = _lost(root)
@@ -70,7 +72,7 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
         warnings = run_netconvert(options, target)
     except NotPossible as refusal:
         raise UnsafeInput(
-            f"{shown_name(source.name)}: {refusal.message}", next_step="mend the file, or take another"
+            f"{shown_name(source.name)}: {refusal.message}", next_step="correct the file, or use another one"
         ) from refusal
     if axis_m is not None:
         _mirror_back(target, axis_m)
@@ -79,17 +81,15 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
     lost += untraced_links(target)
     if warnings:
         lost.append(f"netconvert warned {counted(len(warnings), 'time')}, first: {warnings[0]}")
-    if not _has_place(target):
-        why = (
-            "no georeference that can be read" if reference is None or not located else "a georeference that is unknown"
-        )
-        _put_nowhere(target)
-        lost.insert(0, f"it has {why}, so its roads are given an artificial place near 0°, 0°")
+    if not _has_location(target):
+        why = "no readable georeference" if reference is None or not located else "an unknown georeference"
+        _set_artificial_place(target)
+        lost.insert(0, f"it has {why}, so its roads get an artificial place near 0°, 0°")
     return tuple(lost)
 
 
 def _frictions(root: etree._Element) -> frozenset[float | None]:
-    """Return the coefficients of friction that lanes for vehicles state, with None if one states no possible one."""
+    """Return the friction coefficients of lanes for vehicles, with None if a lane's value is impossible or missing."""
     lanes = [lane for lane in root.iter("lane") if lane.get("type") in DRIVEN]
     stated = {one.get("friction") for lane in lanes for one in lane.iterfind("material")}
     stated |= {None for lane in lanes if lane.find("material") is None}
@@ -97,7 +97,7 @@ def _frictions(root: etree._Element) -> frozenset[float | None]:
 
 
 def _possible(text: str | None) -> float | None:
-    """Return a coefficient of friction that a road can have, or None for any other text."""
+    """Return a friction coefficient that a road can have, or None for any other text."""
     try:
         friction = float(text or "nan")
     except ValueError:
@@ -117,7 +117,7 @@ def _checked(path: Path) -> etree._Element:
     name = scan_xml(path, LIMITS).name
     if name != "OpenDRIVE":
         raise UnsafeInput(
-            f"{shown_name(path.name)} is no OpenDRIVE file: its root element is <{shown_name(name)}>, not <OpenDRIVE>"
+            f"{shown_name(path.name)} is not OpenDRIVE: its root element is <{shown_name(name)}>, not <OpenDRIVE>"
         )
     try:
         root = etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True)).getroot()
@@ -126,13 +126,13 @@ def _checked(path: Path) -> etree._Element:
     without_namespaces(root)
     roads = list(root.iterfind("road"))
     if not roads:
-        raise UnsafeInput(f"{shown_name(path.name)} holds no road", next_step="use a file with roads in it")
+        raise UnsafeInput(f"{shown_name(path.name)} has no road", next_step="use a file with roads in it")
     counts = {
         "roads": (len(roads), MOST_ROADS),
         "lanes": (sum(1 for _ in root.iter("lane")), MOST_LANES),
         "pieces of reference lines": (sum(1 for _ in root.iter("geometry")), MOST_GEOMETRIES),
         "lanes side by side": (
-            max((_beside(section) for section in root.iter("laneSection")), default=0),
+            max((_lane_count(section) for section in root.iter("laneSection")), default=0),
             MOST_AT_ONCE,
         ),
     }
@@ -165,10 +165,10 @@ _MEASURED = {
     "signal": ("t",),
     "object": ("t",),
 }
-"""Numbers by the element that holds them, which are computed with here."""
+"""Numbers, by element, that computations here use."""
 
 
-def _beside(section: etree._Element) -> int:
+def _lane_count(section: etree._Element) -> int:
     return sum(1 for _ in section.iter("lane"))
 
 
@@ -196,7 +196,7 @@ _WHOLE = re.compile(r"[+-]?[0-9]{1,6}")
 
 
 def _lost(root: etree._Element) -> list[str]:
-    """What the network does not hold of the file."""
+    """Describe what the network does not contain of the file."""
     signals, objects = (sum(1 for _ in root.iter(tag)) for tag in ("signal", "object"))
     heights = any(
         float(one.get(key, "0") or 0)
@@ -208,16 +208,16 @@ def _lost(root: etree._Element) -> list[str]:
     lost = [f"{counted(signals, 'signal')} (lights may remain, signs do not)"] if signals else []
     lost += [counted(objects, "object")] if objects else []
     lost += ["heights"] if heights else []
-    lost += [f"lanes that cars do not use, as what they are: {', '.join(others[:5])}"] if others else []
+    lost += [f"the types of lanes that cars do not use: {', '.join(others[:5])}"] if others else []
     return lost
 
 
 _OTHER_TURN = {"l": "r", "r": "l", "L": "R", "R": "L"}
-"""SUMO's letters for the direction of a connection, seen in a mirror."""
+"""SUMO's letters for the direction of a connection, mirrored."""
 
 
 def _mirror_back(net: Path, axis_m: float) -> None:
-    """Mirror a network at the line y = ``axis_m`` of its file: what drove on the right drives on the left."""
+    """Mirror a network at the line y = ``axis_m`` of its file: right-hand traffic becomes left-hand traffic."""
     tree = etree.parse(net)
     root = tree.getroot()
     root.set("lefthand", "true")
@@ -238,13 +238,13 @@ def _mirror_back(net: Path, axis_m: float) -> None:
     tree.write(net, encoding="UTF-8", xml_declaration=True)
 
 
-def _has_place(net: Path) -> bool:
+def _has_location(net: Path) -> bool:
     location = etree.parse(net).getroot().find("location")
     return location is not None and location.get("projParameter", "!") != "!"
 
 
-def _put_nowhere(net: Path) -> None:
-    """Give a network the artificial place, its middle there."""
+def _set_artificial_place(net: Path) -> None:
+    """Give a network the artificial location, with its middle there."""
     tree = etree.parse(net)
     location = tree.getroot().find("location")
     if location is None:

@@ -1,1 +1,1 @@
-"""What places, roads and countries are called: spellings, scripts, and names in other languages."""
+"""Names of places, roads and countries: spellings, scripts, and other languages."""

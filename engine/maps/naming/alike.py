@@ -1,4 +1,4 @@
-"""Names that are alike: written in another script or transliterated otherwise, or only half typed."""
+"""Compares names that differ in script or transliteration, are abbreviated, or are only half typed."""
 
 import re
 import unicodedata
@@ -19,9 +19,9 @@ _TRANSLITERATIONS = """
 eu=oi ei=ai schtsch=s shch=s tsch=c tch=c sch=s sh=s cz=c ch=c kh=h gh=g dzh=z zh=z dj=z ph=f th=t ts=c tz=c
 ks=x ck=k qu=k ou=u oo=u ee=i iy=i yj=i ij=i yy=i yo=o jo=o io=o ya=a ja=a ia=a yu=u ju=u iu=u ye=e je=e ie=e
 """
-"""Letters that systems of transliteration write for one sound: ISO 9, BGN/PCGN, ALA-LC, German, French and Polish
-usage of Cyrillic, ELOT 743 of Greek, Hepburn of Japanese; and German
-diphthongs, which other scripts write as they are spoken."""
+"""Letters that systems of transliteration write for one sound: ISO 9, BGN/PCGN, ALA-LC, German, French and Polish usage
+of Cyrillic, ELOT 743 of Greek, Hepburn of Japanese; and German diphthongs, which other scripts write by sound.
+"""
 _LETTERS = str.maketrans("ywjqz", "iviks")
 _ALPHABETS = frozenset(
     re.findall(
@@ -30,27 +30,29 @@ _ALPHABETS = frozenset(
         "ORIYA TAMIL TELUGU KANNADA MALAYALAM SINHALA HANGUL HIRAGANA KATAKANA KATAKANA-HIRAGANA",
     )
 )
-"""Scripts that write sounds: what names in the others sound like is not told from their letters one by one."""
+"""Scripts that write sounds: in all others, the sound of a name does not follow from its single letters."""
 _SYLLABLES = re.compile(r"[\u3040-\u30ff\uac00-\ud7a3]")
-"""Kana and Hangul, which put a vowel (u, eu) between and behind consonants of foreign names, and write one letter for
-two consonants of other languages (g and k; l and r): the rules of the National Institute of Korean Language and of
-Hepburn."""
+"""Kana and Hangul. They put a vowel (u, eu) between and after consonants of foreign names, and use one letter for two
+consonants of other languages (g and k; l and r): the rules of the National Institute of Korean Language and of Hepburn.
+"""
 _VOICELESS = str.maketrans("gdblvj", "ktprpc")
 _LEAST_LIKENESS = 84
-"""Of 100: of the sounds of two spellings of one name in different scripts (measured on the tuning half of
-``make bench-places``)."""
+"""Minimum similarity (of 100) of the sounds of two spellings of one name in different scripts (measured on the tuning
+half of ``make bench-places``).
+"""
 _FEWEST_CONSONANTS = 4
-"""Of a name without its vowels: fewer are those of many names (chosen)."""
+"""Minimum consonants of a name without its vowels: shorter ones fit many names (chosen)."""
 _LONGEST_SHORT = 5
-"""Letters of a shortened word: of libpostal's abbreviations of kinds of roads, directions and titles, 92 of 100 are no
-longer, and 98 consist of letters of their words in the same order."""
+"""Maximum length of a shortened word: of libpostal's abbreviations of kinds of roads, directions and titles, 92 of 100
+are no longer; 98 consist of letters of their words in the same order.
+"""
 _ROMAN = re.compile("x{0,3}(?:ix|iv|v?i{0,3})")
 SHORTEST_BEGUN = 3
-"""Letters that are taken for the beginning of a name (chosen)."""
+"""Minimum number of letters for the beginning of a name (chosen)."""
 
 
 def is_transliterated(typed: str, name: str) -> bool:
-    """Whether one is the other in another script, by how both sound."""
+    """Return whether one text is the other in another script, by their sounds."""
     scripts = _scripts(typed), _scripts(name)
     if scripts[0] == scripts[1] or not (scripts[0] | scripts[1]) <= _ALPHABETS:
         return False
@@ -61,12 +63,12 @@ def is_transliterated(typed: str, name: str) -> bool:
 
 
 def is_abbreviated(typed: str, name: str) -> bool:
-    """Whether a name's words stand in what was typed, some of them shortened (``V. del Corso``: ``Via del Corso``).
+    """Return whether the typed text has a name's words, some shortened (``V. del Corso``: ``Via del Corso``).
 
-    A shortened word has the first letter of the whole one and some of the letters after it, in their order. It is
-    written with a point, or another word of the name tells it from others.
+    A shortened word has the first letter of the whole one and some later letters, in their order. It ends in a point,
+    or another word identifies the name.
     """
-    words, held = _told(typed), _told(name)
+    words, held = _significant_words(typed), _significant_words(name)
     if len(words) != len(held) or words == held:
         return False
     kept = [word for word, whole in zip(words, held, strict=True) if word == whole and len(word) >= SHORTEST_BEGUN]
@@ -76,7 +78,7 @@ def is_abbreviated(typed: str, name: str) -> bool:
 
 
 def is_with_kind(typed: str, name: str) -> bool:
-    """Whether what was typed is a name with the kind of road, which the name does not say (``Pasteur Street``)."""
+    """Return whether the typed text is a name plus a kind of road that the name lacks (``Pasteur Street``)."""
     if always_says_kind(name) or not kinds_of_road(typed):
         return False
     whole = {distinctive(reading) for reading in road_readings(name)} - {frozenset()}
@@ -84,30 +86,30 @@ def is_with_kind(typed: str, name: str) -> bool:
 
 
 def _shortens(short: str, word: str) -> bool:
-    """Whether letters are an initial or a contraction of a word, no longer than abbreviations are."""
+    """Return whether letters are an initial or a contraction of a word, no longer than abbreviations are."""
     letters = iter(word)
     is_short = len(short) <= _LONGEST_SHORT and not _ROMAN.fullmatch(word)
     return is_short and short[0] == word[0] and all(letter in letters for letter in short)
 
 
 @lru_cache(maxsize=MOST_KEPT)
-def _told(name: str) -> tuple[str, ...]:
-    """The words of a name in their order, without particles; a single letter is none, but a shortened word."""
+def _significant_words(name: str) -> tuple[str, ...]:
+    """Return the words of a name in order, without particles; a single letter counts only as a shortened word."""
     words = words_of_name(name)
     told = without_particles([word for word in words if len(word) > 1])
     return tuple(word for word in words if len(word) == 1 or word in told)
 
 
 def is_long_enough(typed: str) -> bool:
-    """Whether as many letters were typed as the beginning of a name has at least, in their own script or in Latin.
+    """Return whether the typed text has the minimum length of a beginning, in its own script or in Latin.
 
-    One Chinese character is several Latin letters; of Arabic and Hebrew, which write no vowels, hardly any are left.
+    One Chinese character is several Latin letters. Arabic and Hebrew write no vowels, so hardly any letters remain.
     """
     return max(sum(map(str.isalnum, typed)), sum(map(len, words_of_name(typed)))) >= SHORTEST_BEGUN
 
 
 def is_half_of(typed: str, name: str) -> bool:
-    """Whether a name holds all words that were typed, the last of which may be only begun."""
+    """Return whether a name has all words that were typed; the last one may be incomplete."""
     words, held = words_of_name(typed), words_of_name(name)
     if not words or not is_long_enough(typed):
         return False
@@ -116,13 +118,13 @@ def is_half_of(typed: str, name: str) -> bool:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _scripts(text: str) -> frozenset[str]:
-    """The scripts of a text's letters, by the first words of their Unicode names (``LATIN``, ``CYRILLIC``, ``CJK``)."""
+    """Return the scripts of a text's letters, as in their Unicode names (``LATIN``, ``CYRILLIC``, ``CJK``)."""
     return frozenset(unicodedata.name(letter, "").partition(" ")[0] for letter in text if letter.isalpha())
 
 
 @lru_cache(maxsize=MOST_KEPT)
 def _tellings(name: str) -> frozenset[str]:
-    """What tells a name from others, joined: its words without its kind and its direction, in each of its readings."""
+    """Return the distinctive part of a name, joined: its words without kind and direction, in each of its readings."""
     readings = {distinctive(reading) or reading for reading in road_readings(name)}
     ordered = words_of_name(name)
     joined = {"".join(word for word in ordered if word in reading) for reading in readings}

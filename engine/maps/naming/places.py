@@ -1,4 +1,4 @@
-"""Spellings of places and countries: case, accents, umlauts and scripts fold into one key.
+"""Spellings of places and countries: case, accents, umlauts and scripts are reduced to one key.
 
 Countries in other languages come from the CLDR (``scripts/make_countries.py``), settlements in other languages from
 GeoNames (``gazetteer.py``).
@@ -13,25 +13,27 @@ from pathlib import Path
 
 _COUNTRY_NAMES = Path(__file__).parent / "country_names.json.gz"
 _OTHER_CODES = {"GER": "DEU", "UAE": "ARE", "FL": "LIE"}
-"""Codes in common use that are not the ISO's: two of the International Olympic Committee, and Liechtenstein's
-distinguishing sign of vehicles (United Nations), which addresses there have."""
+"""Codes in common use that are not ISO codes: two of the International Olympic Committee, and Liechtenstein's
+international vehicle registration code (United Nations), which addresses there use.
+"""
 _OTHER_NAMES = {"Korea": "KOR", "Shqipëria": "ALB", "Zamunda": "ZAM", "artificial": "ZAM", "invented": "ZAM"}
-"""Names that no table settles: the ISO calls both Koreas so; OpenStreetMap's name of Albania has the article, which the
-CLDR's has not; and CommonRoad's own country for places that are none."""
+"""Names that no table resolves: ISO's names for both Koreas; OpenStreetMap's name of Albania, with an article that the
+CLDR's lacks; and CommonRoad's own country for places outside all countries.
+"""
 VOWELLESS = re.compile(r"[\u0590-\u05ff\u0600-\u06ff]")
-"""Hebrew and Arabic, which write hardly any vowel: many names have the same consonants."""
+"""Hebrew and Arabic, which write hardly any vowels: many names have the same consonants."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ø": "oe", "å": "aa", "æ": "ae"})
 
 
 def fold(text: str) -> str:
-    """Lower case, without accents, and only letters and digits."""
+    """Reduce a text to lower-case letters and digits without accents."""
     plain = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss").replace("ø", "o").replace("æ", "ae"))
     return "".join(letter for letter in plain if letter.isalnum())
 
 
 @cache
 def _codes() -> dict[str, str]:
-    """ISO 3166-1 alpha-3 by the key of a code or name; codes and the ISO's own names win over the CLDR's."""
+    """Return ISO 3166-1 alpha-3 by the key of a code or name; codes and ISO's own names precede the CLDR's."""
     from iso3166 import countries
 
     codes: dict[str, str] = {}
@@ -50,7 +52,7 @@ def _codes() -> dict[str, str]:
 
 @lru_cache(maxsize=50_000)
 def latin(text: str) -> str:
-    """A text as its sound is written in Latin letters and digits, without accents and digraphs for umlauts."""
+    """Transliterate a text to Latin letters and digits, without accents and digraphs for umlauts."""
     folded = fold(text)
     if not folded.isascii():
         from anyascii import anyascii
@@ -62,10 +64,10 @@ def latin(text: str) -> str:
 
 @lru_cache(maxsize=50_000)
 def place_keys(text: str) -> frozenset[str]:
-    """All keys that a place may be known by; two spellings mean the same place where they share one.
+    """Return all keys of a place's name; two spellings mean the same place if they share one.
 
-    ``Mölln``, ``Moelln`` and ``Molln`` share a key. What a place is called in another language is not among them:
-    that is what :func:`~plannerforge.engine.maps.naming.gazetteer.names_elsewhere` knows.
+    ``Mölln``, ``Moelln`` and ``Molln`` share a key. Names in other languages are not included:
+    :func:`~plannerforge.engine.maps.naming.gazetteer.names_elsewhere` has them.
     """
     lowered = unicodedata.normalize("NFC", text).casefold()
     spellings = {fold(lowered), fold(lowered.translate(_UMLAUTS))}
@@ -76,14 +78,14 @@ def place_keys(text: str) -> frozenset[str]:
 
 
 def country_code(text: str) -> str | None:
-    """ISO 3166-1 alpha-3 of a code or of a name in any language of the CLDR; None for anything else."""
+    """Return ISO 3166-1 alpha-3 of a code or of a name in any language of the CLDR; None for anything else."""
     exact = fold(text)
     keys = (exact, fold(text.casefold().translate(_UMLAUTS)), _without_digraphs(exact))
     return next((code for key in keys if key and (code := _codes().get(key)) is not None), None)
 
 
 def countries_spelt_like(text: str) -> list[str]:
-    """ISO 3166-1 alpha-3 codes of countries with a name, in any language, that is spelt nearly so; the nearest first.
+    """Return ISO 3166-1 alpha-3 codes of countries with a similarly spelt name in any language, the nearest first.
 
     Codes are too short to be misspelt: each is one letter away from others.
     """
@@ -99,7 +101,7 @@ def countries_spelt_like(text: str) -> list[str]:
 
 
 _SHORTEST_NAME, _MOST_MISSPELT = 4, 2
-"""Letters of a name that may be misspelt, and how many of its letters may be wrong, left out or swapped (chosen)."""
+"""Minimum length of a name that may be misspelt, and how many letters may be wrong, missing or swapped (chosen)."""
 
 
 def country_name(code: str) -> str:

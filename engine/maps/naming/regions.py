@@ -1,7 +1,7 @@
-"""States and provinces that people name after a city (``Seattle, WA``), and which of them a position lies in.
+"""States and provinces that people write after a city (``Seattle, WA``), and the regions at a position.
 
-Their names are those of the CLDR, of ISO 3166-2 and of GeoNames (``scripts/make_regions.py``). Where they lie is told
-by the towns of GeoNames: a position lies in the state of the town that is nearest to it.
+Their names are those of the CLDR, of ISO 3166-2 and of GeoNames (``scripts/make_regions.py``). The towns of GeoNames
+determine their location: a position is in the state of its nearest town.
 """
 
 import gzip
@@ -17,21 +17,24 @@ from .places import place_keys
 
 _FILE = Path(__file__).parent / "regions.json.gz"
 _DOUBT = 2.0
-"""A state is possible if its nearest town is at most this many times as far as the nearest town: of 2,994 smaller towns
-of GeoNames, which the table does not hold, 98.6 of 100 lie in a possible state, and 81 of 100 have a single one."""
+"""A state is possible if its nearest town is at most this many times as far as the nearest town.
+
+Of 2,994 smaller towns of GeoNames that are not in the table, 98.6 % are in a possible state, and 81 % have a single
+one.
+"""
 Position = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Region:
-    """A state or province: its ISO 3166-2 code without the country (empty: not known), keys of its names, its towns."""
+    """A state or province: its ISO 3166-2 code without the country (empty if unknown), keys of its names, its towns."""
 
     code: str
     names: frozenset[str]
     towns: tuple[Position, ...]
 
     def away_deg(self, position: Position) -> float:
-        """Return how far its nearest town lies from a position, in degrees of latitude."""
+        """Return the distance of its nearest town from a position, in degrees of latitude."""
         narrowing = math.cos(math.radians(position[0]))
         return min(
             math.hypot(latitude - position[0], narrowing * _turned(longitude - position[1]))
@@ -47,7 +50,7 @@ def _table() -> dict[str, list[dict[str, Any]]]:
 
 @cache
 def _regions(country: str) -> tuple[Region, ...]:
-    """All states and provinces of a country (ISO 3166-1 alpha-3)."""
+    """Return all states and provinces of a country (ISO 3166-1 alpha-3)."""
     told = _table().get(country, ())
     return tuple(Region(one["code"], frozenset(one["names"]), _towns(one["towns"])) for one in told)
 
@@ -58,12 +61,12 @@ def _towns(steps: list[int]) -> tuple[Position, ...]:
 
 
 def _turned(degrees: float) -> float:
-    """An angle between -180° and 180°."""
+    """Return an angle between -180° and 180°."""
     return (degrees + 180.0) % 360.0 - 180.0
 
 
 def region_of(text: str, country: str | None, latitude: float, longitude: float) -> bool:
-    """Whether a text names a state or province of the country that the position may lie in."""
+    """Return whether a text refers to a state or province of the country in which the position may be."""
     keys = place_keys(text)
     if country is None or all(keys.isdisjoint(region.names) for region in _regions(country)):
         return False
@@ -72,7 +75,7 @@ def region_of(text: str, country: str | None, latitude: float, longitude: float)
 
 @lru_cache(maxsize=4096)
 def regions_at(country: str, latitude: float, longitude: float) -> tuple[Region, ...]:
-    """Return the states or provinces of a country that a position may lie in, the most likely first."""
+    """Return the states or provinces of a country that a position may be in, the most likely first."""
     away_deg = [(region.away_deg((latitude, longitude)), number) for number, region in enumerate(_regions(country))]
     least = min(away_deg, default=(0.0, 0))[0]
     return tuple(_regions(country)[number] for deg, number in sorted(away_deg) if deg <= _DOUBT * least)

@@ -1,4 +1,4 @@
-"""The places that an OpenStreetMap extract shows: settlements, their parts, addresses, administrative areas."""
+"""Finds the places that an OpenStreetMap extract shows: settlements, their parts, addresses, administrative areas."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -11,11 +11,11 @@ from .places import fold
 from .tags import CITY_PEOPLE, MOST_NAMES, PLACE_KINDS, TOWN_PEOPLE, place_names_of
 
 _PART_RANKS = range(PLACE_KINDS.index("suburb"), PLACE_KINDS.index("hamlet"))
-"""Kinds of parts of a settlement, which has its middle in one of them."""
+"""Kinds of parts of a settlement; the settlement has its middle in one of them."""
 MOST_PLACES = 400
-"""Names of places that the facts of a map hold, the most important first (chosen)."""
+"""Maximum number of place names in a map's facts, the most important first (chosen)."""
 MOST_AREAS = 500
-"""Places with their area that the facts of a map hold (chosen)."""
+"""Maximum number of places with an area in a map's facts (chosen)."""
 _TOWN_KEYS = ("addr:city", "addr:town", "addr:village", "addr:municipality")
 _PART_KEYS = (
     "addr:suburb",
@@ -26,11 +26,11 @@ _PART_KEYS = (
     "addr:hamlet",
     "addr:place",
 )
-"""OSM's tags of addresses that name a settlement, and those that name a part of one."""
+"""OSM's address tags for a settlement, and for a part of one."""
 _LOOKED_UP = 3
-"""Towns of addresses that are looked up in the gazetteer, those of most addresses (chosen)."""
+"""Maximum number of towns of addresses looked up in the gazetteer, the most frequent ones (chosen)."""
 _SAME_M = 50_000.0
-"""A settlement of the gazetteer further away is another one of the same name (chosen)."""
+"""A settlement of the gazetteer farther away is another one of the same name (chosen)."""
 _DISTRICT_LEVELS = range(6, 12)
 """OSM's ``admin_level`` of districts, municipalities and their parts; lower ones are states and countries."""
 USUAL_RADIUS_M = {
@@ -46,15 +46,15 @@ USUAL_RADIUS_M = {
     "square": 200.0,
     "locality": 500.0,
 }
-"""How far a place without an outline reaches at most, by its kind (chosen)."""
+"""Maximum reach of a place without an outline, by its kind (chosen)."""
 LEAST_RADIUS_M = 400.0
-"""A site needs room: the area of a place reaches at least as far (chosen)."""
+"""Minimum reach of a place's area: a site needs room (chosen)."""
 Position = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class _Outline:
-    """A place of the map: its tags, its middle in degrees, and how far it reaches (None: it is only a point)."""
+    """A place of the map: its tags, its middle in degrees, and its reach (None if it is only a point)."""
 
     tags: Mapping[str, str]
     middle: Position
@@ -67,12 +67,12 @@ class _Outline:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """All names, the one of the place's own language first."""
+        """All names, the one in the place's own language first."""
         return tuple(dict.fromkeys((*filter(None, (self.tags.get("name", "").strip(),)), *self.names)))
 
     @property
     def people(self) -> int:
-        """Inhabitants by the map; 0 where it does not say."""
+        """The inhabitants on the map, or 0 if unknown."""
         digits = self.tags.get("population", "").replace(",", "").replace(" ", "")
         return int(digits) if digits.isascii() and digits.isdecimal() else 0
 
@@ -80,8 +80,8 @@ class _Outline:
 def places_shown(osm: OsmMap) -> list[str]:
     """Return the names of the places that a map shows, the most important first, each once.
 
-    The more important place is the larger by its kind, then by its inhabitants, then by its area. A settlement that
-    only addresses name counts as what GeoNames knows it for. Parts that addresses name and administrative areas follow.
+    Importance follows the kind, then the inhabitants, then the area. A settlement known only from addresses has the
+    importance that GeoNames gives it. Parts of settlements in addresses and administrative areas follow.
     """
     outlines = _outlines(osm)
     ranked = [(one.rank, -one.people, -(one.reach_m or 0.0), one.own_names) for one in outlines]
@@ -95,7 +95,7 @@ def places_shown(osm: OsmMap) -> list[str]:
             if ground_distance_m(middle, (one.latitude, one.longitude)) < _SAME_M
         ]
         if any(not known.isdisjoint(map(fold, one.names)) for one in near):
-            continue  # the map has it by another name
+            continue  # the map has it under another name
         people = max((one.population for one in near), default=0)
         kind = "city" if people >= CITY_PEOPLE else "town" if people >= TOWN_PEOPLE else "village"
         ranked.append((PLACE_KINDS.index(kind), -people, 0.0, (town,)))
@@ -109,7 +109,7 @@ def places_shown(osm: OsmMap) -> list[str]:
 
 
 def _addressed(osm: OsmMap, keys: tuple[str, ...]) -> list[str]:
-    """What addresses name in one of these tags: the most frequent first, the tags in their order."""
+    """Return the values of these address tags: the most frequent first, in the order of the tags."""
     counted: dict[str, Counter[str]] = {key: Counter() for key in keys}
     for tags in _all_tags(osm):
         for key in keys:
@@ -125,7 +125,7 @@ def _all_tags(osm: OsmMap) -> Iterator[Mapping[str, str]]:
 
 
 def _districts(osm: OsmMap) -> list[str]:
-    """Names of the administrative areas whose borders the map holds, the smallest first."""
+    """Return the names of administrative areas with borders on the map, the smallest first."""
     found: list[tuple[int, tuple[str, ...]]] = []
     for relation in osm.relations:
         level = relation.tags.get("admin_level", "")
@@ -136,9 +136,9 @@ def _districts(osm: OsmMap) -> list[str]:
 
 
 def _outlines(osm: OsmMap) -> list[_Outline]:
-    """The places of a map: points and outlines in the order of the file.
+    """Return the places of a map: points and outlines in the order of the file.
 
-    An outline that crosses the edge of the extract is open, since the nodes beyond are missing; it counts as well.
+    An outline that crosses the edge of the extract is open, because the nodes beyond are missing; it counts as well.
     """
     found: list[tuple[Mapping[str, str], Position, float | None]] = []
     found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]
@@ -166,10 +166,10 @@ def _middle_and_reach(points: list[Position]) -> tuple[Position, float]:
 
 
 def areas_shown(osm: OsmMap) -> tuple[PlaceArea, ...]:
-    """Return settlements and their parts with where they lie, the more important first.
+    """Return settlements and their parts with their locations, the more important first.
 
-    One that is a point and an outline is one place, where its point lies. One without an outline reaches at most half
-    way to the next place that is as large.
+    A place with a point and an outline is one place, located at its point. Without an outline, it reaches at most half
+    way to the next place of its size.
     """
     places = sorted(enumerate(_outlines(osm)), key=lambda pair: (pair[1].rank, -pair[1].people, pair[0]))[:MOST_AREAS]
     merged: dict[str, PlaceArea] = {}

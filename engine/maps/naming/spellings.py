@@ -1,8 +1,8 @@
-"""Spellings of road names in any script: abbreviations, transliteration, the order of words, numbered sections.
+"""Compares spellings of road names in any script: abbreviations, transliteration, word order, numbered sections.
 
-A name becomes words in a plain form (Latin letters, no accents, no digraphs for umlauts); words that say what kind of
-road it is, or which end of it, become one English word in all languages. Two names are alike where the same words are
-left, in whatever order.
+A name becomes words in a plain form (Latin letters, no accents, no digraphs for umlauts). Words for a kind of road or
+for one end of it become one English word in all languages. Two names are alike if they leave the same words, in any
+order.
 """
 
 import gzip
@@ -17,8 +17,9 @@ from typing import Any
 from .places import fold, latin
 
 _ABBREVIATIONS = Path(__file__).parent / "road_words.json.gz"
-"""What libpostal knows of abbreviations, of the words for numbers and directions, of kinds of roads that end a word,
-and of crossings (``scripts/make_road_words.py``)."""
+"""libpostal's abbreviations, its words for numbers and directions, its kinds of roads as word endings, and its words
+for crossings (``scripts/make_road_words.py``).
+"""
 _SAME_WORDS = """
 street: street st str strasse straat strada stradal rue ulitsa
 street: ulica ul vulitsya vulytsya calle via rruga rr gata gatan
@@ -70,10 +71,10 @@ president: president pres
 princess: princess princesse
 prince: prince
 """
-"""Words of road names that mean the same, and how people write them; a spelling may stand for several words.
+"""Words of road names with the same meaning, and their spellings; a spelling may stand for several words.
 
-What libpostal does not tell: it knows the words of each language, but not which of them mean the same in another one;
-of directions it has no adjectives, no letters alone, and nothing in Chinese.
+libpostal lacks this: it knows the words of each language, but not which of them mean the same in another one. For
+directions, it has no adjectives, no single letters, and nothing in Chinese.
 """
 _KINDS = frozenset(
     [
@@ -103,8 +104,8 @@ _OPEN_PLACES = frozenset(["square", "place"])
 _DIRECTIONS = frozenset(
     ["north", "south", "east", "west", "northeast", "northwest", "southeast", "southwest", "middle"]
 )
-# Articles and words for "of", all among libpostal's stopwords and elisions; its other stopwords tell roads apart
-# (``Am Markt``, ``Unter den Linden``). ``section`` is what Taiwan writes before the number of a stretch.
+# Articles and words for "of", all among libpostal's stopwords and elisions; its other stopwords distinguish roads (``Am
+# Markt``, ``Unter den Linden``). ``section`` is Taiwan's word before the number of a stretch.
 _PARTICLES = frozenset(
     [
         "the",
@@ -147,8 +148,10 @@ _CHINESE_ROAD = re.compile(
 _NUMBERED_KINDS = frozenset(
     ["road", "highway", "freeway", "expressway", "route", "interstate", "motorway", "autoroute", "autobahn", "loop"]
 )
-"""The kinds of roads that have numbers for names, by our words and libpostal's; streets and avenues have them in grids,
-where the number is no reference."""
+"""The kinds of roads with numbers as names, in our words and libpostal's.
+
+Streets and avenues have numbers in grids, but there the number is not a reference.
+"""
 _LETTERED = {
     "interstate": "i",
     "usroute": "us",
@@ -166,19 +169,20 @@ _LETTERED = {
     "kreisstrasse": "k",
     "kreisstr": "k",
 }
-"""The letters that OSM's ``ref`` has for a class of roads, by the words that are said for them."""
+"""OSM's ``ref`` letters for a class of roads, by the words that people use for them."""
 _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNORECASE)
-"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are
-libpostal's elisions without those of pronouns and without ``sant'``, and the Italian prepositions that it lacks."""
+"""Articles and prepositions before a vowel, in Catalan, French and Italian: ``Port d'Envalira``. They are libpostal's
+elisions without those of pronouns and without ``sant'``, plus the Italian prepositions that it lacks.
+"""
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _ORDINAL = re.compile(r"(?P<number>\d{1,4})(?P<end>[a-z]{1,3})")
 _ORDINAL_MARK = re.compile(r"(?<=\d)(?:\s*\.?[ºª°]|-[\u0400-\u04ff]{1,3}\b)")
 """What stands behind the digits of an ordinal in Romance languages and, with a hyphen, in Cyrillic (``1-я``)."""
 _MOST_READINGS = 32
-"""Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
+"""Maximum number of compared readings of one name: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
-"""Names whose spellings are kept, because every call compares all of them (chosen)."""
+"""Maximum number of names with cached spellings, because every call compares all of them (chosen)."""
 
 
 @cache
@@ -188,13 +192,13 @@ def _table() -> dict[str, Any]:
 
 
 def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return what languages write between the two roads of a crossing, and what they write before both."""
+    """Return the words that languages write between the two roads of a crossing, and those before both."""
     return tuple(_table()["joining"]), tuple(_table()["corners"])
 
 
 @cache
 def _endings() -> dict[str, str]:
-    """The kinds of road that words end in (``Hauptstr``, ``Storgatan``), the longer ends first."""
+    """Return the kinds of road that end words (``Hauptstr``, ``Storgatan``), the longer ends first."""
     meant: dict[str, str] = {}
     for kind, spellings in _table()["suffixes"].items():
         kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
@@ -204,17 +208,18 @@ def _endings() -> dict[str, str]:
 
 @cache
 def _meanings() -> dict[str, tuple[str, ...]]:
-    """The words that a spelling may stand for.
+    """Return the words that each spelling may stand for.
 
-    Our own words, which are one for all languages, and libpostal's abbreviations: they stand for one of ours if that is
-    written like them, otherwise for the word that they abbreviate. A number's word stands for itself and the number.
+    These are our own words, one for all languages, and libpostal's abbreviations. An abbreviation stands for one of our
+    words if that is written like it, otherwise for the word that it shortens. A number's word stands for itself and for
+    the number.
     """
     found: dict[str, tuple[str, ...]] = {}
     for line in _SAME_WORDS.strip().splitlines():
         meaning, same = line.split(": ")
         for spelling in same.split():
             plain = latin(spelling)
-            itself = (plain,) if len(plain) == 1 and meaning in _KINDS else ()  # ``C Street`` is no ``Calle``
+            itself = (plain,) if len(plain) == 1 and meaning in _KINDS else ()  # ``C Street`` is not ``Calle``
             found[plain] = tuple(dict.fromkeys((*found.get(plain, ()), *itself, meaning)))
     table = _table()
     for direction, spellings in table["directions"].items():
@@ -237,17 +242,17 @@ def _meanings() -> dict[str, tuple[str, ...]]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def road_readings(name: str) -> frozenset[frozenset[str]]:
-    """What the words of a road name may mean, as sets of words; empty for a name without letters and digits."""
+    """Return what the words of a road name may mean, as sets of words; empty for a name without letters and digits."""
     readings = [_chinese(name)] if _chinese(name) else []
     words = [word for word in map(latin, _split(name)) if word]
     choices = [list(_word_readings(word)) for word in words]
     readings += islice(product(*choices), _MOST_READINGS)
     meant = [[word for words in reading for word in words] for reading in readings]
-    return frozenset(frozenset(words) for words in _that_say_a_kind_once(meant) if words)
+    return frozenset(frozenset(words) for words in _without_repeated_kinds(meant) if words)
 
 
-def _that_say_a_kind_once(readings: list[list[str]]) -> list[list[str]]:
-    """The readings in which no two words say the same kind; all if every reading has such words.
+def _without_repeated_kinds(readings: list[list[str]]) -> list[list[str]]:
+    """Return the readings in which no two words are the same kind of road; all if every reading has such words.
 
     ``C Street`` is a street called C, and not ``Calle Street``.
     """
@@ -258,7 +263,7 @@ def _that_say_a_kind_once(readings: list[list[str]]) -> list[list[str]]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def road_keys(name: str) -> frozenset[str]:
-    """Keys of a road name: two names are spellings of one road where they share one."""
+    """Return the keys of a road name: two names are spellings of one road if they share one."""
     keys = {" ".join(sorted(reading - _PARTICLES or reading)) for reading in road_readings(name)}
     joined = {fold(name), latin(name), *("".join(key.split()) for key in keys)}
     return frozenset(key for key in keys | joined | _number_keys(name) if key)
@@ -266,7 +271,7 @@ def road_keys(name: str) -> frozenset[str]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def whole_road_keys(name: str) -> frozenset[str]:
-    """Keys of the road that a numbered section belongs to (``中山北一路``: ``中山北路``); empty for any other road."""
+    """Return the keys of the road that a numbered section belongs to (``中山北一路``: ``中山北路``), or nothing."""
     found = _CHINESE_ROAD.fullmatch(name.strip())
     if found is not None and (found["section"] or found["part"]):
         return road_keys(found["stem"] + found["direction"] + found["kind"])
@@ -281,17 +286,17 @@ def whole_road_keys(name: str) -> frozenset[str]:
 
 
 def distinctive(words: Iterable[str]) -> frozenset[str]:
-    """The words that tell a road from others: neither its kind nor a direction."""
+    """Return the words that distinguish a road: neither its kind nor a direction."""
     return frozenset(words) - _KINDS - _DIRECTIONS - _PARTICLES - {"and", "saint"}
 
 
 def kinds_of_road(name: str) -> frozenset[str]:
-    """The kinds of road that a name says in any of its readings (``street``, ``boulevard``)."""
+    """Return the kinds of road in any reading of a name (``street``, ``boulevard``)."""
     return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)
 
 
 def always_says_kind(name: str) -> bool:
-    """Whether every reading of a name says a kind of road: the ``C`` of ``M.C. Briones`` need not be ``Calle``."""
+    """Return whether every reading of a name has a kind of road: ``C`` in ``M.C. Briones`` need not be ``Calle``."""
     return all(reading & _KINDS for reading in road_readings(name))
 
 
@@ -304,12 +309,12 @@ def names_a_street(name: str) -> bool:
 
 
 def words_of_name(name: str) -> tuple[str, ...]:
-    """The words of a name in their order, in Latin letters without accents."""
+    """Return the words of a name in order, in Latin letters without accents."""
     return tuple(word for word in map(latin, _split(_ELIDED.sub("", name))) if word)
 
 
 def without_particles(words: Sequence[str]) -> tuple[str, ...]:
-    """The words without articles and prepositions; all of them if there are no others."""
+    """Return the words without articles and prepositions; all of them if there are no others."""
     return tuple(word for word in words if word not in _PARTICLES) or tuple(words)
 
 
@@ -320,7 +325,7 @@ def _split(name: str) -> list[str]:
 
 
 def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
-    """The readings of a word in plain Latin letters; one that ends in a kind of road becomes two words."""
+    """Return the readings of a word in plain Latin letters; one that ends in a kind of road becomes two words."""
     ordinal = _ORDINAL.fullmatch(word)
     if ordinal and _is_ordinal(ordinal["number"], ordinal["end"]):
         return ((ordinal["number"],),)
@@ -347,7 +352,7 @@ def _is_ordinal(number: str, end: str) -> bool:
 
 
 def _chinese(name: str) -> tuple[tuple[str, ...], ...]:
-    """The words of a Chinese road name as one reading; empty for any other name."""
+    """Return the words of a Chinese road name as one reading; empty for any other name."""
     found = _CHINESE_ROAD.fullmatch(name.strip())
     if found is None:
         return ()
@@ -357,7 +362,7 @@ def _chinese(name: str) -> tuple[tuple[str, ...], ...]:
 
 
 def _number_keys(name: str) -> set[str]:
-    """Keys of a road number that is written with words: ``Interstate 5``, ``Bundesstraße 96``."""
+    """Return the keys of a road number that is written with words: ``Interstate 5``, ``Bundesstraße 96``."""
     words = [latin(word) for word in _split(name)]
     if len(words) < 2 or not words[-1].isdecimal():
         return set()
@@ -367,14 +372,14 @@ def _number_keys(name: str) -> set[str]:
 
 
 def route_number(name: str) -> str | None:
-    """The number of a road that is named by nothing else (``Route 99``, ``SR 99``); None for any other name."""
+    """Return the number of a road that has no other name (``Route 99``, ``SR 99``); None for any other name."""
     *kind, number = [latin(word) for word in _split(name)] or [""]
     return number if kind and number.isdecimal() and " ".join(kind) in _numbered_kinds() else None
 
 
 @cache
 def _numbered_kinds() -> frozenset[str]:
-    """All that is written for the kinds of roads that have numbers for names."""
+    """Return all spellings of the kinds of roads with numbers as names."""
     short = {spelling for spelling, meant in _meanings().items() if not _NUMBERED_KINDS.isdisjoint(meant)}
     long = _table()["long_kinds"].items()
     numbered = ((kind, *spellings) for kind, spellings in long if not short.isdisjoint(kind.split()))

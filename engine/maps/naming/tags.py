@@ -1,4 +1,4 @@
-"""The names in OpenStreetMap's tags: of places, roads and addresses."""
+"""Reads the names in OpenStreetMap's tags: of places, roads and addresses."""
 
 import re
 import unicodedata
@@ -19,13 +19,13 @@ PLACE_KINDS = (
     "square",
     "locality",
 )
-"""OSM's values of ``place`` for settlements, their parts and spots in them, the larger first."""
+"""OSM's values of ``place`` for settlements, their parts and locations in them, the larger first."""
 SETTLEMENTS = frozenset(PLACE_KINDS[:3])
-"""Kinds that are a settlement of its own and not a part of one."""
+"""Kinds that are settlements of their own, not parts of one."""
 ROAD_PLACES = frozenset(["square", "locality"])
-"""Kinds that are no more than the roads of their name where there are any."""
+"""Kinds that are only the roads of their name, if there are any."""
 CITY_PEOPLE, TOWN_PEOPLE = 100_000, 10_000
-"""From how many inhabitants a settlement is a city or a town (OSM's documentation of ``place``)."""
+"""Minimum inhabitants of a city and of a town (OSM's documentation of ``place``)."""
 NAME_KEYS = (
     "name",
     "int_name",
@@ -48,13 +48,13 @@ _NAME_KEY = re.compile(
 _REF_KEYS = ("ref", "int_ref", "nat_ref", "reg_ref", "loc_ref", "old_ref")
 """OSM's tags for numbers of roads; each may have several between semicolons."""
 _BOTH = re.compile(r"\s+[-–—/]\s+|\s*/\s*(?=\D)")
-"""What stands between the names of places that have two (``Bolzano - Bozen``)."""
+"""The separator in names of places that have two (``Bolzano - Bozen``)."""
 MOST_NAMES = 400
-"""Names of one place or road that are kept: a country has one in every language (chosen)."""
+"""Maximum number of names of one place or road: a country has one in every language (chosen)."""
 
 
 def names_of(tags: Mapping[str, str]) -> list[str]:
-    """Return all names that the tags give, the main one first, each once."""
+    """Return all names in the tags, the main one first, each once."""
     found = [(match["key"], key) for key in tags if (match := _NAME_KEY.fullmatch(key))]
     found.sort(key=lambda pair: (NAME_KEYS.index(pair[0]), pair[1] != "name:en", pair[1]))
     names = (name.strip() for _, key in found for name in tags[key].split(";"))
@@ -62,7 +62,7 @@ def names_of(tags: Mapping[str, str]) -> list[str]:
 
 
 def place_names_of(tags: Mapping[str, str]) -> list[str]:
-    """Return all names that the tags give a place; of a double name (``Bozen - Bolzano``) its parts too."""
+    """Return all names of a place in the tags, including the parts of a double name (``Bozen - Bolzano``)."""
     names = names_of(tags)
     parts = [part.strip() for name in names if _BOTH.search(name) for part in _BOTH.split(name)]
     parts += [part for name in names for part in _by_script(name)]
@@ -70,7 +70,7 @@ def place_names_of(tags: Mapping[str, str]) -> list[str]:
 
 
 def _by_script(name: str) -> list[str]:
-    """The parts of a name that is written in two scripts (``Shubra حي شبرا``); nothing for any other name."""
+    """Return the parts of a name that is written in two scripts (``Shubra حي شبرا``), or an empty list."""
     runs: list[tuple[bool, list[str]]] = []
     for word in name.split():
         is_latin = all(
@@ -83,13 +83,13 @@ def _by_script(name: str) -> list[str]:
 
 
 def refs_of(tags: Mapping[str, str]) -> list[str]:
-    """Return all numbers that the tags give a road, the main one first, each once."""
+    """Return all numbers of a road in the tags, the main one first, each once."""
     refs = (ref.strip() for key in _REF_KEYS for ref in tags.get(key, "").split(";"))
     return list(dict.fromkeys(ref for ref in refs if ref))
 
 
 def keys_of_road(tags: Mapping[str, str]) -> frozenset[str]:
-    """Return the keys of all names and numbers of a road; two spellings mean the same road where they share one."""
+    """Return the keys of all names and numbers of a road; two spellings mean the same road if they share one."""
     return frozenset(
         key for name in (*names_of(tags), *refs_of(tags)) for key in (*road_keys(name), *whole_road_keys(name))
     )

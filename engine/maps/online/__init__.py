@@ -1,1 +1,1 @@
-"""Places and roads from the net: Nominatim tells where a place is, Overpass gives its roads, answers are kept."""
+"""Places and roads from online services: Nominatim locates a place, Overpass returns its roads, answers are cached."""

@@ -1,7 +1,7 @@
-"""Answers of map services, kept on disk by what was asked, so that the same question has the same answer.
+"""Caches answers of map services on disk by question, so that the same question has the same answer.
 
-Which of several mirrors answered does not count. osmnx's own cache is not used: it counts the mirror, knows neither
-size nor age, and leaves half a file where its process is ended.
+The mirror that answered does not matter. osmnx's own cache is not used: it depends on the mirror, has no limits of size
+and age, and leaves half a file if its process is killed.
 """
 
 import gzip
@@ -24,7 +24,7 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True)
 class KeptAnswer(Generic[_Read]):
-    """What a service answered: the host, when (seconds since 1970), and its answer, parsed from JSON."""
+    """An answer of a service: the host, the time (seconds since 1970), and the answer, parsed from JSON."""
 
     question: str
     service: str
@@ -33,21 +33,21 @@ class KeptAnswer(Generic[_Read]):
 
     @property
     def age_s(self) -> float:
-        """Its age in seconds. An answer from the future, which a clock that was set back leaves, ages the other way."""
+        """Its age in s. An answer dated in the future, after a clock was set back, counts by its distance from now."""
         return abs(time.time() - self.asked_at)
 
 
 class AnswerCache:
-    """A folder of answers, one file each, written whole or not at all.
+    """A folder of answers, one file each, written completely or not at all.
 
-    Those that were not used for longest go first where all together are larger than ``most_mb``.
+    If all together exceed ``most_mb``, the least recently used ones are removed.
     """
 
     def __init__(self, folder: Path, most_mb: int, most_days: float) -> None:
         self._folder, self._most_bytes, self._most_s = folder, most_mb * _MIB, most_days * _DAY_S
 
     def find(self, question: str, *, however_old: bool = False) -> KeptAnswer[Any] | None:
-        """The answer to a question; None where there is none, or it is too old, or its file is damaged."""
+        """Return the answer to a question, or None if there is none, it is too old, or its file is damaged."""
         path = self._path(question)
         try:
             kept = KeptAnswer(**json.loads(gzip.decompress(path.read_bytes())))
@@ -59,7 +59,7 @@ class AnswerCache:
             ValueError,
             TypeError,
             RecursionError,
-        ):  # damaged, by whatever: it is asked for again
+        ):  # damaged in any way: the question is asked again
             path.unlink(missing_ok=True)
             return None
         if kept.question != question or (not however_old and kept.age_s > self._most_s):
@@ -69,10 +69,10 @@ class AnswerCache:
         return kept
 
     def keep(self, kept: KeptAnswer[Any]) -> None:
-        """Keep an answer; others are removed where there is no room for all.
+        """Store an answer; remove others if there is no room for all.
 
         Raises:
-            ResourceFailure: the disk is full or the folder cannot be written; then nothing is kept.
+            ResourceFailure: the disk is full or the folder cannot be written; then nothing is stored.
         """
         text = json.dumps(asdict(kept), ensure_ascii=False, separators=(",", ":"))
         packed = gzip.compress(text.encode(), compresslevel=5, mtime=0)
@@ -89,11 +89,11 @@ class AnswerCache:
     def _make_room(self) -> None:
         found: list[tuple[float, int, Path]] = []
         for path in self._folder.glob("*.json.gz"):
-            with suppress(FileNotFoundError):  # another process made room meanwhile
+            with suppress(FileNotFoundError):  # another process has made room
                 stat = path.stat()
                 found.append((stat.st_mtime, stat.st_size, path))
         size = sum(size for _, size, _ in found)
-        for _, freed, path in sorted(found)[:-1]:  # the one just kept is used at least once
+        for _, freed, path in sorted(found)[:-1]:  # keep the newest answer at least until its first use
             if size <= self._most_bytes:
                 return
             path.unlink(missing_ok=True)

@@ -1,4 +1,6 @@
-"""Roads from Overpass: of a place as far as it is small enough, otherwise about the sites in it that fit a request."""
+"""Fetches roads from Overpass: all of a place if it is small enough, otherwise those around sites that fit a
+request.
+"""
 
 import math
 import re
@@ -34,29 +36,31 @@ from .services import Answered, ServiceClient, settings_of_query
 Spot = tuple[float, float]
 """Latitude and longitude in degrees."""
 CORE_M = 600.0
-"""From a site to the edge of the core that is fetched about it (chosen): room for the site and for some more."""
+"""Distance from a site to the edge of the core fetched around it (chosen): room for the site and some more."""
 LEAST_CORE_M = 250.0
-"""From the middle of the smallest core to its edge (chosen)."""
+"""Distance from the middle of the smallest core to its edge (chosen)."""
 _AROUND_MIDDLE_M: Mapping[ScenarioType, float] = {"highway": 5000.0, "ramp": 5000.0, "rural": 3000.0}
-"""How far from a settlement people look for it (chosen); for other types CLOSE_M."""
+"""Distance from a settlement within which people look for this type (chosen); for other types CLOSE_M."""
 _CLOSE_M = 150.0
 _MARGIN_M: Mapping[ScenarioType, float] = {"highway": 900.0, "ramp": 900.0, "rural": 900.0}
-"""What is fetched around a core (chosen after the radius that is cut out around a site): otherwise USUAL_MARGIN_M."""
+"""Margin fetched around a core (chosen after the cut radius of a site); otherwise USUAL_MARGIN_M."""
 _USUAL_MARGIN_M = 500.0
 MOST_TRIES = 3
-"""Downloads for one map (chosen): a spot may turn out to be no site."""
+"""Downloads for one map (chosen): a candidate may turn out not to be a site."""
 SPARE_SITES = 3
-"""Beside those asked for: a network that cannot be built there is no scenario (chosen)."""
+"""Spare sites in addition to the requested ones: a network that cannot be built gives no scenario (chosen)."""
 MOST_MAPS = 6
-"""For one request for many scenarios (chosen); two downloads more for each beyond the first."""
+"""Maximum number of maps for one request for many scenarios (chosen); each one beyond the first allows two
+downloads.
+"""
 MOST_SEARCHED_M = 60_000.0
-"""Longest side of a box in which spots are looked for (chosen); of a larger one the middle."""
+"""Longest side of a box in which candidates are searched (chosen); of a larger box, the middle."""
 MOST_SPOTS = 4000
-"""Spots that a service is asked for (chosen)."""
+"""Maximum number of candidates requested from a service (chosen)."""
 ON_ROAD_M = 60.0
-"""From a road to the spots that lie on it (chosen)."""
+"""Maximum distance from a road to its candidates (chosen)."""
 OUT_OF_TOWN_M = 1200.0
-"""From the middle of a settlement to rural roads (chosen); farther for towns and cities."""
+"""Distance from the middle of a settlement to rural roads (chosen); farther for towns and cities."""
 _TOWN_LIMIT_KMH = 60
 _SPOT_FILTERS: Mapping[ScenarioType, str] = {
     "roundabout": 'way["highway"]["junction"~"^(roundabout|circular)$"]',
@@ -65,23 +69,23 @@ _SPOT_FILTERS: Mapping[ScenarioType, str] = {
     "highway": 'way["highway"~"^(motorway|trunk)$"]',
     "rural": 'way["highway"~"^(trunk|primary|secondary|tertiary|unclassified)$"]',
 }
-"""What tells of a site of a type in OpenStreetMap's tags."""
+"""Overpass filters that find the sites of each type by OpenStreetMap's tags."""
 _SETTLEMENTS = f'node["place"~"^({"|".join(PLACE_KINDS)})$"]'
 _MAIN_ROADS = 'way["highway"~"^(motorway|trunk|primary|secondary|tertiary)(_link)?$"]'
 _NAMED_ROADS = 'way["highway"]["name"]'
 _WITH_HOUSES: frozenset[ScenarioType] = frozenset({"any", "urban", "rural"})
-"""Types for which it counts whether houses stand at the road; they are most of the data of a town."""
+"""Types that depend on houses along the road; houses are most of a town's data."""
 NO_ROADS, NO_SITE, TOO_LARGE = "no_roads", "no_such_site", "too_large"
 """Reasons of refusals."""
 _METRES_A_DEGREE = 111_195.0
 
 
 def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMaps:
-    """Fetch the roads of a place or box with as many sites of the asked type as there are; on several maps if need be.
+    """Fetch the roads of a place or box with sites of the requested type, on several maps if necessary.
 
     Raises:
-        ServiceFailure: no service answers as it should.
-        NotPossible: there is no road or no such site, or too much data; or nobody must be asked.
+        ServiceFailure: no service gives a valid answer.
+        NotPossible: there is no road or no such site, or too much data; or requests are not allowed.
         UnknownName: the place has no road of that name.
     """
     client = ServiceClient(request.services, report)
@@ -109,19 +113,19 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
         if sites >= request.count:
             break
     if not fetched:
-        raise _nothing_there(request, search.name, sorted(held), has_roads=has_roads)
+        raise _no_site_error(request, search.name, sorted(held), has_roads=has_roads)
     return FetchedMaps(maps=tuple(fetched), notes=tuple(dict.fromkeys((*troubles, *search.notes))))
 
 
-def _nothing_there(request: FetchMapRequest, name: str, held: list[SiteType], *, has_roads: bool) -> NotPossible:
+def _no_site_error(request: FetchMapRequest, name: str, held: list[SiteType], *, has_roads: bool) -> NotPossible:
     if not has_roads and request.scenario_type in ("any", "urban", "intersection"):
         return NotPossible(
-            f"OpenStreetMap holds no road for vehicles at {name}",
+            f"OpenStreetMap has no road for vehicles at {name}",
             next_step="choose another place, or a larger bbox",
             reason=NO_ROADS,
         )
     return NotPossible(
-        f"{name} holds no {request.scenario_type} site, as far as OpenStreetMap shows",
+        f"{name} has no {request.scenario_type} site on OpenStreetMap",
         valid=held,
         next_step="choose one of these scenario types, or another place" if held else "choose another place",
         reason=NO_SITE,
@@ -129,7 +133,7 @@ def _nothing_there(request: FetchMapRequest, name: str, held: list[SiteType], *,
 
 
 class _Area:
-    """Where a request looks: the boxes to be fetched, the best first."""
+    """The search area of a request: the boxes to fetch, the best first."""
 
     def __init__(self, request: FetchMapRequest, client: ServiceClient) -> None:
         self._request, self._client = request, client
@@ -139,27 +143,27 @@ class _Area:
         self.name = cited(place.label) if place is not None else f"the box {list(request.bbox or ())}"
 
     def cores(self) -> Iterator[Box]:
-        """Boxes within which sites may be taken; each fits into a download with its margin."""
+        """Yield boxes within which sites may be taken; each fits into a download with its margin."""
         whole = self._whole()
         if self._hinted:
             yield from self._about(self._spots_of_hinted_roads(whole))
         elif self._fits(whole):
             yield whole
         else:
-            self.notes.append(f"{self.name} is too large to be fetched whole: of it, the roads about a site were")
+            self.notes.append(f"{self.name} is too large to fetch whole; only roads around sites were fetched")
             yield from self._about(self._spots(whole))
 
     @property
     def _hinted(self) -> bool:
-        """Whether a road of a settlement is asked for that Nominatim does not know."""
+        """Return whether a road is requested in a settlement that Nominatim does not know there."""
         return self._place is not None and self._place.is_settlement and bool(self._place.roads)
 
     def _whole(self) -> Box:
-        """All that may be meant."""
+        """Return the box of everything that the request may refer to."""
         if self._request.bbox is not None:
             return self._request.bbox
         if self._place is None:
-            raise NotPossible("neither a place nor a box was named", next_step="name one")
+            raise NotPossible("neither a place nor a box was given", next_step="give one")
         box = self._place.box
         if self._place.is_settlement and not self._hinted:
             return _at_least(widened(box, _AROUND_MIDDLE_M.get(self._kind, _CLOSE_M)))
@@ -169,9 +173,9 @@ class _Area:
         return area_km2(widened(core, margin_m(self._kind))) <= self._request.services.most_km2
 
     def _about(self, spots: Sequence[Spot]) -> Iterator[Box]:
-        """A core about each spot that overlaps none of those before, with neighbours as far as they fit.
+        """Yield a core around each candidate, without overlaps, together with the neighbours that fit into it.
 
-        There is room for as many as scenarios are asked for, and for some that take the place of one that fails.
+        There is room for the requested scenarios, and for some that replace a failed one.
         """
         used: list[Box] = []
         for spot in spots:
@@ -187,7 +191,7 @@ class _Area:
             yield core
 
     def _spots(self, whole: Box) -> list[Spot]:
-        """Where sites of the type may lie, those nearest to the middle of the place first."""
+        """Return the places of possible sites of the type, those nearest to the middle of the place first."""
         middle = self._middle(whole)
         box = _bounded(whole, middle)
         lines = self._place.lines if self._place is not None else ()
@@ -198,7 +202,7 @@ class _Area:
         found = self._found([selector], box)
         if self._kind == "rural":
             found = self._out_of_town(found, box)
-        if self._kind == "highway":  # an expressway counts where there is no motorway
+        if self._kind == "highway":  # an expressway counts if there is no motorway
             found = [one for one in found if one["tags"].get("highway") == "motorway"] or found
         spots = [_position(one) for one in found]
         if lines:
@@ -211,7 +215,7 @@ class _Area:
         return (whole[0] + whole[2]) / 2, (whole[1] + whole[3]) / 2
 
     def _settled(self, box: Box, middle: Spot) -> list[Spot]:
-        """The middle of a place, or the settlements in a box that is larger than any place."""
+        """Return the middle of a place, or the settlements in a box that is larger than any place."""
         if self._request.bbox is None:
             return [middle, *(_position(one) for one in self._found([_SETTLEMENTS], box))]
         return [_position(one) for one in self._found([_SETTLEMENTS], box)] + [middle]
@@ -223,8 +227,8 @@ class _Area:
         return [one for one in self._client.query(query).answer["elements"] if _has_position(one)]
 
     def _out_of_town(self, roads: list[Mapping[str, Any]], box: Box) -> list[Mapping[str, Any]]:
-        """Roads that nothing tells to lie in a town, and that lie away from its middle; all where there is none."""
-        roads = [road for road in roads if not _is_of_town(road["tags"])] or roads
+        """Return roads without signs of a town and away from its middle; all if there are none."""
+        roads = [road for road in roads if not _indicates_town(road["tags"])] or roads
         towns = [(_position(one), one["tags"].get("place")) for one in self._found([_SETTLEMENTS], box)]
         far = {"city": 3 * OUT_OF_TOWN_M, "town": 1.5 * OUT_OF_TOWN_M, "hamlet": 0.4 * OUT_OF_TOWN_M}
         apart = [
@@ -235,7 +239,7 @@ class _Area:
         return apart or roads
 
     def _spots_of_hinted_roads(self, whole: Box) -> list[Spot]:
-        """Where the roads of a settlement lie whose names only the map understands.
+        """Return the positions of a settlement's roads that only the map can resolve.
 
         Raises:
             UnknownName: there is no such road.
@@ -251,14 +255,14 @@ class _Area:
                 if spots:
                     return _nearest_first(spots, middle)
         raise UnknownName(
-            f"no map at hand shows {roads[0][0]!r}, and OpenStreetMap holds no such road in {self.name}",
-            next_step="spell it as a map does, or name another road",
+            f"no available map shows {roads[0][0]!r}, and OpenStreetMap has no such road in {self.name}",
+            next_step="use a map's spelling, or another road",
             reason=NOT_SHOWN,
         )
 
 
 def map_query(request: FetchMapRequest, core: Box) -> str:
-    """The query for all that counts of a map: roads and paths whole, land use, settlements, rules for turning."""
+    """Return the query for everything in a map: whole roads and paths, land use, settlements, turn restrictions."""
     area = box_text(widened(core, margin_m(request.scenario_type)))
     houses = f'way["building"]({area});node["building"]({area});' if request.scenario_type in _WITH_HOUSES else ""
     return (
@@ -270,17 +274,17 @@ def map_query(request: FetchMapRequest, core: Box) -> str:
 
 
 def margin_m(kind: ScenarioType) -> float:
-    """Metres that are fetched around a core, so that what is cut out around a site at its edge is whole."""
+    """Return the metres fetched around a core, so that the cut around a site at its edge is complete."""
     return _MARGIN_M.get(kind, _USUAL_MARGIN_M)
 
 
 def box_text(box: Box) -> str:
-    """A box as Overpass takes it: south, west, north, east, to the nearest metre."""
+    """Return a box as Overpass expects it: south, west, north, east, to the nearest metre."""
     return ",".join(f"{value:.5f}" for value in box)
 
 
 def widened(box: Box, by_m: float) -> Box:
-    """A box with so many metres more on each side, on the globe."""
+    """Return a box extended by so many metres on each side, on the globe."""
     south, west, north, east = box
     up = by_m / _METRES_A_DEGREE
     aside = up / max(math.cos(math.radians((south + north) / 2)), 0.05)
@@ -288,7 +292,7 @@ def widened(box: Box, by_m: float) -> Box:
 
 
 def area_km2(box: Box) -> float:
-    """Square kilometres of a box."""
+    """Return the area of a box in km²."""
     south, west, north, east = box
     wide = (east - west) * math.cos(math.radians((south + north) / 2))
     return (north - south) * wide * (_METRES_A_DEGREE / 1000) ** 2
@@ -299,7 +303,7 @@ def _about_spot(spot: Spot, reach_m: float) -> Box:
 
 
 def _at_least(box: Box) -> Box:
-    """The box, made so large that a site has room in it."""
+    """Return the box, enlarged so that a site has room in it."""
     middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     return _around_both(box, _about_spot(middle, LEAST_CORE_M))
 
@@ -309,7 +313,7 @@ def _around_both(one: Box, other: Box) -> Box:
 
 
 def _bounded(box: Box, middle: Spot) -> Box:
-    """The part of a box that is searched: not more than MOST_SEARCHED_M wide or high, around the middle."""
+    """Return the part of a box that is searched: at most MOST_SEARCHED_M wide and high, around the middle."""
     around = _about_spot(middle, MOST_SEARCHED_M / 2)
     return max(box[0], around[0]), max(box[1], around[1]), min(box[2], around[2]), min(box[3], around[3])
 
@@ -318,7 +322,7 @@ def _overlap(one: Box, other: Box) -> bool:
     return one[0] < other[2] and one[2] > other[0] and one[1] < other[3] and one[3] > other[1]
 
 
-def _lies_in(spot: Spot, box: Box) -> bool:
+def _is_in(spot: Spot, box: Box) -> bool:
     return box[0] <= spot[0] <= box[2] and box[1] <= spot[1] <= box[3]
 
 
@@ -327,7 +331,7 @@ def _nearest_first(spots: Iterable[Spot], middle: Spot) -> list[Spot]:
 
 
 def _is_on(spot: Spot, lines: Sequence[Sequence[Spot]]) -> bool:
-    """Whether a spot lies on one of the lines, about."""
+    """Return whether a point is approximately on one of the lines."""
     from shapely import LineString, Point
 
     narrow = math.cos(math.radians(spot[0]))
@@ -339,8 +343,8 @@ def _is_on(spot: Spot, lines: Sequence[Sequence[Spot]]) -> bool:
     )
 
 
-def _is_of_town(tags: Mapping[str, str]) -> bool:
-    """Whether a limit or a pavement tells of a town."""
+def _indicates_town(tags: Mapping[str, str]) -> bool:
+    """Return whether a limit or a pavement indicates a town."""
     limit = tags.get("maxspeed", "").split(" ")[0]
     slow = limit.isdecimal() and int(limit) * (1.6 if "mph" in tags["maxspeed"] else 1.0) < _TOWN_LIMIT_KMH
     return slow or tags.get("sidewalk", "no") not in ("no", "none")
@@ -362,7 +366,7 @@ def _names_of_road(element: Mapping[str, Any]) -> frozenset[str]:
 
 
 def _facts_of_roads(found: Sequence[Mapping[str, Any]]) -> MapFacts:
-    """As much of a map as it takes to understand the name of a road."""
+    """Return the facts needed to resolve the name of a road."""
     names = sorted({name for one in found for name in _names_of_road(one)})
     return MapFacts(
         map_id="", file_name="", place="", places=(), country=None, south=0.0, west=0.0, north=0.0, east=0.0,
@@ -371,13 +375,13 @@ def _facts_of_roads(found: Sequence[Mapping[str, Any]]) -> MapFacts:
 
 
 def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[SiteType, int]:
-    """How many sites of each type the map holds inside the core."""
+    """Count the sites of each type that the map has inside the core."""
     finder = SiteFinder(read_map_file(path), request.road_classes)
     kinds: tuple[SiteType, ...] = get_args(SiteType)
-    found = {kind: sum(_lies_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
+    found = {kind: sum(_is_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
     held: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
     longest = finder.longest_road() if not held and request.scenario_type == "any" else None
-    return {longest.kind: 1} if longest is not None and _lies_in(longest.position, core) else held
+    return {longest.kind: 1} if longest is not None and _is_in(longest.position, core) else held
 
 
 def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered[MapData]) -> FetchedMap:
@@ -401,7 +405,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """What a map of the place is called: after the settlement that it is or lies in."""
+    """Return the name for a map of the place: that of the settlement that it is or belongs to."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 

@@ -1,6 +1,7 @@
-"""What map services answer, read before it is used or kept: OpenStreetMap data and findings in the forms documented.
+"""Validates answers of map services before use or storage: OpenStreetMap data and findings in the documented forms.
 
-What is not documented is left out. An answer with an element in another form is no answer: the next service is asked.
+Undocumented parts are left out. If an element has another form, the whole answer is rejected, and the next service is
+asked.
 
 Sources: Overpass API, output format JSON; OpenStreetMap API 0.6 (lengths of tags, ranges of coordinates); Nominatim,
 output format jsonv2.
@@ -18,12 +19,12 @@ from ....schemas.text import one_line
 _Latitude = Annotated[float, Field(ge=-90.0, le=90.0, allow_inf_nan=False)]
 _Longitude = Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False)]
 _Id = Annotated[int, Field(gt=0, lt=2**63)]
-"""Ids are positive 64-bit integers; negative ones are those of an editor that has not uploaded them."""
+"""Ids are positive 64-bit integers; negative ones belong to an editor that has not uploaded them."""
 _LONGEST_TAG = 255
 """Characters of a key or a value of a tag (OpenStreetMap API 0.6)."""
 _Tag = Annotated[str, Field(max_length=_LONGEST_TAG)]
 _Text = Annotated[str, Field(max_length=4000)]
-"""Longer than any label of a place, which lists all that it lies in (chosen)."""
+"""Longer than any label of a place, which lists everything around it (chosen)."""
 _SHOWN = 120
 
 
@@ -43,7 +44,7 @@ class _Member(TypedDict):
 
 
 class _Element(TypedDict):
-    """What all elements have; ``center`` is there if only the middle of a way or relation was asked for."""
+    """The common part of all elements; ``center`` is present if only the middle of a way or relation was requested."""
 
     id: _Id
     tags: NotRequired[dict[_Tag, _Tag]]
@@ -73,7 +74,7 @@ class _Relation(_Element):
 
 
 class _Origin(TypedDict):
-    """Where the data are from."""
+    """The origin of the data."""
 
     timestamp_osm_base: NotRequired[_Tag]
 
@@ -93,7 +94,7 @@ class _Shape(TypedDict):
 
 
 class Finding(TypedDict):
-    """A place that Nominatim found. Its address maps what it lies in to names; its box is south, north, west, east."""
+    """A place that Nominatim found. Its address maps enclosing areas to names; its box is south, north, west, east."""
 
     lat: _Latitude
     lon: _Longitude
@@ -112,7 +113,7 @@ class Finding(TypedDict):
 
 
 class NotReadable(ValueError):
-    """An answer in another form; the message says where and what is wrong there."""
+    """An answer in another form; the message states where and what is wrong."""
 
 
 _Read = TypeVar("_Read")
@@ -124,7 +125,7 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 def read_map_data(answer: object) -> MapData:
-    """Return an answer of Overpass without what is not documented.
+    """Return an answer of Overpass without undocumented parts.
 
     Raises:
         NotReadable: it has another form.
@@ -134,7 +135,7 @@ def read_map_data(answer: object) -> MapData:
 
 
 def read_findings(answer: object) -> list[Finding]:
-    """Return the places of an answer of Nominatim without what is not documented.
+    """Return the places in an answer of Nominatim without undocumented parts.
 
     Raises:
         NotReadable: it has another form.

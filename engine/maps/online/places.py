@@ -1,6 +1,6 @@
-"""A place by its name: what Nominatim finds for the user's words, and which of it is meant.
+"""Resolves the name of a place: asks Nominatim, and decides which of its findings the user means.
 
-Nominatim knows settlements, roads and sights, but no crossings: those are found where the courses of their roads meet.
+Nominatim knows settlements, roads and sights, but no crossings: these are found where the courses of their roads meet.
 """
 
 import math
@@ -21,17 +21,17 @@ from ..osm import ground_distance_m
 from .services import ServiceClient
 
 SAME_PLACE_M = 20_000.0
-"""Findings nearer to each other are one place: a town and its boundary, the pieces of a road (chosen)."""
+"""Findings closer together than this are one place: a town and its boundary, the pieces of a road (chosen)."""
 LESS_KNOWN = 0.1
-"""By how much less important a place of the same name is that nobody means without saying so (chosen)."""
+"""A place of the same name that is less important by this difference is not offered as a candidate (chosen)."""
 LEAST_IMPORTANCE = 0.3
-"""Of something that is neither settlement nor road and has no town beside its name, to be meant by it (chosen)."""
+"""Minimum importance of something that is neither settlement nor road, if no town is given with its name (chosen)."""
 CROSSING_M = 80.0
-"""Between the courses of two roads that cross: carriageways lie apart (chosen)."""
+"""Maximum distance between the courses of two crossing roads: carriageways are apart (chosen)."""
 MOST_FOUND = 40
-"""Findings that Nominatim gives at most."""
+"""Maximum number of findings from Nominatim."""
 MOST_CANDIDATES = 6
-"""Places that a question or a refusal lists (chosen)."""
+"""Maximum number of places in a question or a refusal (chosen)."""
 _ROAD_KINDS = frozenset({"highway", "road"})
 _FAR_AROUND = ("state", "region", "province", "country")
 _AROUND = (
@@ -49,7 +49,7 @@ _AROUND = (
     "state_district",
     *_FAR_AROUND,
 )
-"""Keys of Nominatim's addresses for what a place lies in, the nearest first."""
+"""Keys of Nominatim's addresses for enclosing areas, the nearest first."""
 _TERRITORIES = {
     "US": frozenset(["AS", "GU", "MP", "PR", "UM", "VI"]),
     "FR": frozenset(["BL", "GF", "GP", "MF", "MQ", "NC", "PF", "PM", "RE", "WF", "YT"]),
@@ -60,12 +60,12 @@ _TERRITORIES = {
 
 
 def locate_place(request: LocateRequest, report: ProgressReporter) -> LocatedPlace:
-    """Find out what place the words mean; several candidates where they may mean several.
+    """Find the place that the text refers to; return several candidates if it is ambiguous.
 
     Raises:
         UnknownName: Nominatim knows no such place.
-        ServiceFailure: it cannot be asked.
-        NotPossible: it must not be asked.
+        ServiceFailure: it cannot be reached.
+        NotPossible: the settings do not allow the request.
     """
     report(0.0, "looking the place up")
     client = ServiceClient(request.services, report)
@@ -79,25 +79,25 @@ def locate_place(request: LocateRequest, report: ProgressReporter) -> LocatedPla
     if not found:
         where = f" in {request.country}" if request.country else ""
         raise UnknownName(
-            f"no map at hand shows {request.place!r}, and {search.service} knows no such place{where}",
-            next_step="spell it as a map does, or name the town beside it; or import an .osm extract of it",
+            f"no available map shows {request.place!r}, and {search.service} knows no such place{where}",
+            next_step="use a map's spelling, add the town, or import an .osm extract of the place",
             reason=NOT_SHOWN,
         )
-    several = _meant(found, request.place)
+    several = _best_matches(found, request.place)
     if len(several) > 1:
         return LocatedPlace(place=None, candidates=tuple(several), service=search.service, kept=search.kept)
     return LocatedPlace(place=several[0], service=search.service, kept=search.kept)
 
 
 class _Search:
-    """Looks words up in Nominatim; ``service`` answered, ``kept``: each of its answers was kept from before."""
+    """Searches Nominatim; ``service`` is the host that answered, and ``kept`` is True if all answers were cached."""
 
     def __init__(self, client: ServiceClient, country: str | None) -> None:
         self._client, self._country = client, country
         self.service, self.kept = "", True
 
     def find(self, words: str) -> list[NamedPlace]:
-        """All that Nominatim finds, the most important first, in the country that was named."""
+        """Return all findings of Nominatim in the given country, the most important first."""
         parameters: dict[str, int | str] = {
             "q": words,
             "format": "jsonv2",
@@ -112,16 +112,16 @@ class _Search:
             return self._found(parameters)
         code = _alpha2(self._country)
         found = self._found(parameters | {"countrycodes": code}) if code is not None else []
-        # territories of another country are no countries to OpenStreetMap, but to ISO 3166
+        # OpenStreetMap treats territories as parts of their country, ISO 3166 does not
         return found or [place for place in self._found(parameters) if place.country == self._country.upper()]
 
     def _found(self, parameters: Mapping[str, int | str]) -> list[NamedPlace]:
         answered = self._client.search(parameters)
         self.service, self.kept = answered.service, self.kept and answered.kept
-        return _pieces_joined([place for entry in answered.answer if (place := _named(entry)) is not None])
+        return _pieces_joined([place for entry in answered.answer if (place := _place_of_finding(entry)) is not None])
 
     def crossing(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """Where roads come together, once for each town where they do."""
+        """Return the crossings of the roads, one for each town."""
         found = [[place for place in self.find(f"{road}, {town}" if town else road) if place.lines] for road in roads]
         if not all(found):
             return []
@@ -129,20 +129,20 @@ class _Search:
         return crossings or (found[0] if town else [])
 
     def within(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """A town whose roads, named before it, Nominatim does not know by these words: the map may."""
+        """Return a town with roads that Nominatim does not know by these names; the map may know them."""
         hints = tuple((road,) for road in roads)
         return [place.model_copy(update={"roads": hints}) for place in self.find(town) if place.is_settlement]
 
 
 def _roads_of_crossing(text: str) -> tuple[list[str], str] | None:
-    """The roads of a crossing and the town; None where the words name none."""
+    """Return the roads of a crossing and the town, or None if the text is not a crossing."""
     parts = listed_parts(text)
     roads = crossing_parts(parts[0]) if parts else []
     return (roads, ", ".join(parts[1:])) if len(roads) == 2 else None
 
 
-def _named(entry: Mapping[str, Any]) -> NamedPlace | None:
-    """A finding of Nominatim; None for one that has no name or no place on earth."""
+def _place_of_finding(entry: Mapping[str, Any]) -> NamedPlace | None:
+    """Return a finding of Nominatim, or None if it has no name or no place on earth."""
     try:
         address = entry.get("address", {})
         south, north, west, east = (float(value) for value in entry["boundingbox"])
@@ -187,14 +187,14 @@ def _names(entry: Mapping[str, Any]) -> list[str]:
 
 
 def _label(name: str, address: Mapping[str, Any]) -> str:
-    """A name with the town, the state and the country that tell it from others of the name."""
+    """Return a name with the town, the state and the country that distinguish it from others."""
     town = next((address[key] for key in ("city", "town", "village", "municipality", "county") if address.get(key)), "")
     far = [address[key] for key in ("state", "country") if address.get(key)]
     return ", ".join(dict.fromkeys(one_line(str(part)) for part in (name, town, *far) if part))
 
 
 def _lines(shape: Mapping[str, Any]) -> tuple[tuple[tuple[float, float], ...], ...]:
-    """The courses in a GeoJSON shape, as (latitude, longitude)."""
+    """Return the courses in a GeoJSON shape, as (latitude, longitude)."""
     coordinates = shape.get("coordinates", [])
     kind = shape.get("type")
     lines = [coordinates] if kind == "LineString" else coordinates if kind in ("MultiLineString", "Polygon") else []
@@ -202,7 +202,7 @@ def _lines(shape: Mapping[str, Any]) -> tuple[tuple[tuple[float, float], ...], .
 
 
 def _pieces_joined(found: Iterable[NamedPlace]) -> list[NamedPlace]:
-    """The findings, with the ways of one road as one: OpenStreetMap parts a road wherever something changes."""
+    """Merge the ways of one road among the findings: OpenStreetMap splits a road wherever something changes."""
     joined: list[NamedPlace] = []
     for place in found:
         same = next((index for index, other in enumerate(joined) if place.lines and _is_piece(place, other)), None)
@@ -235,11 +235,11 @@ def _apart_m(one: NamedPlace, other: NamedPlace) -> float:
     return ground_distance_m((one.latitude, one.longitude), (other.latitude, other.longitude))
 
 
-def _meant(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
-    """What the words mean: one place, or several where several are as well known by this name.
+def _best_matches(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
+    """Return the place that the text means, or several that are equally well known by this name.
 
     Raises:
-        UnknownName: only things have the name that nobody would mean by it alone.
+        UnknownName: only things have the name that are too unimportant to be meant by it alone.
     """
     settled = [place for place in found if place.is_settlement]
     of_first_kind = settled if found[0].is_settlement else [place for place in found if not place.is_settlement]
@@ -248,19 +248,19 @@ def _meant(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
         of_first_kind = [place for place in of_first_kind if place.importance >= LEAST_IMPORTANCE] or list(settled)
     if not of_first_kind:
         raise UnknownName(
-            f"no map at hand shows {words!r}; Nominatim knows only a {shown_name(found[0].kind)} of that name, "
+            f"no available map shows {words!r}; Nominatim knows only a {shown_name(found[0].kind)} of that name, "
             f"{cited(found[0].label)}",
-            next_step="name the town beside it, or give its bbox",
+            next_step="add the town, or give its bbox",
             reason=NOT_SHOWN,
         )
-    different = of_first_kind[:1]  # whatever its name and importance say, it is what the service puts first
+    different = of_first_kind[:1]  # the service's first result counts, whatever its name and importance
     for place in of_first_kind[1:]:
         known = of_first_kind[0].importance - place.importance <= LESS_KNOWN
         same_name = {fold(name) for name in place.names} & {fold(name) for name in of_first_kind[0].names}
         if known and same_name and all(_apart_m(place, other) > SAME_PLACE_M for other in different):
             different.append(place)
     labels = {place.label for place in different}
-    if len(labels) < 2:  # Nominatim lists one place several times where the map has it several times
+    if len(labels) < 2:  # Nominatim lists a place as often as the map has it
         return different[:1]
     return [
         next(place for place in different if place.label == label)
@@ -269,7 +269,7 @@ def _meant(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
 
 
 def _crossing(one: NamedPlace, other: NamedPlace) -> NamedPlace | None:
-    """The place where two roads come nearest to each other; None where they never meet."""
+    """Return the place where two roads come closest, or None if they never meet."""
     if _apart_m(one, other) > 2 * SAME_PLACE_M:
         return None
     from shapely import LineString, MultiLineString
@@ -311,7 +311,7 @@ def _alpha2(code: str) -> str | None:
 
 
 def _country(address: Mapping[str, Any]) -> str | None:
-    """ISO 3166-1 alpha-3 of where an address lies: of the territory where that has a code of its own."""
+    """Return ISO 3166-1 alpha-3 for an address: the territory's if it has a code of its own."""
     code = str(address.get("country_code", "")).upper()
     parts = {str(value).rpartition("-")[2] for key, value in address.items() if key.startswith("ISO3166-2-lvl")}
     own = sorted(parts & _TERRITORIES.get(code, frozenset()))

@@ -1,9 +1,9 @@
-"""Requests to Nominatim and Overpass: by osmnx, to the configured hosts alone, in turn, with an end.
+"""Sends requests to Nominatim and Overpass with osmnx: only to the configured hosts, in turn, and with limits.
 
-osmnx makes the requests, names the program, and reads when Overpass has a slot free. What it does not do is done in a
-hook that requests calls with every response before anything of it is read (osmnx's setting ``requests_kwargs``): a
-redirect is not followed, an answer is read only to a limit in bytes and seconds, and a refusal (429, 504 …) becomes an
-exception with the time after which the service wants to be asked again. osmnx would wait 55 s for it, without an end.
+osmnx makes the requests, identifies the program, and waits for a free slot at Overpass. The rest happens in a hook that
+requests calls with every response before its body is read (osmnx's setting ``requests_kwargs``). Redirects are not
+followed. An answer is read only up to a limit in bytes and seconds. A refusal (429, 504 …) becomes an exception with
+the service's retry time; osmnx would wait 55 s for it, again and again.
 """
 
 import fcntl
@@ -32,19 +32,19 @@ from .messages import Finding, MapData, NotReadable, read_findings, read_map_dat
 
 _MIB = 1024**2
 MOST_BYTES = 60 * _MIB
-"""Of one answer (chosen): a map of more is not read either."""
+"""Maximum size of one answer (chosen): a larger map is not read either."""
 CONNECT_S = 4.0
-"""Within which a host has to be found and reached (chosen): without a net the refusal comes at once."""
+"""Maximum time to find and reach a host (chosen): without a network, the refusal comes at once."""
 MOST_WAIT_S = 20.0
-"""For which a service is waited for before the next one is asked (chosen)."""
+"""Maximum wait for a service before the next one is asked (chosen)."""
 MOST_SECONDS = 120.0
-"""For all services together (chosen): then nobody waits for an answer any more."""
+"""Maximum time for all services together (chosen): users do not wait longer."""
 ATTEMPTS = 2
-"""At one service (the paper's: one retry each)."""
+"""Attempts at one service (the paper's: one retry each)."""
 FIRST_PAUSE_S = 1.0
-"""Before the second attempt where the service names no time; doubled for each further one."""
+"""Pause before the second attempt if the service gives no time; doubled for each further one."""
 EMPTY_KEPT_S = 3_600.0
-"""An answer that holds nothing is asked for again after this time (chosen): somebody may have mapped the place."""
+"""An empty answer expires after this time (chosen): the place may have been mapped since."""
 _MOST_STATUS_READS = 3
 _MOST_SHARE = 0.8
 _CHUNK = 64 * 1024
@@ -55,7 +55,7 @@ _AGAIN = frozenset({429, 500, 502, 503, 504})
 
 
 class Trouble(Exception):
-    """A service did not answer as it should; ``again``: it may if it is asked again, after ``wait_s`` seconds."""
+    """A service gave no valid answer; ``again``: a retry may succeed, after ``wait_s`` seconds."""
 
     def __init__(self, what: str, *, again: bool = False, wait_s: float | None = None) -> None:
         super().__init__(what)
@@ -67,9 +67,9 @@ _Read = TypeVar("_Read")
 
 @dataclass(frozen=True)
 class Answered(Generic[_Read]):
-    """An answer as it was read, its host, and whether it was kept from before.
+    """A validated answer, its host, and whether it was cached.
 
-    ``troubles``: what could not be asked, a sentence each.
+    ``troubles``: a sentence for each service that failed.
     """
 
     answer: _Read
@@ -82,8 +82,8 @@ class Answered(Generic[_Read]):
 class _Question(Generic[_Read]):
     """A question to services of one kind, at their addresses.
 
-    ``ask``: asks the service at an address. ``read``: reads its answer or raises ``NotReadable``. ``holds``: whether an
-    answer holds something.
+    ``ask`` sends it to the service at an address. ``read`` reads the answer or raises ``NotReadable``. ``holds``
+    returns whether an answer is not empty.
     """
 
     text: str
@@ -96,7 +96,7 @@ class _Question(Generic[_Read]):
 
 @dataclass
 class _Guard:
-    """Looks at every response before it is read."""
+    """Checks every response before it is read."""
 
     hosts: tuple[str, ...]
     deadline: float
@@ -104,11 +104,11 @@ class _Guard:
     status_reads: int = field(default=0)
 
     def __call__(self, response: Any, *unused: object, **options: object) -> None:
-        """Read the body of a good response; raise for any other.
+        """Read the body of a good response; raise an error for any other.
 
         Raises:
-            Trouble: a redirect, a status that is no success, a page in place of data, too slow, cut off.
-            NotPossible: it is larger than what is read.
+            Trouble: it is a redirect, an error status, a page instead of data, too slow, or incomplete.
+            NotPossible: it is larger than the limit.
         """
         del unused, options
         try:
@@ -120,7 +120,7 @@ class _Guard:
     def _look_at(self, response: Any) -> None:
         host = urlsplit(response.url).netloc.rpartition("@")[2]
         if host not in self.hosts:
-            raise Trouble(f"{host} is none of the configured hosts")
+            raise Trouble(f"{host} is not a configured host")
         if 300 <= response.status_code < 400:
             goal = urlsplit(response.headers.get("location", "")).netloc
             raise Trouble(f"redirects to {cited(goal)}, which is not followed")
@@ -130,22 +130,22 @@ class _Guard:
             raise self._refused(response)
         body = self._body(response)
         if not is_status and body.lstrip()[:1] == b"<":
-            raise Trouble(f"answered with a page instead of data: {_said(body)}", again=True)
+            raise Trouble(f"answered with a page instead of data: {_text_of_page(body)}", again=True)
         response.raw = io.BytesIO(body)
 
     def _count(self, is_status: bool) -> None:
-        """osmnx asks for the status again and again while all slots are taken: only a few times."""
+        """Limit status requests: osmnx asks again and again while all slots are taken."""
         self.status_reads += is_status
         if self.status_reads > _MOST_STATUS_READS:
-            raise Trouble("its slots stay taken")
+            raise Trouble("its slots stay occupied")
 
     def _refused(self, response: Any) -> Trouble:
-        said = _said(self._body(response))
-        reason = {429: "asks for patience (429)", 504: "is too busy (504)"}.get(
+        text = _text_of_page(self._body(response))
+        reason = {429: "asks to wait (429)", 504: "is too busy (504)"}.get(
             response.status_code, f"refuses ({response.status_code})"
         )
         wait_s = _retry_after_s(response.headers.get("retry-after", ""))
-        return Trouble(f"{reason}{f': {said}' if said else ''}", again=response.status_code in _AGAIN, wait_s=wait_s)
+        return Trouble(f"{reason}{f': {text}' if text else ''}", again=response.status_code in _AGAIN, wait_s=wait_s)
 
     def _body(self, response: Any) -> bytes:
         from requests.exceptions import RequestException
@@ -157,7 +157,7 @@ class _Guard:
         parts: list[bytes] = []
         size = 0
         try:
-            while part := response.raw.read1(_CHUNK, decode_content=True):  # what has come: bytes may come one by one
+            while part := response.raw.read1(_CHUNK, decode_content=True):  # bytes may arrive one by one
                 size += len(part)
                 if size > MOST_BYTES:
                     raise _too_much()
@@ -173,16 +173,16 @@ class _Guard:
 
 
 def _too_much() -> NotPossible:
-    """It would be as much from any other service."""
+    """Return the refusal of too large an answer; any other service would send as much."""
     return NotPossible(
-        f"the answer holds more than {MOST_BYTES // _MIB} MB of map data; no more is read",
-        next_step="ask for a smaller bbox, or for a street of the place; or lower maps_km2",
+        f"the answer exceeds the limit of {MOST_BYTES // _MIB} MB of map data",
+        next_step="choose a smaller bbox or a street of the place, or lower maps_km2",
         reason=TOO_LARGE,
     )
 
 
-def _said(body: bytes) -> str:
-    """What a page says, without its tags."""
+def _text_of_page(body: bytes) -> str:
+    """Return the text of a page, without its tags."""
     from lxml import etree, html
 
     try:
@@ -193,7 +193,7 @@ def _said(body: bytes) -> str:
 
 
 def _retry_after_s(text: str) -> float | None:
-    """Seconds from a Retry-After header: a number or a date; None where there is none."""
+    """Return seconds from a Retry-After header (a number or a date), or None."""
     if text.strip().isdecimal():
         return float(text)
     try:
@@ -203,7 +203,7 @@ def _retry_after_s(text: str) -> float | None:
 
 
 class ServiceClient:
-    """Asks Nominatim and Overpass, or what they answered before."""
+    """Asks Nominatim and Overpass, or returns their cached answers."""
 
     def __init__(self, services: MapServices, report: ProgressReporter) -> None:
         self._services, self._report, self._share = services, report, 0.05
@@ -212,17 +212,17 @@ class ServiceClient:
         self._give_up_at = time.monotonic() + MOST_SECONDS
 
     def search(self, parameters: Mapping[str, int | str]) -> Answered[list[Finding]]:
-        """What Nominatim finds: a list of places as its format jsonv2 has them.
+        """Return the findings of Nominatim: a list of places in its format jsonv2.
 
         Raises:
-            ServiceFailure: it cannot be asked, or does not answer as it should.
-            NotPossible: it must not be asked, and did not answer this before.
+            ServiceFailure: it cannot be reached, or gives no valid answer.
+            NotPossible: the settings do not allow the request, and there is no cached answer.
         """
         base = self._services.nominatim_url
         query = "&".join(f"{key}={value}" for key, value in sorted(parameters.items()))
 
         def ask(url: str) -> object:
-            del url  # osmnx has it as its setting
+            del url  # osmnx takes it from its settings
             from osmnx import _nominatim
 
             return _nominatim._nominatim_request(OrderedDict(sorted(parameters.items())))
@@ -231,13 +231,13 @@ class ServiceClient:
         return self._ask(_Question(question, "Nominatim", (base,), ask, read_findings, holds=bool))
 
     def query(self, text: str) -> Answered[MapData]:
-        """What the first Overpass service that can be asked answers to a query in its language, as its JSON.
+        """Return the JSON answer of the first available Overpass service to a query in its language.
 
-        An empty answer is believed where a second service gives none either: some hold a part of the earth alone.
+        An empty answer counts only if a second service confirms it: some services cover only a part of the earth.
 
         Raises:
-            ServiceFailure: none answers as it should.
-            NotPossible: none must be asked, and none answered this before.
+            ServiceFailure: no service gives a valid answer.
+            NotPossible: the settings do not allow the request, and there is no cached answer.
         """
 
         def ask(url: str) -> object:
@@ -249,28 +249,28 @@ class ServiceClient:
 
     def _ask(self, question: "_Question[_Read]") -> "Answered[_Read]":
         asks_none = self._services.mode == "cache"
-        kept = self._kept(question, however_old=asks_none)
+        kept = self._cached(question, however_old=asks_none)
         fresh = kept is not None and (asks_none or question.holds(kept.answer) or kept.age_s < EMPTY_KEPT_S)
         if kept is not None and fresh:
             return Answered(kept.answer, kept.service, kept=True)
         if self._services.mode != "online":
             raise NotPossible(
-                f"{question.kind} did not answer this before; as maps_online is {self._services.mode}, it is not asked",
+                f"{question.kind} has no cached answer, and maps_online is {self._services.mode}, so it is not asked",
                 next_step="set maps_online to online, or import an .osm extract of the place with import_files",
                 reason=NOT_ASKED,
             )
         answered, troubles = self._first_answer(question)
         if answered is None:
-            old = self._kept(question, however_old=True)
+            old = self._cached(question, however_old=True)
             if old is None:
                 raise ServiceFailure(f"{question.kind} cannot be used: {'; '.join(troubles)}", reason=UNREACHED)
-            return Answered(old.answer, old.service, True, (*troubles, "an answer kept from long ago is used"))
+            return Answered(old.answer, old.service, True, (*troubles, "an old cached answer is used"))
         if not answered.kept:
             self._cache.keep(KeptAnswer(question.text, answered.service, time.time(), answered.answer))
         return answered
 
-    def _kept(self, question: "_Question[_Read]", *, however_old: bool) -> "KeptAnswer[_Read] | None":
-        """Return the kept answer; one that cannot be read, which earlier versions may have kept, is removed."""
+    def _cached(self, question: "_Question[_Read]", *, however_old: bool) -> "KeptAnswer[_Read] | None":
+        """Return the cached answer; remove an unreadable one, which an earlier version may have stored."""
         kept = self._cache.find(question.text, however_old=however_old)
         if kept is None:
             return None
@@ -281,14 +281,14 @@ class ServiceClient:
             return None
 
     def _first_answer(self, question: "_Question[_Read]") -> "tuple[Answered[_Read] | None, list[str]]":
-        """The first answer that holds something, otherwise the first empty one; and what went wrong until then."""
+        """Return the first answer with content, otherwise the first empty one; also the failures before it."""
         empty: Answered[_Read] | None = None
         troubles: list[str] = []
         urls = question.urls
         for url in urls:
             host = _host_of(url)
             if time.monotonic() > self._give_up_at:
-                troubles.append(f"{host} was not asked any more after {MOST_SECONDS:g} s")
+                troubles.append(f"{host} was not tried after the limit of {MOST_SECONDS:g} s")
                 break
             self._tell(f"asking {host}")
             try:
@@ -301,11 +301,11 @@ class ServiceClient:
             if empty is not None:
                 break
             empty = found
-            troubles += [f"{host} holds nothing there"] if len(urls) > 1 else []
+            troubles += [f"{host} has nothing there"] if len(urls) > 1 else []
         return (None if empty is None else _with(empty, troubles)), troubles
 
     def _patiently(self, url: str, question: "_Question[_Read]") -> _Read:
-        """One service's answer, asked again once where that may help."""
+        """Return one service's answer; ask again once if that may help."""
 
         def wait_s(state: RetryCallState) -> float:
             raised = state.outcome.exception() if state.outcome is not None else None
@@ -339,12 +339,12 @@ class ServiceClient:
             self._tell(f"{size / _MIB:.1f} MB read")
 
     def _tell(self, message: str) -> None:
-        """Report what is done now; how much of the whole it is, nobody can know: a little more than before."""
+        """Report the current step; the total is unknown, so the progress grows a little each time."""
         self._share += 0.05 * (_MOST_SHARE - self._share)
         self._report(self._share, message)
 
     def _overpass(self, url: str, text: str) -> object:
-        """One request to one Overpass service, once it has a slot free."""
+        """Send one request to one Overpass service, once it has a free slot."""
         from osmnx import _overpass, settings
 
         pause_s: float = _overpass._get_overpass_pause(url, default_pause=_UNKNOWN_PAUSE)
@@ -353,7 +353,7 @@ class ServiceClient:
         if pause_s > 0:
             self._tell(f"{_host_of(url)} has a slot in {pause_s:.0f} s")
             time.sleep(pause_s)
-        settings.overpass_rate_limit = False  # just asked; osmnx waits 60 s for an unknown one
+        settings.overpass_rate_limit = False  # its status was just checked; osmnx waits 60 s for an unknown one
         answer = _overpass._overpass_request(OrderedDict(data=text))
         remark = str(answer.get("remark", ""))
         if "error" in remark or "timed out" in remark:
@@ -362,7 +362,7 @@ class ServiceClient:
 
     @contextmanager
     def _turn(self, host: str) -> Iterator[None]:
-        """A host's turn: one request at a time of all processes on the workspace, with a pause between two."""
+        """Wait for a host's turn: one request at a time of all processes on the workspace, with a pause between."""
         path = Path(self._services.cache) / f"{host.replace(':', '_')}.turn"
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as stream:
@@ -379,7 +379,7 @@ class ServiceClient:
 
 
 NOT_ASKED, UNREACHED, TOO_LARGE = "not_asked", "unreached", "too_large"
-"""Reasons: the settings forbid to ask; no service answered as it should; there is more than is read."""
+"""Reasons: the settings forbid requests; no service gave a valid answer; the answer exceeds the limit."""
 
 
 def _with(found: Answered[_Read], troubles: Sequence[str]) -> Answered[_Read]:
@@ -392,7 +392,7 @@ def _host_of(url: str) -> str:
 
 @contextmanager
 def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) -> Iterator[None]:
-    """osmnx with these settings, for one service; afterwards its own again."""
+    """Apply these settings to osmnx for one service; restore its own afterwards."""
     from osmnx import settings
 
     ours = {
@@ -400,7 +400,7 @@ def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) 
         "overpass_url": url,
         "http_user_agent": services.user_agent,
         "http_referer": services.user_agent,
-        "doh_url_template": None,  # no host beside the configured ones, not even to resolve a name
+        "doh_url_template": None,  # no host other than the configured ones, not even to resolve a name
         "use_cache": False,
         "log_console": False,
         "log_file": False,
@@ -421,11 +421,11 @@ def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) 
     finally:
         for name, value in before.items():
             setattr(settings, name, value)
-        socket.getaddrinfo = lookup  # osmnx puts its own in its place, which keeps the address of a host
+        socket.getaddrinfo = lookup  # osmnx replaces it with one that caches the address of a host
 
 
 def _answer_of(question: _Question[_Read], url: str) -> _Read:
-    """Return what the service answers, read; whatever goes wrong on the way is trouble of the service."""
+    """Return the service's answer, validated; turn any failure into ``Trouble`` of the service."""
     from requests.exceptions import RequestException, Timeout
 
     try:
@@ -437,14 +437,14 @@ def _answer_of(question: _Question[_Read], url: str) -> _Read:
     except RequestException as error:
         raise Trouble("cannot be reached", again=True) from error
     except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:  # osmnx's errors are ValueErrors
-        raise Trouble("answered with something that is not the JSON that was asked for", again=True) from error
+        raise Trouble("answered with something other than the requested JSON", again=True) from error
 
 
 def _check_reachable(url: str) -> None:
-    """Find out within seconds whether a host can be reached; through a proxy it is left to that.
+    """Check within seconds that a host is reachable; a proxy checks this itself.
 
     Raises:
-        Trouble: it cannot.
+        Trouble: it is not.
     """
     from requests.utils import get_environ_proxies
 
@@ -454,7 +454,7 @@ def _check_reachable(url: str) -> None:
     address = (parts.hostname or "", parts.port or (443 if parts.scheme == "https" else 80))
     outcome: list[OSError | None] = []
 
-    def try_it() -> None:  # in a thread: nothing else bounds how long a name is looked up without a net
+    def try_it() -> None:  # in a thread: nothing else limits the time to resolve a name without a network
         try:
             socket.create_connection(address, timeout=CONNECT_S).close()
             outcome.append(None)
@@ -471,5 +471,5 @@ def _check_reachable(url: str) -> None:
 
 
 def settings_of_query(services: MapServices) -> str:
-    """How an Overpass query begins: JSON, its own time limit and memory."""
+    """Return the start of an Overpass query: JSON, its own time limit and memory."""
     return f"[out:json][timeout:{max(int(services.timeout_s), 1)}][maxsize:{4 * MOST_BYTES}];"

@@ -1,4 +1,4 @@
-"""What OpenStreetMap's tags say of a road: who may use it, how fast, on which lanes; written as netconvert reads it.
+"""Interprets OpenStreetMap's tags of a road (users, speed, lanes), for use with netconvert.
 
 OSM's documentation (https://wiki.openstreetmap.org/wiki/Key:access, Key:maxspeed, Key:lanes, Key:turn) defines them.
 """

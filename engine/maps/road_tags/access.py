@@ -1,9 +1,10 @@
-"""Who may use a road, by OSM's access tags, and where barriers stand in the way.
+"""Determines the users of a road from OSM's access tags, and the barriers that block it.
 
-A more special key overrules a more general one, and a lane or direction the whole road, as OSM's documentation has it
-(https://wiki.openstreetmap.org/wiki/Key:access, "Transport mode restrictions"). Values count as in OSM's routers:
-``destination`` and its like open a road to those who have business there, so that it stays a road; ``private`` and
-``permit`` close it to general traffic (https://wiki.openstreetmap.org/wiki/OSM_tags_for_routing/Access_restrictions).
+A more specific key overrides a more general one, and a lane or direction overrides the whole road, as in OSM's
+documentation (https://wiki.openstreetmap.org/wiki/Key:access, "Transport mode restrictions"). Values count as in OSM's
+routers: ``destination`` and similar values open a road to users with business there, so it remains a road; ``private``
+and ``permit`` close it to general traffic
+(https://wiki.openstreetmap.org/wiki/OSM_tags_for_routing/Access_restrictions).
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,11 +23,11 @@ _KEYS: Mapping[RoadUser, tuple[str, ...]] = {
     "bus": ("bus", "psv", *_MOTOR),
     "motorcycle": ("motorcycle", *_MOTOR),
 }
-"""The keys that rule each road user, the most special first."""
+"""The keys that apply to each road user, the most specific first."""
 ROAD_USERS: tuple[RoadUser, ...] = tuple(_KEYS)
 _OPEN = frozenset({"yes", "permissive", "designated", "official", "allowed", "discouraged"})
 _FOR_ACCESS = frozenset({"destination", "customers", "delivery", "residents", "resident"})
-"""Open to those who have business there: routers let a way begin or end on such a road."""
+"""Values that open a road to users with business there: routers may begin or end a route on it."""
 _CLOSING = """
 no private permit agricultural forestry military emergency restricted use_sidepath dismount
 """
@@ -36,9 +37,9 @@ _FOR_ONE: Mapping[str, RoadUser] = {"bus": "bus", "psv": "bus", "hgv": "truck", 
 
 
 def _says(value: str, user: RoadUser) -> bool | None:
-    """Whether a tag's value opens a road to a user; None for values that say nothing.
+    """Return whether a tag's value opens a road to a user, or None if it does not decide this.
 
-    Of a list (``agricultural;forestry``) one value that opens the road is enough.
+    In a list (``agricultural;forestry``), one opening value suffices.
     """
     verdicts = []
     for part in value.lower().split(";"):
@@ -53,7 +54,7 @@ def _says(value: str, user: RoadUser) -> bool | None:
 
 
 def is_open(tags: Tags, user: RoadUser, direction: Direction | None = None, *, otherwise: bool = True) -> bool:
-    """Whether the tags of a way or node open it to a road user (in a direction); ``otherwise``: if they say nothing."""
+    """Return whether the tags of a way or node open it to a road user (in a direction), else ``otherwise``."""
     for key in _KEYS[user]:
         for name in (f"{key}:{direction}", key) if direction else (key,):
             if name in tags and (verdict := _says(tags[name], user)) is not None:
@@ -62,7 +63,7 @@ def is_open(tags: Tags, user: RoadUser, direction: Direction | None = None, *, o
 
 
 def users_of(tags: Tags, direction: Direction | None = None) -> frozenset[RoadUser]:
-    """The motor vehicles that may use a road (in a direction)."""
+    """Return the motor vehicles that may use a road (in a direction)."""
     if _RULING.isdisjoint(tags):
         return _EVERYBODY
     directions: tuple[Direction | None, ...] = (direction,) if direction else ("forward", "backward")
@@ -70,7 +71,7 @@ def users_of(tags: Tags, direction: Direction | None = None) -> frozenset[RoadUs
 
 
 def is_for_cars(tags: Tags) -> bool:
-    """Whether cars may use a road in one direction at least."""
+    """Return whether cars may use a road in at least one direction."""
     return _RULING.isdisjoint(tags) or is_open(tags, "car", "forward") or is_open(tags, "car", "backward")
 
 
@@ -81,7 +82,7 @@ _RULING = frozenset(
 
 
 def closing_tag(tags: Tags) -> str:
-    """The tag that closes a road to cars, as ``key=value``; empty where none does."""
+    """Return the tag that closes a road to cars, as ``key=value``, or an empty text."""
     for key in _KEYS["car"]:
         for name in (key, f"{key}:forward", f"{key}:backward"):
             if name in tags and _says(tags[name], "car") is False:
@@ -90,7 +91,7 @@ def closing_tag(tags: Tags) -> str:
 
 
 def is_for_access_only(tags: Tags) -> bool:
-    """Whether a road is open to cars that have business there and not to through traffic."""
+    """Return whether a road is open to cars with business there but not to through traffic."""
     for key in _KEYS["car"]:
         words = {word.strip() for word in tags.get(key, "").lower().split(";")}
         if words & (_OPEN | _FOR_ACCESS | _CLOSED):
@@ -99,7 +100,7 @@ def is_for_access_only(tags: Tags) -> bool:
 
 
 def conditional_tags(tags: Tags) -> list[str]:
-    """The access tags that hold at some times or for some vehicles only: a scenario has no time of day."""
+    """Return the access tags for certain times or vehicles only: a scenario has no time of day."""
     ruling = {key for keys in _KEYS.values() for key in keys}
     return sorted(
         f"{key}={value}"
@@ -109,9 +110,9 @@ def conditional_tags(tags: Tags) -> list[str]:
 
 
 def lane_users(tags: Tags, direction: Direction, *, oneway: bool) -> list[frozenset[RoadUser]]:
-    """For each lane in a direction, from left to right, who may use it; empty where no tag tells lanes apart.
+    """Return the users of each lane in a direction, from left to right; empty if no tag distinguishes lanes.
 
-    A lane that is designated for buses is theirs alone unless a tag lets others onto it.
+    A lane that is designated for buses is theirs alone unless a tag admits others.
     """
     lists = {
         key: values
@@ -123,7 +124,7 @@ def lane_users(tags: Tags, direction: Direction, *, oneway: bool) -> list[frozen
 
 
 def lane_values(tags: Tags, key: str, direction: Direction, *, oneway: bool) -> list[str]:
-    """What ``key:lanes`` says of each lane in a direction, from left to right; empty where it says nothing."""
+    """Return the value of ``key:lanes`` for each lane in a direction, from left to right; empty without the tag."""
     text = tags.get(f"{key}:lanes:{direction}") or (tags.get(f"{key}:lanes", "") if oneway else "")
     return [part.strip() for part in text.split("|")] if text else []
 
@@ -151,12 +152,13 @@ gate lift_gate toll_booth border_control cattle_grid entrance height_restrictor 
 arch
 """
 _PASSABLE = frozenset(_LETTING_THROUGH.split())
-"""Kinds of barriers that let cars through unless their access tags say otherwise, as OSRM's and GraphHopper's profiles
-for cars have it; all other kinds stop them (bollards, blocks, chains, stiles …)."""
+"""Kinds of barriers that let cars through unless their access tags deny it, as in OSRM's and GraphHopper's profiles for
+cars; all other kinds stop them (bollards, blocks, chains, stiles …).
+"""
 
 
 def barrier_of(tags: Tags) -> str:
-    """The tag of a node that stops cars, as ``key=value``; empty where they get through."""
+    """Return the tag of a node that stops cars, as ``key=value``; empty if they can pass."""
     kind = tags.get("barrier", "")
     if not kind:
         return closing_tag(tags) if not _RULING.isdisjoint(tags) and not is_open(tags, "car") else ""
@@ -167,7 +169,7 @@ def barrier_of(tags: Tags) -> str:
 
 
 def in_words(names: Iterable[str], most: int = 3) -> str:
-    """Names in their order, each once, with the number of the others."""
+    """List names in order, each once, with the number of the others."""
     different = list(dict.fromkeys(names))
     more = f" and {len(different) - most} more" if len(different) > most else ""
     return ", ".join(different[:most]) + more

@@ -1,7 +1,7 @@
-"""How many lanes a road has in either direction, where they lead, how wide they are, and which are for buses.
+"""Determines a road's lanes in either direction: number, arrows, widths, and bus lanes.
 
 After OSM's documentation: Key:lanes, Key:turn, Key:width, Lanes (https://wiki.openstreetmap.org/wiki/Lanes). Lists over
-lanes (``a|b|c``) run from left to right in the direction that they are for.
+lanes (``a|b|c``) run from left to right in their own direction.
 """
 
 import math
@@ -14,9 +14,9 @@ from .access import Direction, lane_users, lane_values
 Tags = Mapping[str, str]
 _MOST_LANES = 32
 _NARROWEST_LANE_M = 2.0
-"""A car of 1.8 m and 0.1 m on either side of it: no car drives on a narrower lane (chosen)."""
+"""A car of 1.8 m and 0.1 m on either side: no car drives on a narrower lane (chosen)."""
 SHARED_LANE_M = 2.75
-"""Of either lane where a road has one lane for both directions: the narrowest lane of a local street (RASt 06)."""
+"""Width of either lane if a road has one lane for both directions: the narrowest lane of a local street (RASt 06)."""
 _ONEWAY = {"yes": 1, "true": 1, "1": 1, "-1": -1, "reverse": -1, "no": 0, "false": 0, "0": 0, "alternating": 0}
 _RINGS = ("roundabout", "circular")
 _IMPLIED_ONEWAY = ("motorway", "motorway_link")
@@ -25,9 +25,9 @@ _LEFT, _RIGHT = ("left", "sharp_left"), ("right", "sharp_right")
 
 @dataclass(frozen=True)
 class Side:
-    """The lanes of one direction, from left to right: where each leads by its arrows, and which are for buses alone.
+    """The lanes of one direction, from left to right: their arrows, and which are for buses alone.
 
-    ``turns``: values of ``turn:lanes``, empty where no arrow is known; ``widths_m``: of each lane, as they are mapped.
+    ``turns``: values of ``turn:lanes``, empty if no arrow is known. ``widths_m``: the mapped width of each lane.
     """
 
     count: int | None = None
@@ -39,10 +39,10 @@ class Side:
 
 @dataclass(frozen=True)
 class Lanes:
-    """The lanes of a road; ``notes`` says in words, by a key, what of the tags could not be drawn as it is.
+    """The lanes of a road; ``notes`` lists by key what could not be drawn as tagged.
 
-    ``oneway``: 1 and -1 for a road in one direction (along its nodes, against them), 0 for both. ``width_m``: of the
-    whole carriageway. ``too_narrow``: no car fits onto it.
+    ``oneway``: 1 and -1 for a road in one direction (along its nodes, against them), 0 for both. ``width_m``: width of
+    the whole carriageway. ``too_narrow``: no car fits on it.
     """
 
     oneway: int
@@ -54,7 +54,7 @@ class Lanes:
 
 
 def oneway_of(tags: Tags) -> int:
-    """1 for a road that cars drive along its nodes alone, -1 for one against them, 0 for one in both directions."""
+    """Return 1 for a road that cars use only along its nodes, -1 for one against them, 0 for both directions."""
     for key in ("oneway:motorcar", "oneway:motor_vehicle", "oneway:vehicle", "oneway"):
         value = tags.get(key, "")
         if value in _ONEWAY:
@@ -67,13 +67,13 @@ def oneway_of(tags: Tags) -> int:
 
 
 def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: int = 1) -> Lanes:
-    """The lanes that a road's tags state.
+    """Return the lanes that a road's tags state.
 
     Args:
-        tags: the road's.
-        lefthand: whether traffic keeps to the left.
-        oneway: the direction, where it follows from more than the tags of lanes (access in one direction).
-        default: lanes in either direction where the tags say nothing.
+        tags: the road's tags.
+        lefthand: whether traffic keeps left.
+        oneway: the direction, if it follows from more than the tags of lanes (access in one direction).
+        default: lanes in either direction if the tags do not state any.
     """
     oneway = oneway_of(tags) if oneway is None else oneway
     notes = ["reversible"] if tags.get("oneway") == "reversible" else []
@@ -101,7 +101,7 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
 
 
 def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
-    """What the tags say of the lanes in one direction; of one that nobody drives nothing."""
+    """Return the tagged lanes of one direction; nothing for a direction without traffic."""
     if (oneway > 0 and direction == "backward") or (oneway < 0 and direction == "forward"):
         return Side()
     alone = oneway != 0
@@ -110,7 +110,7 @@ def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
     widths = [_metres(value) for value in lane_values(tags, "width", direction, oneway=alone)]
     count = _count(tags, f"lanes:{direction}") or (_count(tags, "lanes") if alone else None)
     listed = max(len(turns), len(users), len(widths))
-    if users:  # lanes for bicycles stand in the lists and are none of ``lanes``
+    if users:  # the lists include lanes for bicycles, ``lanes`` does not
         kept = [index for index, allowed in enumerate(users) if allowed]
         turns = [turns[index] for index in kept if index < len(turns)]
         widths = [widths[index] for index in kept if index < len(widths)]
@@ -123,7 +123,7 @@ def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
 
 
 def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
-    """Return whether netconvert draws the lanes where ``placement`` says; it does so on one-way roads.
+    """Return whether netconvert draws the lanes as ``placement`` states; it does so on one-way roads.
 
     ``right_of:1`` is the right edge of the leftmost lane (https://wiki.openstreetmap.org/wiki/Key:placement).
     """
@@ -135,14 +135,14 @@ def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
 
 
 def _trimmed(side: Side) -> Side:
-    """A side whose lists have one value a lane; those that do not are left out."""
+    """Return a side without lists that do not have one value per lane."""
     count = min(side.count, _MOST_LANES) if side.count else None
     lists = {name: values for name in ("turns", "buses", "widths_m") if len(values := getattr(side, name)) == count}
     return Side(count, lists.get("turns", ()), lists.get("buses", ()), lists.get("widths_m", ()))
 
 
 def _shared_out(forward: Side, backward: Side, total: int | None, middle: int) -> tuple[Side, Side, list[str]]:
-    """The numbers of lanes of both directions, where the tags give some of: total, forward, backward, middle."""
+    """Complete the lane counts of both directions from the tagged ones: total, forward, backward, middle."""
     if total is None:
         return forward, backward, []
     through = max(total - middle, 0)
@@ -159,7 +159,7 @@ def _shared_out(forward: Side, backward: Side, total: int | None, middle: int) -
 
 
 def _middle_lanes(tags: Tags) -> int:
-    """Lanes that both directions share, as for turning left from either."""
+    """Return the number of lanes that both directions share, for example for left turns."""
     count = _count(tags, "lanes:both_ways")
     if count is not None:
         return count
@@ -168,7 +168,7 @@ def _middle_lanes(tags: Tags) -> int:
 
 
 def _bus_lanes(tags: Tags, direction: Direction, alone: bool, lefthand: bool) -> int:
-    """The number of lanes for buses, which lie at the kerb, by tags that do not say which lanes they are."""
+    """Return the number of bus lanes, which are at the kerb, from tags that do not state which lanes they are."""
     for key in ("lanes:psv", "lanes:bus"):
         for name in (f"{key}:{direction}", *([key] if alone else [])):
             if (count := _count(tags, name)) is not None:
@@ -181,7 +181,7 @@ def _bus_lanes(tags: Tags, direction: Direction, alone: bool, lefthand: bool) ->
 
 
 def _with_bus_lanes(side: Side, number: int, *, lefthand: bool) -> Side:
-    """A side with so many lanes for buses at the kerb, unless its lists tell which lanes are theirs."""
+    """Return a side with so many bus lanes at the kerb, unless its lists state which lanes they are."""
     if not number or not side.count or any(side.buses):
         return side
     others = max(side.count - number, 0)
@@ -190,7 +190,7 @@ def _with_bus_lanes(side: Side, number: int, *, lefthand: bool) -> Side:
 
 
 def _with_widths(lanes: Lanes, tags: Tags, total: int | None, default: int) -> Lanes:
-    """Lanes with the width of the road, and what follows where a car does not fit."""
+    """Return lanes with the width of the road, and the consequences if a car does not fit."""
     mapped = _metres(tags.get("width:carriageway", "")) or _metres(tags.get("width", ""))
     width = mapped or _metres(tags.get("est_width", ""))
     sides = [side for side, there in ((lanes.forward, lanes.oneway >= 0), (lanes.backward, lanes.oneway <= 0)) if there]
@@ -214,14 +214,14 @@ def _with_widths(lanes: Lanes, tags: Tags, total: int | None, default: int) -> L
 
 
 def _count(tags: Tags, key: str) -> int | None:
-    """A number of lanes; the lowest of a list, None for any other text."""
+    """Return a number of lanes: the lowest of a list, or None for any other text."""
     parts = [part.strip() for part in tags.get(key, "").split(";")]
     numbers = [round(float(part)) for part in parts if re.fullmatch(r"\d{1,3}(\.\d)?", part)]
     return min(numbers) if numbers else None
 
 
 def _metres(text: str) -> float | None:
-    """A width in m: a number of metres, or feet and inches (``12'6"``, ``10 ft``); None for any other text."""
+    """Return a width in m from metres, or feet and inches (``12'6"``, ``10 ft``); None for any other text."""
     plain = text.strip().lower().replace(",", ".")
     if match := re.fullmatch(r"(\d{1,3}(?:\.\d{1,4})?)\s*(m|metres?|meters?|cm|ft|feet)?", plain):
         number = float(match[1]) * {"cm": 0.01, "ft": 0.3048, "feet": 0.3048}.get(match[2] or "m", 1.0)
@@ -233,9 +233,10 @@ def _metres(text: str) -> float | None:
 
 
 def arrows(turns: Sequence[str]) -> tuple[str, ...]:
-    """Where lanes lead, from left to right; one without an arrow leads straight on, and at the edge to its side too.
+    """Return the directions of lanes, left to right; lanes without arrows lead straight, the outer ones also to their
+    side.
 
-    A lane beside an arrow to the right leads to the right only if it has one, or if no other lane does so.
+    A lane next to a right arrow leads to the right only if it has an arrow to the right, or if no other lane does.
     """
     parts = [{word.strip() for word in turn.split(";")} - {""} for turn in turns]
     has_left, has_right = (any(words & set(side) for words in parts) for side in (_LEFT, _RIGHT))
@@ -252,6 +253,6 @@ def arrows(turns: Sequence[str]) -> tuple[str, ...]:
 
 
 def mirrored(turns: Sequence[str]) -> tuple[str, ...]:
-    """Arrows of lanes as a mirror shows them: from right to left, and left is right."""
+    """Return arrows of lanes mirrored: from right to left, with left and right swapped."""
     swapped = {"left": "right", "right": "left"}
     return tuple(re.sub("left|right", lambda match: swapped[match[0]], turn) for turn in reversed(turns))

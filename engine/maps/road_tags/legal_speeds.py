@@ -1,8 +1,8 @@
-"""Legal speed limits where no sign stands: by country or state and kind of road, from a table that OpenStreetMap keeps.
+"""Legal speed limits without signs: by country or state and kind of road, from a table that OpenStreetMap maintains.
 
 The table is "Default speed limits" of the OpenStreetMap Wiki (https://wiki.openstreetmap.org/wiki/Default_speed_limits,
-CC BY-SA 2.0), of which ``scripts/pack_legal_speeds.py`` makes the file beside this module. It says for every country
-which kinds of road have which limit, and in a small language of tags what a kind of road is.
+CC BY-SA 2.0); ``scripts/pack_legal_speeds.py`` makes this module's data file from it. For every country, it gives the
+limit of each kind of road, and defines kinds of roads in a small language of tags.
 """
 
 import gzip
@@ -17,28 +17,28 @@ from pathlib import Path
 TABLE = Path(__file__).parent / "legal_speeds.json.gz"
 MPH_KMH = 1.609344
 WALK_KMH = 7.0
-"""Walking pace: what German courts read it as at most (4 to 7 km/h, OSM's Key:maxspeed)."""
+"""Walking pace: the highest that German courts read it as (4 to 7 km/h, OSM's Key:maxspeed)."""
 _FAST_TOWN_KMH = 60.0
 """A country with more km/h for all roads, and no rule for towns, signs those in towns (chosen; Japan has 60)."""
 Tags = Mapping[str, str]
 _Test = Callable[[Tags, Callable[[str], bool]], bool]
-"""Whether tags are of a kind of road; the second argument answers for the other kinds that it is made of."""
+"""Tests whether tags are of a kind of road; the second argument answers for other kinds that it includes."""
 _MULTILANE = frozenset({"motorway", "motorway_link", "trunk", "trunk_link"})
-"""Classes of one-way roads that are half of a dual carriageway; a one-way street of another class may be just that."""
+"""Classes of one-way roads that are half of a dual carriageway; one-way streets of other classes may be ordinary."""
 _MOTORWAYS = frozenset({"motorway", "motorway_link"})
 _INTERSTATE = "US interstate highway"
-"""A kind that the table tells by the road's number; every motorway of the USA counts as one."""
+"""A kind that the table recognises by the road's number; every motorway of the USA counts as one."""
 _SLOW_MOTORWAY_KMH = 90.0
-"""A country that has no rule for motorways and fewer km/h for other roads signs its motorways (chosen)."""
+"""A country with no rule for motorways and fewer km/h for other roads signs its motorways (chosen)."""
 
 
 @dataclass(frozen=True)
 class LegalLimit:
-    """A limit in km/h, the kind of road that it holds for, and the code of the country or state whose law it is.
+    """A limit in km/h, the kind of road that it applies to, and the code of the country or state with this law.
 
-    ``is_advice``: the law sets no limit, and this is the speed that it advises. ``states``: how many states or
-    provinces were asked where the law differs among them; the most frequent limit is taken then. ``is_default``: it is
-    that of all roads without a rule of their own.
+    ``is_advice``: the law sets no limit, and this is the advised speed. ``states``: the number of states or provinces
+    considered if their laws differ; the most frequent limit applies then. ``is_default``: it is the limit of all roads
+    without a rule of their own.
     """
 
     kmh: float
@@ -60,13 +60,13 @@ class LegalSpeeds:
         self._limits = limits
 
     def find(self, country: str, tags: Tags, *, urban: bool, states: Sequence[str] = ()) -> LegalLimit | None:
-        """The limit for cars on a road; None where the table has none for the country.
+        """Return the limit for cars on a road, or None if the table has none for the country.
 
         Args:
             country: ISO 3166-1 alpha-2.
-            tags: the road's.
-            urban: whether it lies in a built-up area.
-            states: the codes of those in which it may lie; without any, all that the table has.
+            tags: the road's tags.
+            urban: whether it is in a built-up area.
+            states: the codes of its possible states; if empty, all states in the table.
         """
         if tags.get("highway") in _MOTORWAYS:
             tags = {"lanes": "2", "oneway": "yes", **tags}
@@ -85,9 +85,9 @@ class LegalSpeeds:
         return LegalLimit(kmh, chosen.kind, country, chosen.is_advice, len(found))
 
     def anywhere(self, tags: Tags, *, urban: bool) -> LegalLimit:
-        """The median of the limits of all countries, for a road of which no country is known.
+        """Return the median of the limits of all countries, for a road in an unknown country.
 
-        For a motorway, of those countries that have a rule for motorways.
+        For a motorway, only countries with a rule for motorways count.
         """
         countries = sorted({code.partition("-")[0] for code in self._limits})
         found = [limit for code in countries if (limit := self.find(code, tags, urban=urban))]
@@ -132,7 +132,7 @@ class LegalSpeeds:
 
 
 def speed_kmh(text: str) -> float | None:
-    """The speed that a number with OSM's units says (none: km/h), in km/h; None for any other text."""
+    """Return the speed in km/h of a number with OSM's units (default km/h); None for any other text."""
     if text.strip().lower() == "walk":
         return WALK_KMH
     match = _SPEED.fullmatch(text.strip().lower())
@@ -147,7 +147,7 @@ _SPEED = re.compile(r"(\d{1,4}(?:\.\d{1,3})?)\s*(km/h|kmh|kph|mph|knots?|kn)?")
 
 @cache
 def legal_speeds() -> LegalSpeeds:
-    """The table, read once."""
+    """Return the table; it is read once."""
     document = json.loads(gzip.decompress(TABLE.read_bytes()))
     return LegalSpeeds(document["kinds"], document["limits"])
 
@@ -157,11 +157,11 @@ _COMPARED = frozenset({"=", "!=", "~", "!~", "<", "<=", ">", ">="})
 
 
 def parse_filter(text: str) -> _Test:
-    """A test of tags from the table's language: ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``, numbers
-    compared, ``and``, ``or``, brackets.
+    """Return a test of tags from the table's language: ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``,
+    compared numbers, ``and``, ``or``, brackets.
 
     Raises:
-        ValueError: the text is not of that language.
+        ValueError: the text is not in that language.
     """
     return _Parser(_TOKEN.findall(text)).whole()
 

@@ -1,6 +1,6 @@
-"""How fast a road may be driven: what its tags say, else the legal limit of its country and kind.
+"""Determines the speed limit of a road: from its tags, else the legal limit of its country and kind.
 
-What a tag may hold: numbers with units, lists, ``walk`` and ``none``, codes such as ``DE:urban`` or ``DE:zone:30``
+Tags may contain numbers with units, lists, ``walk`` and ``none``, and codes such as ``DE:urban`` or ``DE:zone:30``
 (https://wiki.openstreetmap.org/wiki/Key:maxspeed, Key:source:maxspeed, Key:maxspeed:type, Key:zone:maxspeed).
 """
 
@@ -15,7 +15,7 @@ Tags = Mapping[str, str]
 _SLOWEST_KMH, _FASTEST_KMH = 3.0, 200.0
 """No road has a limit below or above (chosen): other numbers are mistakes."""
 _IMPLICIT_KEYS = ("maxspeed", "maxspeed:type", "source:maxspeed", "zone:maxspeed", "zone:traffic")
-"""Keys that may name the kind of road whose legal limit holds, the first that does so decides."""
+"""Keys that may give the kind of road for the legal limit; the first that does so decides."""
 _CODE = re.compile(r"(?:([A-Za-z]{2}(?:-[A-Za-z]{2,3})?):)?(?:zone:?)?([a-z_]+|\d{1,3})(?:\s*(mph))?")
 _KINDS: Mapping[str, Mapping[str, str]] = {
     "urban": {},
@@ -33,7 +33,7 @@ _KINDS: Mapping[str, Mapping[str, str]] = {
     "nsl_dual": {"dual_carriageway": "yes"},
     "nsl_restricted": {"lit": "yes"},
 }
-"""Tags that a code's name stands for, as the table of legal limits reads them."""
+"""The tags that a code's name stands for, as the table of legal limits reads them."""
 _URBAN_KINDS = frozenset({"urban", "walk", "living_street", "bicycle_road", "cyclestreet", "nsl_restricted"})
 _LINK_KMH: Mapping[str, float] = {
     "motorway_link": 80.0,
@@ -45,18 +45,19 @@ _LINK_KMH: Mapping[str, float] = {
     "track": 20.0,
     "living_street": 10.0,
 }
-"""Slip roads, drives and tracks have no limit of their own in most laws; SUMO's type map for OpenStreetMap says how
-fast they are driven (``osmNetconvert.typ.xml``)."""
+"""Slip roads, drives and tracks have no limit of their own in most laws; SUMO's type map for OpenStreetMap gives their
+usual speed (``osmNetconvert.typ.xml``).
+"""
 
 
 @dataclass(frozen=True)
 class Limit:
     """A limit in km/h and its source.
 
-    ``source``: ``tag``, ``code`` (a tag names a kind of road), ``law``, ``usual`` (the country's law is not known), or
+    ``source``: ``tag``, ``code`` (a tag gives the kind of road), ``law``, ``usual`` (no known law), or
     ``driven`` (the usual speed on a slip road, drive or track, which is below what the law allows).
 
-    ``unread``: a tag that no limit could be read of, as ``key=value``; ``legal``: what the law says, if it was asked.
+    ``unread``: a tag without a readable limit, as ``key=value``. ``legal``: the legal limit, if it was looked up.
     """
 
     kmh: float
@@ -68,7 +69,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Jurisdiction:
-    """The country (ISO 3166-1 alpha-2, empty if it is not known), the states in which a map may lie, and a name."""
+    """The country (ISO 3166-1 alpha-2, empty if unknown), the states that a map may be in, and a name."""
 
     country: str = ""
     states: tuple[str, ...] = ()
@@ -76,7 +77,7 @@ class Jurisdiction:
 
 
 def limit_of(tags: Tags, where: Jurisdiction, *, urban: bool, direction: Direction = "forward") -> Limit:
-    """The limit of a road in a direction, for cars."""
+    """Return the limit of a road in a direction, for cars."""
     unread = ""
     for key, value in _stated(tags, direction):
         kmh = _number(value)
@@ -100,7 +101,7 @@ def limit_of(tags: Tags, where: Jurisdiction, *, urban: bool, direction: Directi
 
 
 def signed_kmh(tags: Tags) -> float | None:
-    """The limit in km/h that a sign or a zone gives a road by its tags, without the law; None if they give none."""
+    """Return the limit in km/h from a sign or a zone in a road's tags, without the law, or None."""
     for _, value in _stated(tags, "forward"):
         if (kmh := _number(value)) is not None:
             return kmh
@@ -112,7 +113,7 @@ def signed_kmh(tags: Tags) -> float | None:
 
 
 def class_limits(tags: Tags) -> dict[str, float]:
-    """Limits in km/h that are signed for trucks and for buses alone, by OSM's key of the vehicle (``hgv``, ``bus``)."""
+    """Return limits in km/h for trucks and for buses alone, by OSM's key of the vehicle (``hgv``, ``bus``)."""
     limits: dict[str, float] = {}
     for vehicle, keys in (("hgv", ("hgv", "goods")), ("bus", ("bus", "psv"))):
         for key in keys:
@@ -122,7 +123,7 @@ def class_limits(tags: Tags) -> dict[str, float]:
 
 
 def says_urban(tags: Tags) -> bool | None:
-    """Whether a road's own tags put it inside (or outside) a built-up area; None if they say nothing."""
+    """Return whether a road's own tags put it inside a built-up area, or None if they do not decide this."""
     for key in _IMPLICIT_KEYS:
         found = _code(tags.get(key, ""))
         if found is not None and not found[1].isdecimal():
@@ -133,7 +134,7 @@ def says_urban(tags: Tags) -> bool | None:
 
 
 def conditional_limits(tags: Tags) -> list[str]:
-    """Limits that hold at some times only, and those of single lanes, as ``key=value``."""
+    """Return limits for certain times only and variable limits, as ``key=value``."""
     return sorted(
         f"{key}={value}"
         for key, value in tags.items()
@@ -142,7 +143,7 @@ def conditional_limits(tags: Tags) -> list[str]:
 
 
 def _stated(tags: Tags, direction: Direction) -> Iterator[tuple[str, str]]:
-    """The tags that state a limit for cars in a direction, the most special first."""
+    """Yield the tags that state a limit for cars in a direction, the most specific first."""
     for key in ("maxspeed:motorcar", "maxspeed:motor_vehicle", "maxspeed"):
         for name in (f"{key}:{direction}", key):
             if tags.get(name):
@@ -154,7 +155,7 @@ def _stated(tags: Tags, direction: Direction) -> Iterator[tuple[str, str]]:
 
 
 def _number(text: str) -> float | None:
-    """The lowest of the speeds that a value lists, in km/h; None where it holds none or one that no road has."""
+    """Return the lowest speed in a value, in km/h; None if it has none or an implausible one."""
     plain = text.partition("@")[0]
     speeds = [speed_kmh(part.strip().replace(",", ".")) for part in re.split(r"[;|/]\s*(?!h\b)", plain) if part.strip()]
     numbers = [kmh for kmh in speeds if kmh is not None and _SLOWEST_KMH <= kmh <= _FASTEST_KMH]
@@ -162,7 +163,7 @@ def _number(text: str) -> float | None:
 
 
 def _code(text: str) -> tuple[str, str] | None:
-    """The country and the kind of road (or the number of a zone) that a code names; None for any other text."""
+    """Return the country and the kind of road (or the number of a zone) in a code; None for any other text."""
     match = _CODE.fullmatch(text.strip())
     if match is None or (match[2] not in _KINDS and not (match[2].isdecimal() and (match[1] or "zone" in text))):
         return None
@@ -177,7 +178,7 @@ def _place(code: str, where: Jurisdiction) -> Jurisdiction:
 
 
 def _unlimited(tags: Tags, where: Jurisdiction) -> Limit | None:
-    """The speed that is advised where the law of the country knows roads without a limit; None if it knows none."""
+    """Return the advised speed if the country's law has roads without a limit, or None."""
     fast = {**tags, "dual_carriageway": "yes", "highway": "motorway"}
     limit = _legal(fast, where, urban=False, source="code")
     return limit if limit.legal is not None and limit.legal.is_advice else None

@@ -1,7 +1,7 @@
-"""Cutting a few hundred metres around a site out of a map, as an extract of its own.
+"""Cuts a few hundred metres around a site out of a map, as an extract of its own.
 
-Of an OpenStreetMap extract, roads are followed to the circle and end on it, so that what is inside is whole; everything
-else is left out. Of a user's SUMO network, roads stay whole, as the user made them.
+Roads of an OpenStreetMap extract are followed to the circle and end on it, so that the inside is complete; everything
+else is left out. Roads of a user's SUMO network stay whole, as the user made them.
 """
 
 import math
@@ -23,21 +23,21 @@ from .pavements import Pavements
 from .road_reader import RoadReader
 
 MOST_ARMS = 32
-"""Roads at one junction (chosen): SUMO's take 256 connections, and netconvert's time grows with their square."""
+"""Maximum roads at one junction (chosen): SUMO's take 256 connections; netconvert's time grows with their square."""
 MOST_NODES = 20_000
-"""Of what is cut out (chosen): in the densest town a site has a tenth; netconvert takes seconds then."""
+"""Maximum nodes of a cut (chosen): a site in the densest town has a tenth; netconvert then takes seconds."""
 MOST_LANES, WIDEST_M, FASTEST = 32, 100.0, 1000.0
-"""Numbers in tags beyond which netconvert is not told of them (chosen): it would build what they say."""
+"""Larger numbers in tags are withheld from netconvert (chosen): it would build them."""
 BARRIER_GAP_M = 1.0
-"""Between the end of a road and the barrier that it ends at (chosen)."""
+"""Gap between the end of a road and its barrier (chosen)."""
 LONGEST_NUMBER = 12
-"""Characters of a number in a tag; longer ones count as beyond (chosen)."""
+"""Maximum digits of a number in a tag; longer ones count as too large (chosen)."""
 BOUNDED_TAGS: Mapping[str, float] = {"lanes": MOST_LANES, "width": WIDEST_M, "est_width": WIDEST_M, "maxspeed": FASTEST}
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """A part of a way inside the circle: its nodes in order, those on the circle made new."""
+    """A part of a way inside the circle: its nodes in order, with new nodes on the circle."""
 
     way: OsmWay
     nodes: tuple[OsmNode, ...]
@@ -54,15 +54,15 @@ def cut_map(
 ) -> tuple[OsmWay, ...]:
     """Write the roads of the given classes within a circle around (latitude, longitude) as an .osm file.
 
-    Turn restrictions are kept where all their ways are inside in one piece. ``pavements``: those that the roads get, in
-    the place of what their tags say. ``reader``: writes the tags anew, as netconvert reads them, and leaves out what is
-    no road for vehicles; the types of road that it needs are written beside the file, as ``.typ.xml``.
+    Turn restrictions are kept if all their ways are inside in one piece. ``pavements`` replace those in the tags.
+    ``reader`` rewrites the tags for netconvert and leaves out roads that are not for vehicles; the types of road that
+    it needs go into a ``.typ.xml`` file next to the target.
 
     Returns:
         The ways that were written (parts of a way count once).
 
     Raises:
-        NotPossible: so many roads, or so many at one node, that no junction can be built of them.
+        NotPossible: there are too many roads in all or at one node to build a junction.
     """
     new_nodes = count(max(osm.nodes, default=0) + 1)
     new_ways = count(max((way.way_id for way in osm.ways), default=0) + 1)
@@ -97,7 +97,7 @@ def cut_map(
 
 
 def _turned(tags: Mapping[str, str]) -> dict[str, str]:
-    """Return the tags of a road after its nodes were written the other way round."""
+    """Return the tags of a road after its nodes were written in reverse order."""
     swapped = {"forward": "backward", "backward": "forward", "left": "right", "right": "left"}
 
     def word(text: str) -> str:
@@ -109,20 +109,20 @@ def _turned(tags: Mapping[str, str]) -> dict[str, str]:
 
 
 _SIDED = frozenset({"sidewalk", "cycleway", "footway", "shoulder"})
-"""Keys with a side of the road for a value (https://wiki.openstreetmap.org/wiki/Forward_%26_backward,_left_%26_right)."""
+"""Keys with a side of the road as value (https://wiki.openstreetmap.org/wiki/Forward_%26_backward,_left_%26_right)."""
 
 
 def _written_tags(piece: _Piece, pavements: Pavements | None, reader: RoadReader | None) -> dict[str, str] | None:
-    """The tags that a piece of a way is written with; None where it is no road for vehicles."""
+    """Return the tags for writing a piece of a way, or None if it is not a road for vehicles."""
     tags = piece.way.tags if pavements is None else pavements.tags_of(piece.way)
     read = tags if reader is None else reader.tags_of(piece.way, piece.nodes, tags)
     return None if read is None else _buildable(read)
 
 
 def _between_barriers(piece: _Piece, new_nodes: Iterator[int], reader: RoadReader) -> Iterator[_Piece]:
-    """The parts of a piece between the barriers that stop cars, each ending a little before them.
+    """Yield the parts of a piece between the barriers that stop cars, each ending a little before them.
 
-    Roads that meet at a barrier end there, each for itself.
+    Roads that meet at a barrier end there separately.
     """
     tags = [barrier_of(node.tags) if node.tags else "" for node in piece.nodes]
     if not any(tags):
@@ -144,7 +144,7 @@ def _between_barriers(piece: _Piece, new_nodes: Iterator[int], reader: RoadReade
 
 
 def _before(start: OsmNode, end: OsmNode, node_id: int) -> OsmNode:
-    """A new node on the way from one to another, ``BARRIER_GAP_M`` before it: netconvert joins nodes at one place."""
+    """Return a new node ``BARRIER_GAP_M`` before the end of a segment: netconvert joins nodes at one place."""
     length = ground_distance_m(start.position, end.position)
     share = 1.0 - min(BARRIER_GAP_M / length, 0.4) if length > 0 else 0.5
     latitude = start.latitude + share * (end.latitude - start.latitude)
@@ -167,7 +167,7 @@ def _refuse_crowds(pieces: Sequence[_Piece], center: tuple[float, float]) -> Non
 
 
 def _buildable(tags: Mapping[str, str]) -> dict[str, str]:
-    """Tags without those that ask for more lanes, more width or more speed than any road has."""
+    """Remove tags that request more lanes, width or speed than any road has."""
     return {key: value for key, value in tags.items() if not _is_beyond(key, value)}
 
 
@@ -182,7 +182,7 @@ def _is_beyond(key: str, value: str) -> bool:
 def _pieces(
     osm: OsmMap, way: OsmWay, center: tuple[float, float], radius_m: float, new_nodes: Iterator[int]
 ) -> list[_Piece]:
-    """The parts of a way inside the circle, with new nodes where it crosses the circle."""
+    """Return the parts of a way inside the circle, with new nodes where it crosses the circle."""
     nodes = [osm.nodes[key] for key in way.node_ids]
     parts: list[list[OsmNode]] = []
     current: list[OsmNode] = []
@@ -201,7 +201,7 @@ def _pieces(
 
 
 def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius_m: float) -> list[tuple[float, float]]:
-    """Points (latitude, longitude) at which a straight segment crosses the circle, in its direction."""
+    """Return points (latitude, longitude) at which a straight segment crosses the circle, in its direction."""
     scale, scale_east = _metres_per_degree(center)
     y = (start.latitude - center[0]) * scale
     x = math.remainder(start.longitude - center[1], 2 * HALF_TURN_DEG) * scale_east
@@ -236,17 +236,17 @@ def cut_net(
     *,
     pavements: bool = False,
 ) -> tuple[str, ...]:
-    """Write the roads of the given classes that come within a circle around (latitude, longitude) as a network.
+    """Write the roads of the given classes within a circle around (latitude, longitude) as a network.
 
-    Coordinates, junctions and traffic lights stay those of the whole network. ``pavements``: slow roads without any get
-    some, and junctions crossings.
+    Coordinates, junctions and traffic lights stay those of the whole network. ``pavements``: add pavements to slow
+    roads without any, and crossings to junctions.
 
     Raises:
-        NotPossible: no such road, too many of them, or netconvert refuses the network.
+        NotPossible: there is no such road, there are too many, or netconvert rejects the network.
     """
     near = [way for way in net.roads(frozenset(classes)) if _distance_m(net, way, center) <= radius_m]
     if not near:
-        raise NotPossible("no road here is of the road_classes that were asked for", next_step="leave road_classes out")
+        raise NotPossible("no road here is in the requested road_classes", next_step="leave road_classes out")
     _refuse_crowds([_Piece(way, tuple(net.nodes[key] for key in way.node_ids)) for way in near], center)
     kept = scratch / "kept_edges.txt"
     kept.write_text("".join(f"{edge}\n" for way in near for edge in net.edges[way.way_id]), encoding="utf-8")
@@ -257,7 +257,7 @@ def cut_net(
 
 
 def _distance_m(net: NetMap, way: OsmWay, center: tuple[float, float]) -> float:
-    """How near a road comes to a point (equirectangular, good for the size of a site)."""
+    """Return the distance of a road from a point (equirectangular, good for the size of a site)."""
     from shapely import LineString, Point
 
     scale, scale_east = _metres_per_degree(center)
@@ -270,6 +270,6 @@ def _distance_m(net: NetMap, way: OsmWay, center: tuple[float, float]) -> float:
 
 
 def _metres_per_degree(center: tuple[float, float]) -> tuple[float, float]:
-    """Northwards and eastwards at (latitude, longitude)."""
+    """Return metres per degree northwards and eastwards at (latitude, longitude)."""
     north = ground_distance_m(center, (center[0] + 1e-3, center[1])) / 1e-3
     return north, ground_distance_m(center, (center[0], center[1] + 1e-3)) / 1e-3

@@ -1,15 +1,15 @@
-"""Which country's and which state's law holds at a place, in the codes of ISO 3166."""
+"""Determines the country and state with legal authority at a place, in the codes of ISO 3166."""
 
 from ..naming.places import country_name
 from ..naming.regions import regions_at
 from ..road_tags.limits import Jurisdiction
 
 _STATES = ("USA", "AUS")
-"""Countries in which the states have limits of their own."""
+"""Countries with different limits in their states."""
 
 
 def jurisdiction_of(country: str | None, position: tuple[float, float]) -> Jurisdiction:
-    """The country (given as ISO 3166-1 alpha-3) and the states in which (latitude, longitude) may lie."""
+    """Return the country (given as ISO 3166-1 alpha-3) and the states that (latitude, longitude) may be in."""
     from iso3166 import countries_by_alpha3
 
     known = countries_by_alpha3.get(country or "")

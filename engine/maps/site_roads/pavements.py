@@ -1,7 +1,7 @@
-"""Pavements beside roads: what a map says of them, and where they are guessed.
+"""Determines the pavements of roads from a map, and guesses them if the map has no information.
 
-A map states pavements in tags of the road (``sidewalk``), or draws them as ways of their own beside it. Where it does
-neither, streets of towns are given pavements, because hardly a town has streets without; how much is guessed is told.
+A map states pavements in tags of the road (``sidewalk``), or draws them as separate ways. If it does neither, streets
+in towns get pavements, because hardly any town has streets without; a note reports how much is guessed.
 """
 
 import math
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from shapely import STRtree
 
 Sides = Literal["both", "left", "right", "no"]
-"""On which sides of a road its pavements lie, seen in the way's direction: values of OSM's ``sidewalk``."""
+"""The sides of a road with pavements, in the way's direction: values of OSM's ``sidewalk``."""
 _STATED: Mapping[str, Sides] = {
     "both": "both",
     "yes": "both",
@@ -29,28 +29,29 @@ _STATED: Mapping[str, Sides] = {
     "lane": "both",
     "separate": "both",
 }
-"""Sides by the values of OSM's ``sidewalk``; those that are drawn as ways of their own are put beside the road."""
+"""Sides by the values of OSM's ``sidewalk``; separately drawn ones are added to the road."""
 _WITH_PAVEMENTS = frozenset({"primary", "secondary", "tertiary", "residential", "living_street", "unclassified"})
 _GUESSED = _WITH_PAVEMENTS | {"primary_link", "secondary_link", "tertiary_link"}
-"""OSM's classes of streets that are given pavements where the map says nothing of them."""
+"""OSM's classes of streets that get pavements if the map has no information."""
 _NEVER = frozenset({"motorway", "motorway_link"})
-"""OSM's classes beside which nobody walks, whatever the map says."""
+"""OSM's classes of roads without pedestrians, whatever the map states."""
 _TOWN_KMH = 60.0
-"""Roads with a higher limit are given no pavements where the map says nothing (chosen)."""
+"""Roads with a higher limit get no pavements if the map has no information (chosen)."""
 MID_BLOCK_M = 25.0
-"""A crossing farther than this from all junctions is in the middle of a block (chosen), a nearer one the junction's."""
+"""A crossing farther than this from all junctions is mid-block (chosen); a nearer one belongs to the junction."""
 _THROUGH = 2
-"""Arms at a node where a road goes on and no other joins it."""
+"""Arms at a node where a road continues and no other joins it."""
 _DRAWN_WITHIN_M, _DRAWN_EVERY_M, _DRAWN_SHARE = 14.0, 10.0, 0.5
-"""A way for pedestrians belongs to a road where it lies within this of it, looked at every so many metres, on this
-share of the road's length (chosen)."""
+"""A footway belongs to a road if it is within this distance, sampled at this spacing, over this share of its length
+(chosen).
+"""
 
 
 @dataclass(frozen=True)
 class Pavements:
     """Pavements of some roads by the way's id, and how many km of road have them by the map and by a guess.
 
-    ``crossings``: (latitude, longitude) of the crossings that the map marks; ``mid_block``: nodes of those away from
+    ``crossings``: (latitude, longitude) of the crossings that the map marks. ``mid_block``: nodes of those away from
     junctions, on roads with pavements on both sides.
     """
 
@@ -61,18 +62,18 @@ class Pavements:
     mid_block: frozenset[int] = frozenset()
 
     def tags_of(self, way: OsmWay) -> dict[str, str]:
-        """A way's tags with its pavements as netconvert reads them; roads without any are closed to pedestrians.
+        """Return a way's tags with its pavements as netconvert reads them; roads without any are closed to pedestrians.
 
-        Otherwise pedestrians would be let onto the lanes of vehicles.
+        Otherwise, netconvert would let pedestrians use the lanes of vehicles.
         """
         tags = {key: value for key, value in way.tags.items() if key != "foot" and not key.startswith("sidewalk")}
         sides = self.sides.get(way.way_id, "no")
         return tags | ({"sidewalk": "no", "foot": "no"} if sides == "no" else {"sidewalk": sides})
 
     def tags_of_node(self, node: OsmNode) -> Mapping[str, str]:
-        """A node's tags: of crossings those in the middle of a block are left.
+        """Return a node's tags without crossings, except mid-block ones.
 
-        netconvert builds each that a node marks, beside those that it puts at junctions by itself.
+        netconvert builds every crossing that a node marks, in addition to its own at junctions.
         """
         if node.tags.get("highway") != "crossing" or node.node_id in self.mid_block:
             return node.tags
@@ -82,9 +83,10 @@ class Pavements:
 def find_pavements(
     osm: OsmMap, roads: Iterable[OsmWay], center: tuple[float, float], radius_m: float, *, lefthand: bool = False
 ) -> Pavements:
-    """The pavements of roads within a circle around (latitude, longitude); ``lefthand``: traffic keeps to the left.
+    """Find the pavements of roads within a circle around (latitude, longitude); ``lefthand``: traffic keeps left.
 
-    A ring has none on its inner side: nobody walks there, and a pavement against the traffic would be no ring.
+    A ring has none on its inner side: pedestrians do not walk there, and a pavement against the traffic would not form
+    a ring.
     """
     footways = _FootWays(osm, center, radius_m)
     sides: dict[int, Sides] = {}
@@ -122,7 +124,7 @@ def _mid_block(
     center: tuple[float, float],
     radius_m: float,
 ) -> Iterator[int]:
-    """The marked crossings with road and pavements on both sides, and no junction near, nor the end of what is cut."""
+    """Yield the marked crossings with pavements on both sides, away from junctions and the edge of the cut."""
     arms = Counter(key for way in ways for key in (*way.node_ids, *way.node_ids[1:-1]))
     without = {key for way in ways if sides.get(way.way_id) != "both" for key in way.node_ids}
     others = [osm.nodes[key].position for key, count in arms.items() if count != _THROUGH]
@@ -141,7 +143,7 @@ def _is_crossing(node: OsmNode) -> bool:
 def _sides_of(
     way: OsmWay, near: Sequence[tuple[OsmNode, OsmNode]], footways: "_FootWays"
 ) -> tuple[Sides, Literal["map", "guess"]]:
-    """On which sides a road has pavements, and whether the map says so."""
+    """Return the sides of a road with pavements, and whether the map states them."""
     if way.road_class in _NEVER or way.tags.get("motorroad") == "yes" or way.tags.get("foot") == "no":
         return "no", "map"
     stated = _stated_sides(way.tags)
@@ -155,31 +157,31 @@ def _sides_of(
 
 
 def _stated_sides(tags: Mapping[str, str]) -> Sides | None:
-    """What the tags of a road say of its pavements; None where they say nothing."""
+    """Return the tagged pavements of a road, or None if the tags do not state any."""
     whole = _STATED.get(tags.get("sidewalk") or tags.get("sidewalk:both") or "")
     if whole is not None:
         return whole
     left, right = (_STATED.get(tags.get(f"sidewalk:{side}", "")) for side in ("left", "right"))
     if left is None and right is None:
         return None
-    return _named(left not in (None, "no"), right not in (None, "no"))
+    return _sides(left not in (None, "no"), right not in (None, "no"))
 
 
-def _named(left: bool, right: bool) -> Sides:
+def _sides(left: bool, right: bool) -> Sides:
     if left and right:
         return "both"
     return "left" if left else "right" if right else "no"
 
 
 class _FootWays:
-    """The pavements that a map draws as ways of their own, in metres east and north of a point."""
+    """The pavements that a map draws as separate ways, in metres east and north of a point."""
 
     def __init__(self, osm: OsmMap, center: tuple[float, float], radius_m: float) -> None:
         self._center = center
         self._tree = self._tree_of(osm, radius_m)
 
     def sides_of(self, segments: Iterable[tuple[OsmNode, OsmNode]]) -> Sides:
-        """On which sides of a road such a way runs along most of it."""
+        """Return the sides of a road that a separate pavement follows for most of its length."""
         from shapely import LineString
 
         if self._tree is None:
@@ -198,7 +200,7 @@ class _FootWays:
                 for side, sign in enumerate((1.0, -1.0)):
                     across = LineString([(x, y), (x + sign * left[0], y + sign * left[1])])
                     found[side] += bool(len(self._tree.query(across, predicate="intersects")))
-        return _named(*(looked > 0 and count >= _DRAWN_SHARE * looked for count in found))
+        return _sides(*(looked > 0 and count >= _DRAWN_SHARE * looked for count in found))
 
     def _tree_of(self, osm: OsmMap, radius_m: float) -> "STRtree | None":
         from shapely import LineString, STRtree
@@ -212,7 +214,7 @@ class _FootWays:
         return STRtree(lines) if lines else None
 
     def _metres(self, node: OsmNode) -> tuple[float, float]:
-        """Equirectangular: good for the size of a site."""
+        """Return metres east and north (equirectangular: good for the size of a site)."""
         north = math.radians(node.latitude - self._center[0]) * EARTH_RADIUS_M
         east = math.radians(math.remainder(node.longitude - self._center[1], 2 * HALF_TURN_DEG)) * EARTH_RADIUS_M
         return east * math.cos(math.radians(self._center[0])), north

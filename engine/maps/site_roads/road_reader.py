@@ -1,9 +1,9 @@
-"""The roads of a site as netconvert reads them: its own few tags in the place of all that OSM has for the same things.
+"""Rewrites the roads of a site for netconvert: its own few tags replace all of OSM's tags for the same facts.
 
-netconvert knows a part of OSM's tags and reads some of them otherwise than they are documented. So a site's roads are
-written with ``oneway``, ``lanes``, ``turn:lanes``, ``bus:lanes``, ``width`` and ``maxspeed`` alone, worked out here,
-and with a type of their own (``service=no_…``) where not every vehicle may drive. What had to be left out, or was
-worked out without a sign, is told in notes.
+netconvert knows some of OSM's tags, and reads a few of them differently from their documentation. A site's roads are
+therefore written only with ``oneway``, ``lanes``, ``turn:lanes``, ``bus:lanes``, ``width`` and ``maxspeed``, computed
+here, and with a type of their own (``service=no_…``) if some vehicles may not use them. Notes report what was left out
+or computed without a sign.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,7 +30,7 @@ from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_li
 from ..site_search.built_up import BuiltUp
 
 _REPLACED = ("lanes", "turn", "width", "est_width", "maxspeed", "source:maxspeed", "zone", "oneway", "busway")
-"""Keys that are worked out anew, with all that follows a colon after them."""
+"""Keys that are computed here, with all their subkeys after a colon."""
 _KEYS_OF_ACCESS = """
 access vehicle motor_vehicle motorcar hgv goods bus psv taxi motorcycle tourist_bus coach hov moped
 """
@@ -48,16 +48,16 @@ _NO_MOTOR = ("bicycle", "pedestrian")
 _TOWN_ROADS = frozenset({"residential", "living_street"})
 _FAST = frozenset({"motorway", "motorway_link"})
 _HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.2
-"""A road lies in a town where a house or a built-up area lies within this of it, looked at every so many metres, on
-this share of its length. Of 785 roads of 68 maps with a signed limit and no tag that tells of a town, 599 have at most
-60 km/h: by half of their length, 93 % of these count as roads of a town; by a fifth and the cores of settlements, 96 %.
+"""A road is in a town if a house or a built-up area is within this distance, sampled at this spacing, over this share
+of its length. Of 785 roads of 68 maps with a signed limit and no tag of a town, 599 have at most 60 km/h: by half of
+their length, 93 % of these count as roads of a town; by a fifth and the cores of settlements, 96 %.
 """
 _SIDES = ("yes", "both", "left", "right", "separate")
 
 
 @dataclass
-class _Told:
-    """Names of roads by what is told of them."""
+class _Reported:
+    """Names of roads by the fact that a note reports of them."""
 
     names: dict[str, list[str]] = field(default_factory=dict)
 
@@ -66,48 +66,48 @@ class _Told:
 
 
 class RoadReader:
-    """Reads the roads of one site, and remembers what is to be told of them.
+    """Reads the roads of one site, and collects the notes on them.
 
     Args:
-        built_up: of the whole map: what lies around a road tells whether it lies in a town.
+        built_up: of the whole map: the surroundings of a road determine whether it is in a town.
         where: the country and states of the site.
-        lefthand: whether traffic keeps to the left.
+        lefthand: whether traffic keeps left.
     """
 
     def __init__(self, built_up: BuiltUp, where: Jurisdiction, *, lefthand: bool) -> None:
         self._built_up, self._where, self._lefthand = built_up, where, lefthand
-        self._told = _Told()
+        self._reported = _Reported()
         self._limits: dict[str, dict[tuple[float, str], list[str]]] = {}
         self._types: dict[str, etree._Element] = {}
         self._signed = 0
         self._states: set[int] = set()
 
     def tags_of(self, way: OsmWay, nodes: Sequence[OsmNode], tags: Mapping[str, str]) -> dict[str, str] | None:
-        """The tags with which a part of a way is written; None where it is no road for vehicles.
+        """Return the tags for writing a part of a way, or None if it is not a road for vehicles.
 
         Args:
-            way: with all its tags.
-            nodes: of the part.
-            tags: those of the way that stand (pavements may have changed).
+            way: the way with all its tags.
+            nodes: the nodes of the part.
+            tags: the way's current tags (pavements may have changed).
         """
         name = way.tags.get("name") or way.tags.get("ref") or f"way {way.way_id}"
         users = users_of(way.tags)
         if not users:
-            self._told.add("closed", f"{name} ({closing_tag(way.tags)})")
+            self._reported.add("closed", f"{name} ({closing_tag(way.tags)})")
             return None
         lanes = lanes_of(way.tags, lefthand=self._lefthand, oneway=self._oneway(way, name), default=_lanes_of_type(way))
         if lanes.too_narrow:
             width = way.tags.get("width") or way.tags.get("est_width", "")
-            self._told.add("too_narrow", f"{name} (width={width})")
+            self._reported.add("too_narrow", f"{name} (width={width})")
             return None
         for note in lanes.notes:
-            self._told.add(note, name)
+            self._reported.add(note, name)
         if any(node.tags.get("highway") == "mini_roundabout" for node in nodes):
-            self._told.add("mini_roundabout", name)
+            self._reported.add("mini_roundabout", name)
         if is_for_access_only(way.tags):
-            self._told.add("access_only", name)
+            self._reported.add("access_only", name)
         for tag in (*conditional_tags(way.tags), *conditional_limits(way.tags)):
-            self._told.add("conditional", f"{name} ({tag})")
+            self._reported.add("conditional", f"{name} ({tag})")
         kept = {key: value for key, value in tags.items() if not _is_replaced(key)}
         if "placement" in lanes.notes:
             kept = {key: value for key, value in kept.items() if key.partition(":")[0] != "placement"}
@@ -117,24 +117,24 @@ class RoadReader:
         return kept
 
     def write_types(self, target: Path) -> None:
-        """Write the types of the roads that not every vehicle may use, as netconvert reads them; none if all may."""
+        """Write the types of the roads that not every vehicle may use, as netconvert reads them; no file if all may."""
         if self._types:
             root = etree.Element("types")
             root.extend(self._types[key] for key in sorted(self._types))
             target.write_bytes(etree.tostring(root))
 
     def blocked(self, tag: str) -> None:
-        """Remember a barrier that cuts a road."""
-        self._told.add("barrier", tag)
+        """Record a barrier that cuts a road."""
+        self._reported.add("barrier", tag)
 
     def _oneway(self, way: OsmWay, name: str) -> int:
-        """The direction of a road by its tags, and by access in one direction alone."""
+        """Return the direction of a road by its tags, including access in one direction only."""
         oneway = oneway_of(way.tags)
         forward, backward = users_of(way.tags, "forward"), users_of(way.tags, "backward")
         if oneway == 0 and bool(forward) != bool(backward):
             return 1 if forward else -1
         if oneway == 0 and forward != backward:
-            self._told.add("one_sided", name)
+            self._reported.add("one_sided", name)
         return oneway
 
     def _speed_tags(self, way: OsmWay, nodes: Sequence[OsmNode], oneway: int, name: str) -> dict[str, str]:
@@ -150,7 +150,7 @@ class RoadReader:
 
     def _remember(self, limit: Limit, way: OsmWay, name: str) -> None:
         if limit.unread:
-            self._told.add("unread", f"{name} ({limit.unread})")
+            self._reported.add("unread", f"{name} ({limit.unread})")
         if limit.source in ("law", "usual", "driven"):
             kind = "on motorways" if way.road_class in _FAST else "in town" if limit.urban else "outside towns"
             self._limits.setdefault(limit.source, {}).setdefault((limit.kmh, kind), []).append(name)
@@ -158,7 +158,7 @@ class RoadReader:
                 self._states.add(limit.legal.states)
 
     def is_urban(self, way: OsmWay, nodes: Sequence[OsmNode]) -> bool:
-        """Whether a road lies in a built-up area: by its own tags, else by what lies along it."""
+        """Return whether a road is in a built-up area: by its own tags, else by its surroundings."""
         said = says_urban(way.tags)
         if said is not None:
             return said
@@ -173,11 +173,11 @@ class RoadReader:
         return inside >= _BUILT_UP_SHARE * len(points) or self._built_up.is_in_settlement(points[len(points) // 2])
 
     def _type_tags(self, way: OsmWay, users: frozenset[RoadUser], name: str) -> dict[str, str]:
-        """What gives a road a type of its own, where not every vehicle may use it or some have a limit of their own."""
+        """Return tags for a type of its own if some vehicles may not use a road or have a limit of their own on it."""
         speeds = class_limits(way.tags)
         bus = {"bus": "yes"} if way.road_class == "service" and _opens_to_buses(way.tags) else {}
         if "car" not in users:
-            self._told.add("no_cars", f"{name} ({closing_tag(way.tags)})")
+            self._reported.add("no_cars", f"{name} ({closing_tag(way.tags)})")
         if (
             users == frozenset(ROAD_USERS) or (way.road_class in ("service", "track") and "car" in users)
         ) and not speeds:
@@ -191,9 +191,9 @@ class RoadReader:
         return {"service": type_name, **bus}
 
     def notes(self) -> list[str]:
-        """What is to be told of the roads, in sentences."""
-        told = self._told.names
-        notes = [text.format(in_words(told[what])) for what, text in _SENTENCES.items() if what in told]
+        """Return notes on the roads, as sentences."""
+        reported = self._reported.names
+        notes = [text.format(in_words(reported[what])) for what, text in _SENTENCES.items() if what in reported]
         return notes + [self._limit_note(source, limits) for source, limits in sorted(self._limits.items())]
 
     def _limit_note(self, source: str, limits: Mapping[tuple[float, str], Sequence[str]]) -> str:
@@ -204,9 +204,9 @@ class RoadReader:
             )
         law = f"the legal default of {self._where.name}"
         if source == "usual":
-            unknown = "the country is not known"
+            unknown = "the country is unknown"
             if self._where.name:
-                unknown = f"the law of {self._where.name} is not known for this kind of road"
+                unknown = f"the law of {self._where.name} is unknown for this kind of road"
             law = f"the median of all countries' legal defaults, because {unknown}"
         elif self._states:
             law = f"the most frequent of the legal defaults of {max(self._states)} states of {self._where.name}"
@@ -214,25 +214,25 @@ class RoadReader:
 
 
 _SENTENCES: Mapping[str, str] = {
-    "closed": "closed to motor vehicles by their tags, and left out: {}",
-    "too_narrow": "too narrow for a car, and left out: {}",
-    "no_cars": "closed to cars, not to all vehicles: {}",
-    "access_only": "open to those only who have business there (destination), traffic does not know this: {}",
-    "barrier": "barriers end roads here, for every vehicle: {}",
-    "mini_roundabout": "a mini-roundabout is drawn as a plain junction: {}",
-    "one_lane": f"one lane for both directions, drawn as a lane of {SHARED_LANE_M:g} m in either: {{}}",
-    "middle_lane": "the middle lane that both directions turn from is left out: {}",
-    "odd_lanes": "the tags do not say which direction has the odd lane; forward is taken: {}",
-    "width_for_fewer": "the mapped width has no room for the mapped lanes, so lanes have the usual width: {}",
-    "narrow_lane": "lanes narrower than a car needs, as they are mapped: {}",
-    "placement": "the nodes are taken for the middle of the road, although placement says otherwise: {}",
-    "reversible": "reversible lanes are drawn along their nodes only: {}",
-    "uneven": "lists over lanes that do not fit the number of lanes are left out: {}",
-    "one_sided": "what closes one direction to some vehicles only is left out: {}",
-    "conditional": "tags that hold at some times or for some vehicles only are left out: {}",
-    "unread": "no speed limit can be read of {}",
+    "closed": "left out, because their tags close them to motor vehicles: {}",
+    "too_narrow": "left out, because they are too narrow for a car: {}",
+    "no_cars": "closed to cars but not to all vehicles: {}",
+    "access_only": "open to destination traffic only, which the simulation ignores: {}",
+    "barrier": "barriers close roads here to every vehicle: {}",
+    "mini_roundabout": "a mini-roundabout becomes a plain junction: {}",
+    "one_lane": f"one lane for both directions, built as a lane of {SHARED_LANE_M:g} m in each: {{}}",
+    "middle_lane": "the centre turn lane is left out: {}",
+    "odd_lanes": "the tags do not state which direction has the odd lane; it goes to forward: {}",
+    "width_for_fewer": "the mapped width is too small for the mapped lanes, so lanes have the usual width: {}",
+    "narrow_lane": "mapped lanes are narrower than a car needs: {}",
+    "placement": "the nodes count as the middle of the road, although placement differs: {}",
+    "reversible": "reversible lanes run only along their nodes: {}",
+    "uneven": "per-lane lists that do not match the number of lanes are left out: {}",
+    "one_sided": "closures of one direction to some vehicles are left out: {}",
+    "conditional": "tags for certain times or vehicles are left out: {}",
+    "unread": "the speed limit is unreadable: {}",
 }
-"""What is told, by its key, in the order of the answer; ``{}`` are the roads."""
+"""Texts of notes by key, in the order of the answer; ``{}`` are the roads."""
 
 
 def _is_replaced(key: str) -> bool:
@@ -271,7 +271,7 @@ def _lane_tags(lanes: Lanes, *, lefthand: bool) -> dict[str, str]:
 
 
 def _lists_of(side: Side, direction: str, *, lefthand: bool) -> dict[str, str]:
-    """The lists over the lanes of a direction; netconvert mirrors roads of left-hand traffic, but not their arrows."""
+    """Return the lists over the lanes of a direction; netconvert mirrors left-hand roads, but not their arrows."""
     tags = {}
     if any(turn not in ("", "none") for turn in side.turns):
         leading = arrows(side.turns)
@@ -288,7 +288,7 @@ def _opens_to_buses(tags: Mapping[str, str]) -> bool:
 
 
 def _along(nodes: Sequence[OsmNode]) -> list[OsmNode]:
-    """Points on a line, evenly spaced, both ends left out; one at least."""
+    """Return evenly spaced points on a line without its ends, at least one."""
     pairs = list(pairwise(nodes))
     steps = [ground_distance_m(a.position, b.position) for a, b in pairs]
     total = sum(steps)
@@ -311,7 +311,7 @@ def _lanes_of_type(way: OsmWay) -> int:
 
 @cache
 def _base_types() -> dict[str, Mapping[str, str]]:
-    """The attributes of SUMO's types of roads by OSM's class."""
+    """Return the attributes of SUMO's types of roads by OSM's class."""
     import sumo
 
     path = Path(sumo.SUMO_HOME) / "data" / "typemap" / "osmNetconvert.typ.xml"

@@ -1,1 +1,1 @@
-"""Where on a map sites of each type are: rings, crossings and roads, and what lies around them."""
+"""Finds the sites of each type on a map: rings, crossings and roads, and their surroundings."""

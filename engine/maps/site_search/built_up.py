@@ -1,4 +1,4 @@
-"""What of a map is built up: houses, residential streets and areas, asked how near they lie to a point."""
+"""The built-up parts of a map: houses, residential streets and areas, searched by distance from a point."""
 
 import math
 from collections import Counter
@@ -14,23 +14,23 @@ BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial
 SETTLEMENTS = frozenset({"city", "town", "village", "suburb", "borough", "quarter", "neighbourhood"})
 """OSM's values of ``place`` for built-up settlements and their parts."""
 _CORE_SHARE = 0.5
-"""Of the reach of a settlement: nearer to its middle, a road lies in it (measured: ``site_roads/road_reader.py``)."""
+"""Share of a settlement's radius within which a road is in it (measured: ``site_roads/road_reader.py``)."""
 TOWN_JUNCTIONS_PER_KM = 5.0
-"""More junctions on a kilometre of road make the map of a town (chosen)."""
+"""A map with more junctions per kilometre of road is that of a town (chosen)."""
 
 
 class BuiltUp:
-    """The built-up parts of one map; looked for once, when they are first asked for."""
+    """The built-up parts of one map, computed on first use."""
 
     def __init__(self, osm: OsmMap) -> None:
         self._osm = osm
 
     def within(self, node: OsmNode, distance_m: float) -> bool:
-        """Whether a house, a residential street or area lies no farther from a node than a distance."""
+        """Return whether a house or a residential street or area is within a distance of a node."""
         return self._shapes.any_within(self.metres(node), distance_m)
 
     def metres(self, node: OsmNode) -> tuple[float, float]:
-        """Eastwards and northwards of a corner of the map; a map round the world is measured from its first road."""
+        """Return metres east and north of a corner of the map, or of its first road if it spans the world."""
         south, west = self._origin
         north = ground_distance_m((south, west), (node.latitude, west))
         east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))
@@ -39,12 +39,12 @@ class BuiltUp:
 
     @property
     def is_mapped(self) -> bool:
-        """Whether the map shows anything that is built up."""
+        """Return whether the map shows anything built up."""
         return not self._shapes.is_empty
 
     @cached_property
     def is_dense(self) -> bool:
-        """Whether roads meet as often as in towns, or a settlement is marked: for maps that show nothing but roads."""
+        """Return whether junctions are as dense as in towns, or a settlement is marked, for maps of roads alone."""
         roads = self._osm.roads()
         arms = Counter(key for way in roads for key in (*way.node_ids, *way.node_ids[1:-1]))
         junctions = sum(count > 2 for count in arms.values())
@@ -53,7 +53,7 @@ class BuiltUp:
         return named or junctions > TOWN_JUNCTIONS_PER_KM * length_km
 
     def is_in_settlement(self, node: OsmNode) -> bool:
-        """Return True if a node lies in the core of a settlement that the map marks, or of a part of one."""
+        """Return whether a node is in the core of a marked settlement, or of a part of one."""
         return any(
             ground_distance_m(node.position, (area.latitude, area.longitude)) <= _CORE_SHARE * area.radius_m
             for area in self._settlements

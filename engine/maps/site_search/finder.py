@@ -1,7 +1,7 @@
-"""Finding sites in a map: where in it there is a roundabout, a signalised crossing, a ramp, a motorway …
+"""Finds the sites on a map: its roundabouts, signalised crossings, ramps, motorways …
 
-A map of any kind and size is searched in a time of at most n log n: what lies near is found by ``nearness``, and where
-hundreds of roads meet or hundreds of sites lie at one place, the names of the first of them are enough.
+A map of any kind and size is searched in at most n log n time: ``nearness`` finds what is nearby. If hundreds of roads
+meet or hundreds of sites share one place, the names of the first ones suffice.
 """
 
 import math
@@ -19,39 +19,41 @@ from .nearness import Gathering, Surroundings
 from .rings import RING_TAGS, Rings, direction_of
 
 AHEAD_M = 25.0
-"""From a signal to the junction that it stands for: netconvert's ``tls.guess-signals.dist``."""
+"""Maximum distance of a signal from its junction: netconvert's ``tls.guess-signals.dist``."""
 SIGNAL_REACH_M = 45.0
-"""From a junction to its traffic signals: on wide roads they are mapped at the stop lines (chosen)."""
+"""Maximum distance of a junction from its signals: on wide roads they are mapped at the stop lines (chosen)."""
 LIT_WITHIN_M = 60.0
-"""From the middle of a signalised site to a junction that has lights: as its network is judged (chosen)."""
+"""Maximum distance of a signalised site's middle from a junction with lights, as in the check of its network
+(chosen).
+"""
 MERGE_M = 60.0
-"""Sites of one type that lie closer together are one (chosen)."""
+"""Sites of one type closer together than this are one (chosen)."""
 RURAL_CLEAR_M, TOWN_CLEAR_M = 120.0, 400.0
-"""From a rural road to the next house; on the map of a town, at whose edge houses may just not be drawn (chosen)."""
+"""Distance from a rural road to the next house; on a town's map, houses beyond its edge may be missing (chosen)."""
 MOST_BEHIND = 30
-"""Roads behind the links of a ramp that are followed for their names, at most (chosen)."""
+"""Maximum number of roads behind the links of a ramp that are followed for their names (chosen)."""
 MOST_NAMED = 50
-"""Merged sites, and roads at one node, after which a site is called, at most (chosen); no real place has as many."""
+"""Maximum number of merged sites, and of roads at one node, that name a site (chosen); no real place has as many."""
 MOST_ON_SEGMENT = 25
-"""Sites between two nodes of a way, at most (chosen): 10 km without a bend are no road that anybody mapped."""
+"""Maximum number of sites between two nodes of a way (chosen): no real road runs straight for 10 km."""
 NEAR_RAMP_M, AT_MOTORWAY_M = 200.0, 100.0
-"""From a ramp to the roads that it is called after; from a motorway to junctions that are not urban (chosen)."""
+"""Distance from a ramp to the roads that name it; from a motorway to junctions that are not urban (chosen)."""
 SHORTEST_STRETCH_M, SHORTEST_RURAL_M = 40.0, 60.0
-"""Shorter ways of a motorway or street, and of a rural road, are pieces between junctions and no stretches (chosen)."""
+"""Shorter ways of a motorway or street, and of a rural road, are pieces between junctions, not stretches (chosen)."""
 LEAST_ROAD_M = 100.0
-"""Of a map with sites, in all (chosen): on less no car drives for the few seconds that a goal takes."""
+"""Minimum road length of a map with sites (chosen): on less, no car drives the few seconds that a goal takes."""
 SPACING_M = 400.0
-"""Between two sites on one stretch of road (chosen)."""
+"""Spacing of sites on one stretch of road (chosen)."""
 TOWN_LIMIT_KMH = 60
-"""A lower limit tells of a town (chosen; 50 km/h and 30 mph are usual there)."""
+"""A lower limit indicates a town (chosen; 50 km/h and 30 mph are usual there)."""
 EXPRESSWAY_KMH = 80
-"""A one-way trunk road with this limit or a higher one drives like a motorway (chosen)."""
+"""A one-way trunk road with at least this limit counts as a motorway (chosen)."""
 MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_intersection", "ramp", "urban"})
 
 
 @dataclass(frozen=True)
 class SitePart:
-    """One of the spots that a site was merged of: where it lies, the streets at it, and the node or way that marks it.
+    """One of the places that a site was merged from: its position, its streets, and the node or way that marks it.
 
     ``turns``: at a ramp, whether a link joins the main road there (``merge``) or leaves it (``exit``), or both.
     """
@@ -64,11 +66,11 @@ class SitePart:
 
 @dataclass(frozen=True)
 class Site:
-    """A spot of a map: its type, its middle in degrees, the streets there, and the node or way that marks it.
+    """A place on a map: its type, its middle in degrees, its streets, and the node or way that marks it.
 
-    ``parts``: the spots that it was merged of, ``MOST_NAMED`` at most; the streets are those of all of them.
-    ``only_passed``: the streets that were asked for pass it, but none of its parts lies on all of them. ``by_links``: a
-    street meets another one there by a link road only, which bears its name.
+    ``parts``: the places that it was merged from, at most ``MOST_NAMED``; the streets are those of all parts.
+    ``only_passed``: the requested streets pass it, but no part is on all of them. ``by_links``: a street meets another
+    one there only over a link road that has its name.
     """
 
     kind: SiteType
@@ -87,7 +89,7 @@ class Site:
 
     @property
     def turns(self) -> frozenset[Turn]:
-        """What links make possible at a ramp: to merge onto the main road, to leave it, or both."""
+        """The turns that links provide at a ramp: to merge onto the main road, to leave it, or both."""
         return frozenset(turn for part in self.parts for turn in part.turns)
 
     @property
@@ -98,7 +100,7 @@ class Site:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A site without its streets yet; ``roads`` gives those that it is called after, once it is known to be one."""
+    """A candidate site without its streets; ``roads`` returns the roads that name it, once it is confirmed."""
 
     kind: SiteType
     node: OsmNode
@@ -111,7 +113,7 @@ class _Spot:
         return self.node.position
 
     def streets(self) -> Iterator[str]:
-        """Names and numbers of its roads, and its own name."""
+        """Yield names and numbers of its roads, and its own name."""
         for way in self.roads():
             yield from (name for name in (way.tags.get("name"), way.tags.get("ref")) if name)
         if "name" in self.node.tags:
@@ -119,7 +121,7 @@ class _Spot:
 
 
 class _Crossings:
-    """Where roads meet: the roads by node, and the nodes at which at least three arms do."""
+    """The junctions of roads: the roads by node, and the nodes with at least three arms."""
 
     def __init__(self, roads: list[OsmWay]) -> None:
         self._ways_at: dict[int, list[OsmWay]] = {}
@@ -135,11 +137,11 @@ class _Crossings:
         return key in self._ways_at
 
     def ways_at(self, key: int) -> Sequence[OsmWay]:
-        """The roads at a node; none at a node of other roads than these."""
+        """Return the roads at a node; empty if the node belongs to other roads."""
         return self._ways_at.get(key, ())
 
     def of_streets(self) -> list[int]:
-        """Junctions of different streets: not one road that parts in two, and not only motorways."""
+        """Return junctions of different streets: neither one road that splits in two, nor motorways only."""
         return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
 
     def _crosses(self, key: int) -> bool:
@@ -151,9 +153,9 @@ class _Crossings:
 
 
 class SiteFinder:
-    """Finds the sites of one map; every kind is looked for once, sites come in the order of the map.
+    """Finds the sites of one map; every kind is searched once, and sites have the order of the map.
 
-    ``classes``: the road classes of which sites are made, all without; houses tell of a town in either case.
+    ``classes``: the road classes for sites, or empty for all; houses indicate a town in either case.
     """
 
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
@@ -165,7 +167,7 @@ class SiteFinder:
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
-        """All sites of a kind, near ones merged; none where the map has next to no road."""
+        """Return all sites of a kind, with near ones merged; none if the map has hardly any road."""
         if kind not in self._found:
             sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
             self._found[kind] = tuple(
@@ -174,9 +176,9 @@ class SiteFinder:
         return list(self._found[kind])
 
     def find_by_links(self, kind: SiteType) -> list[Site]:
-        """Junctions of a kind that ``find`` leaves out: a street meets another one by a link road that bears its name.
+        """Return junctions of a kind that ``find`` leaves out: a street reaches another one over a link with its name.
 
-        Whether a signalised one gets lights is judged on its network.
+        The network decides whether a signalised one gets lights.
         """
         if kind not in ("intersection", "signalised_intersection", "urban") or self._road_m <= LEAST_ROAD_M:
             return []
@@ -190,9 +192,9 @@ class SiteFinder:
         sites = _merged([self._spot(kind, self.osm.nodes[key], crossings.ways_at(key), key) for key in keys])
         return [replace(site, by_links=True) for site in sites]
 
-    def narrowed(self, site: Site, is_meant: Callable[[SitePart], bool]) -> Site:
-        """Return a site with the parts that are meant; if no part is, the whole site, marked ``only_passed``."""
-        parts = tuple(part for part in site.parts if is_meant(part))
+    def narrowed(self, site: Site, is_wanted: Callable[[SitePart], bool]) -> Site:
+        """Return a site with its matching parts; if no part matches, the whole site, marked ``only_passed``."""
+        parts = tuple(part for part in site.parts if is_wanted(part))
         if len(parts) == len(site.parts):
             return site
         narrow = _site_of(site.kind, parts, [part.position for part in parts]) if parts else None
@@ -207,12 +209,12 @@ class SiteFinder:
         return tuple(name for way in roads for key in ("name", "ref") if (name := way.tags.get(key)))
 
     def kinds(self) -> dict[SiteType, int]:
-        """How many sites of each kind the map holds; kinds that it lacks are left out."""
+        """Count the sites of each kind on the map; kinds without sites are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}
         return {kind: count for kind, count in counts.items() if count}
 
     def longest_road(self) -> Site | None:
-        """The middle of the longest road, for a map in which nothing else can be found; None where there is no road."""
+        """Return the middle of the longest road, for a map without other sites, or None if there is no road."""
         way = max(self.osm.roads(self._classes), key=lambda way: length_m(self.osm, way), default=None)
         if way is None:
             return None
@@ -224,12 +226,12 @@ class SiteFinder:
 
     @cached_property
     def built_up(self) -> BuiltUp:
-        """What of the map is built up."""
+        """The built-up parts of the map."""
         return BuiltUp(self.osm)
 
     @cached_property
     def _roads(self) -> list[OsmWay]:
-        """Roads that lead somewhere; service roads and tracks only where there is nothing else."""
+        """Roads that lead somewhere; service roads and tracks only if there are no others."""
         through = [way for way in self.osm.roads(THROUGH_ROADS & self._classes) if way.tags.get("area") != "yes"]
         return through or self.osm.roads(frozenset(ROADS) & self._classes)
 
@@ -239,28 +241,28 @@ class SiteFinder:
 
     @cached_property
     def _streets(self) -> _Crossings:
-        """Where the roads that lead somewhere meet; a slip road parts from its road there, and crosses nothing."""
+        """Junctions of roads that lead somewhere; a slip road leaves its road there, and crosses nothing."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
     def _with_named_links(self) -> _Crossings:
-        """Where the roads that lead somewhere meet, links that bear the name of one of them included."""
+        """Junctions of roads that lead somewhere, and of links with the name of one of them."""
         names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
         return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
-        """Where the roads that lead somewhere and their links meet."""
+        """Junctions of roads that lead somewhere and their links."""
         return _Crossings(self._roads)
 
     @cached_property
     def _everywhere(self) -> _Crossings:
-        """Where roads meet, driveways included, links not; nor tracks, which netconvert opens to no car."""
+        """Junctions with driveways but without links and tracks, which netconvert closes to cars."""
         return _Crossings(self.osm.roads((frozenset(ROADS) - {"track"}) & self._classes))
 
     @cached_property
     def _fast(self) -> str:
-        """The class of the roads that highways and ramps are made of: trunk roads only where no motorway lies."""
+        """The class of the roads for highways and ramps: trunk roads only if there is no motorway."""
         return "motorway" if self.osm.roads(frozenset({"motorway"})) else "trunk"
 
     @staticmethod
@@ -268,7 +270,7 @@ class SiteFinder:
         return _Spot(kind, node, mark, partial(islice, ways, MOST_NAMED))
 
     def _roundabouts(self) -> list[_Spot]:
-        """Closed rings of the roads that are cut out around one: links are not."""
+        """Return closed rings of the roads in a site's cut, without links."""
         tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
         rings = Rings(self.osm, self.osm.roads(self._without_links) if tagged else ())
         spots = []
@@ -283,7 +285,7 @@ class SiteFinder:
             yield from islice(self._streets.ways_at(key), MOST_NAMED)
 
     def _signalised(self) -> list[_Spot]:
-        """Junctions with a traffic signal at them or within reach; a signal alone may be a pedestrian crossing."""
+        """Return junctions with a traffic signal within reach; a signal alone may be a pedestrian crossing."""
         return self._lit(self._streets) or self._lit(self._everywhere)
 
     def _lit(self, crossings: _Crossings) -> list[_Spot]:
@@ -296,7 +298,7 @@ class SiteFinder:
         return spots
 
     def _signals(self, crossings: _Crossings) -> Surroundings:
-        """The traffic signals on the roads that meet at the crossings."""
+        """Return the traffic signals on the roads that meet at the crossings."""
         return Surroundings(
             [
                 [self._metres(node)]
@@ -306,22 +308,22 @@ class SiteFinder:
         )
 
     def _has_lights(self, site: Site) -> bool:
-        """Whether drivers come to a junction near the middle of a site at a signal, or soon after one."""
+        """Return whether drivers reach a junction near the middle of a site at a signal, or soon after one."""
         return self._junctions_with_lights.any_within(self._metres(OsmNode(0, *site.position, {})), LIT_WITHIN_M)
 
     @cached_property
     def _junctions_with_lights(self) -> Surroundings:
-        """Of the roads that are cut out around a site.
+        """Junctions with lights of the roads in a site's cut.
 
-        A light at which no two ways meet and lead on, because the road only parts there or the map ends, controls
-        nothing: netconvert leaves it out.
+        A light controls nothing unless two ways meet there and lead on, as where a road only splits or the map ends;
+        netconvert leaves it out.
         """
         roads = self.osm.roads(self._without_links)
         lit = _nodes_at_signals(self.osm, roads) & _where_ways_meet(roads)
         return Surroundings([[self._metres(self.osm.nodes[key])] for key in _Crossings(roads).junctions if key in lit])
 
     def _crossings(self) -> list[_Spot]:
-        """Junctions of streets; those with driveways only where there is no other."""
+        """Return junctions of streets; those with driveways only if there are no others."""
         crossings = self._streets if self._streets.of_streets() else self._everywhere
         return [
             self._spot("intersection", self.osm.nodes[key], crossings.ways_at(key), key)
@@ -329,7 +331,7 @@ class SiteFinder:
         ]
 
     def _ramps(self) -> list[_Spot]:
-        """Where a link leaves or joins a motorway, or a trunk road where there is no motorway."""
+        """Return where a link leaves or joins a motorway, or a trunk road if there is no motorway."""
         spots = []
         for key in self._with_links.junctions:
             classes = {way.road_class for way in self._with_links.ways_at(key)}
@@ -339,7 +341,7 @@ class SiteFinder:
         return spots
 
     def _turns_at(self, key: int) -> frozenset[Turn]:
-        """What the links at a node of a main road are for, by their directions."""
+        """Return the turns that the links at a node of a main road provide, by their directions."""
         turns: set[Turn] = set()
         for way in self._with_links.ways_at(key):
             if way.road_class not in RAMP_LINKS:
@@ -353,14 +355,14 @@ class SiteFinder:
         return frozenset(turns)
 
     def _roads_of_ramp(self, key: int) -> Iterator[OsmWay]:
-        """What a ramp is called after: the roads at its node, those that its links lead to, and those that pass."""
+        """Yield the roads that name a ramp: those at its node, those that its links lead to, and those that pass."""
         ways = list(islice(self._with_links.ways_at(key), MOST_NAMED))
         yield from ways
         yield from self._roads_behind(ways)
         yield from self._passing(self.osm.nodes[key])
 
     def _roads_behind(self, ways: Sequence[OsmWay]) -> Iterable[OsmWay]:
-        """The roads to which the links among the ways lead, ``MOST_BEHIND`` at most."""
+        """Return the roads to which the links among the ways lead, at most ``MOST_BEHIND``."""
         roads: dict[int, OsmWay] = {}
         waiting = [way for way in ways if way.road_class in LINKS]
         while waiting and len(roads) < MOST_BEHIND:
@@ -371,7 +373,7 @@ class SiteFinder:
         return roads.values()
 
     def _meeting(self, way: OsmWay) -> tuple[OsmWay, ...]:
-        """The first roads that meet a way, itself among them; more than ``MOST_BEHIND`` are never asked for."""
+        """Return the first roads that meet a way, including itself; callers need at most ``MOST_BEHIND``."""
         if way.way_id not in self._met:
             at_nodes = (other for key in way.node_ids for other in islice(self._with_links.ways_at(key), MOST_BEHIND))
             found: dict[int, OsmWay] = {}
@@ -383,7 +385,7 @@ class SiteFinder:
         return self._met[way.way_id]
 
     def _passing(self, node: OsmNode) -> list[OsmWay]:
-        """The roads that pass near a ramp: an exit is called after the road that it lies at, too."""
+        """Return the roads that pass near a ramp: an exit is also named after a road that it is at."""
         return [self._roads[index] for index in self._lines.lines_within(self._metres(node), NEAR_RAMP_M)]
 
     @cached_property
@@ -427,7 +429,7 @@ class SiteFinder:
         return frozenset(key for way in self._roads if way.road_class not in fast for key in way.node_ids)
 
     def _rural(self) -> list[_Spot]:
-        """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
+        """Return stretches of main roads away from houses; pavements, and limits below 60 km/h, indicate a town."""
         spots: list[_Spot] = []
         for way in self._roads:
             if way.road_class not in RURAL_CLASSES or way.tags.get("junction"):
@@ -442,13 +444,13 @@ class SiteFinder:
 
     @cached_property
     def _clear_m(self) -> float:
-        """How far houses have to be: farther on the map of a town, at whose edge houses may just not be drawn."""
+        """The minimum distance of houses: larger on a town's map, because houses beyond its edge may be missing."""
         dense = len(self._streets.junctions) > TOWN_JUNCTIONS_PER_KM * self._road_m / 1000
         lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
 
     def _urban(self) -> list[_Spot]:
-        """Junctions of streets among houses, off motorways; where there are none, the middles of streets."""
+        """Return junctions of streets among houses, off motorways; if there are none, the middles of streets."""
         crossings = [spot for spot in self._crossings() if not self._far_from_houses(spot.node)]
         spots = [replace(spot, kind="urban") for spot in crossings]
         off = [spot for spot in spots if not self._at_motorway(spot.node)]
@@ -483,11 +485,11 @@ _SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {
     "rural": SiteFinder._rural,
     "urban": SiteFinder._urban,
 }
-"""What looks for the spots of each kind; not kept in a finder, which would be garbage for the collector then."""
+"""The search for candidates of each kind; module-level, because in a finder it would form a reference cycle."""
 
 
 def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean latitude and longitude in degrees, on either side of the antimeridian too."""
+    """Return the mean latitude and longitude in degrees, also across the antimeridian."""
     latitudes, longitudes = zip(*positions, strict=True)
     if max(longitudes) - min(longitudes) > HALF_TURN_DEG:
         longitudes = tuple(longitude % (2 * HALF_TURN_DEG) for longitude in longitudes)
@@ -496,7 +498,7 @@ def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _merged(spots: list[_Spot]) -> list[Site]:
-    """Spots of one kind that lie close together as one site, with the streets of all."""
+    """Merge candidates of one kind that are close together to sites with the streets of all."""
     groups: list[list[_Spot]] = []
     firsts = Gathering(MERGE_M)
     for spot in spots:
@@ -525,9 +527,9 @@ def _site_of(kind: SiteType, parts: tuple[SitePart, ...], positions: Sequence[tu
 
 
 def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
-    """Points evenly spaced along a way, the ends left out: one for every ``SPACING_M``, and at least one.
+    """Return points evenly spaced along a way without its ends: one per ``SPACING_M``, and at least one.
 
-    No more than its nodes allow: a way of few nodes round the world would have a hundred thousand.
+    The number is limited by its nodes: a way of few nodes around the world would have a hundred thousand.
     """
     nodes = [osm.nodes[key] for key in way.node_ids]
     total = length_m(osm, way)
@@ -546,7 +548,7 @@ def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
 
 
 def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
-    """The nodes to which roads lead from two nodes at least, and from which one leads on."""
+    """Return the nodes that roads reach from at least two nodes, and from which one leads on."""
     ways_in: dict[int, set[int]] = {}
     leads_on: set[int] = set()
     for way in roads:
@@ -560,10 +562,10 @@ def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
 
 
 def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:
-    """The nodes with a traffic signal, and those to which the roads lead from one within ``AHEAD_M``.
+    """Return the nodes with a traffic signal, and those that roads reach from one within ``AHEAD_M``.
 
-    Maps show signals at the junction or where drivers stop for it, and netconvert gives lights to what lies ahead of
-    them in the direction of travel. A signal that drivers come to after a junction is another junction's.
+    Maps show signals at the junction or at the stop line, and netconvert gives lights to what is ahead in the direction
+    of travel. A signal that drivers reach after a junction belongs to another junction.
     """
     onwards: dict[int, list[int]] = {}
     for way in roads:

@@ -1,6 +1,6 @@
-"""What lies near what on a map, at a cost that grows little faster than the map: n log n, also where it is crowded.
+"""Finds what is nearby on a map, at a cost of n log n, even in crowded places.
 
-A long line is looked at in short pieces, because its distance to a point costs as much as it has nodes.
+A long line is examined in short pieces, because its distance to a point costs as much as it has nodes.
 """
 
 import math
@@ -15,10 +15,10 @@ _PIECE_NODES = 32
 
 
 class Gathering:
-    """Positions of which no two lie closer together than a reach: each new one is one of them, or near one of them.
+    """Positions, no two of them closer together than a reach.
 
     Positions are sorted into cubes of the reach's side around the Earth's centre. A chord is never longer than the
-    distance on the ground, so that what is within reach lies in the same cube or in one beside it.
+    distance on the ground, so a position within reach is in the same cube or in an adjacent one.
     """
 
     def __init__(self, reach_m: float) -> None:
@@ -27,7 +27,7 @@ class Gathering:
         self.positions: list[Place] = []
 
     def near(self, position: Place) -> int | None:
-        """The number (from 0, in their order) of the first position that lies nearer than the reach; None without."""
+        """Return the number (from 0, in order) of the first position closer than the reach, or None."""
         x, y, z = self._cube(position)
         around = (
             self._cubes.get((x + i, y + j, z + k), ()) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)
@@ -41,7 +41,7 @@ class Gathering:
         return min(found, default=None)
 
     def add(self, position: Place) -> int:
-        """Take a position in that lies near none; its number."""
+        """Add a position that is near no other one; return its number."""
         self.positions.append(position)
         self._cubes.setdefault(self._cube(position), []).append(len(self.positions) - 1)
         return len(self.positions) - 1
@@ -54,10 +54,10 @@ class Gathering:
 
 
 class Surroundings:
-    """Points, lines and areas in metres, asked what of them lies near a point.
+    """Points, lines and areas in metres, searched by distance from a point.
 
     Args:
-        lines: each a sequence of (x, y); one of a single vertex is a point.
+        lines: each a sequence of (x, y); one with a single vertex is a point.
         areas: outlines of areas, closed or not.
     """
 
@@ -77,18 +77,18 @@ class Surroundings:
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is nothing at all."""
+        """Return whether there is nothing at all."""
         return len(self._tree) == 0
 
     def any_within(self, point: tuple[float, float], distance_m: float) -> bool:
-        """Whether anything lies no farther from a point than a distance."""
+        """Return whether anything is within a distance of a point."""
         from shapely import Point
 
         nearest = self._tree.query_nearest(Point(*point), max_distance=distance_m, all_matches=False)
         return len(nearest) > 0
 
     def lines_within(self, point: tuple[float, float], distance_m: float) -> list[int]:
-        """The numbers (from 0) of the lines that pass no farther from a point than a distance, in ascending order."""
+        """Return the numbers (from 0) of the lines within a distance of a point, in ascending order."""
         from shapely import Point
 
         pieces = self._tree.query(Point(*point), "dwithin", distance_m)

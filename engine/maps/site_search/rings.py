@@ -1,7 +1,7 @@
-"""Rings of one-way roads: whether a road that is tagged as a roundabout is closed, drawn as one way or as several.
+"""Finds closed rings of one-way roads tagged as a roundabout, drawn as one way or as several.
 
-A map may show half a ring (its other half lies beyond the border, or a node of it is missing), and anything may be
-tagged as a roundabout; no network has one there.
+A map may show half a ring (the other half is beyond the border, or a node of it is missing), and anything may be tagged
+as a roundabout; no network has one there.
 """
 
 from collections.abc import Iterable
@@ -12,21 +12,21 @@ from ..osm import OsmMap, OsmWay, ground_distance_m
 from ..road_tags.lanes import oneway_of
 
 LONGEST_RING_M = 1_000.0
-"""Around a ring (chosen): what is cut out around a site holds no longer one."""
+"""Maximum length around a ring (chosen): a site's cut does not contain longer ones."""
 LEAST_RING_M = 23.5
-"""Around the smallest ring that a car can drive. Of usual cars the outer front wheel turns on a circle of 10 m or more;
-with a wheelbase of 2.6 m and a track of 1.5 m, the car's centre is then 3.75 m from the middle. Smaller circles, such as
-those that calm traffic at crossings of streets, are driven as crossings."""
+"""Minimum length around a ring that a car can drive. The outer front wheel of usual cars turns on a circle of 10 m or
+more; with a wheelbase of 2.6 m and a track of 1.5 m, the car's centre is then 3.75 m from the middle. Smaller circles,
+such as those that calm traffic at crossings of streets, are driven as crossings."""
 LEAST_ENTRIES = 2
-"""Roads that lead into a roundabout (chosen)."""
+"""Minimum number of roads that lead into a roundabout (chosen)."""
 MOST_NODES = 1_000
-"""That are looked at until a ring is closed, at most (chosen)."""
+"""Maximum number of nodes examined until a ring is closed (chosen)."""
 RING_TAGS = ("roundabout", "circular")
-"""OSM's values of ``junction`` for roads that lead round in one direction."""
+"""OSM's values of ``junction`` for roads that lead around in one direction."""
 
 
 class Rings:
-    """The roads of a map from node to node, asked for the rings that tagged ways belong to."""
+    """The roads of a map from node to node, to find the rings of tagged ways."""
 
     def __init__(self, osm: OsmMap, roads: Iterable[OsmWay]) -> None:
         self._osm = osm
@@ -43,10 +43,10 @@ class Rings:
                     self._before.setdefault(start, set()).add(end)
 
     def around(self, way: OsmWay) -> tuple[int, ...]:
-        """The nodes of the ring that a tagged way is part of, its beginning at the end again.
+        """Return the nodes of the ring that a tagged way is part of, with its beginning repeated at the end.
 
-        It is empty if the way is open in both directions or does not close over one-way roads, if the ring is longer
-        than ``LONGEST_RING_M`` or shorter than ``LEAST_RING_M``, or if fewer than two roads lead into it.
+        The result is empty if the way is open in both directions or does not close over one-way roads, if the ring is
+        longer than ``LONGEST_RING_M`` or shorter than ``LEAST_RING_M``, or if fewer than two roads lead into it.
         """
         if not (direction := direction_of(way)):
             return ()
@@ -59,7 +59,7 @@ class Rings:
         return ring if len(list(islice(entries, LEAST_ENTRIES))) == LEAST_ENTRIES else ()
 
     def _shortest(self, line: tuple[int, ...]) -> tuple[int, ...]:
-        """The nodes over which one-way roads lead from the end of a line back to its beginning; none where none do."""
+        """Return the nodes of the shortest one-way path from the end of a line back to its beginning, if any."""
         paths: list[tuple[float, tuple[int, ...]]] = [(self._length_m(line), (line[-1],))]
         seen = {line[-1]}
         while paths and len(seen) < MOST_NODES:
@@ -79,8 +79,8 @@ class Rings:
 
 
 def direction_of(way: OsmWay) -> int:
-    """1 for a way that is driven from its first node on, -1 for one driven to it, 0 for one in both directions.
+    """Return 1 for a way driven from its first node, -1 for one driven to it, 0 for both directions.
 
-    As its cut is written for netconvert.
+    This matches the way as its cut is written for netconvert.
     """
     return oneway_of(way.tags)

@@ -1,6 +1,6 @@
-"""Running all rules on a network: module by module and, within one, in the order in which they are written.
+"""Runs all rules on a network: module by module and, within one, in the order in which they are written.
 
-Adding one: its function under ``@rule`` in the module that it belongs to, its defect in the tests, its line in
+To add one, write its function under ``@rule`` in the module of its subject, its defect in the tests, and its line in
 ``docs/rules.md``.
 """
 
@@ -17,12 +17,12 @@ _MODULES = (geometry, topology, signs_and_lights, intersections, vocabulary)
 
 
 def all_rules() -> tuple[Rule, ...]:
-    """The rules in the order in which they run and report."""
+    """Return the rules in the order in which they run and report."""
     return tuple(value for module in _MODULES for value in vars(module).values() if isinstance(value, Rule))
 
 
 def check_file(path: Path) -> CheckedFile:
-    """Run all rules on a CommonRoad file; one that cannot be read is reported, not raised."""
+    """Run all rules on a CommonRoad file; an unreadable file is reported, not raised."""
     try:
         document = read_road_document(path)
     except UnsafeInput as error:
@@ -31,13 +31,13 @@ def check_file(path: Path) -> CheckedFile:
 
 
 def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
-    """What the rules find in a network, errors before warnings, otherwise in the order of the rules."""
+    """Return the rules' findings about a network, errors before warnings, otherwise in rule order."""
     findings = [finding for rule in all_rules() for finding in rule.check(document)]
     return tuple(sorted(findings, key=lambda finding: finding.severity))
 
 
 def summarise_findings(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
-    """Findings of one severity in words: each rule once with the number of places and the first of them."""
+    """Summarise the findings of one severity: each rule once, with the number of places and the first of them."""
     by_rule: dict[str, list[RuleFinding]] = {}
     for finding in findings:
         if finding.severity == severity:

@@ -1,4 +1,4 @@
-"""What the shape of single lanelets must be."""
+"""Rules on the shape of single lanelets."""
 
 from collections.abc import Iterator
 
@@ -9,9 +9,7 @@ from ...geometry import Points, arc_length, headings, length_m, segment_lengths,
 from .rule import Defect, rule
 
 
-@rule(
-    "error", why="The centre line is the middle of points with the same number; commonroad-io refuses such a lanelet."
-)
+@rule("error", why="The centre line is the middle of points with the same number; commonroad-io rejects the lanelet.")
 def unequal_bounds(document: RoadDocument) -> Iterator[Defect]:
     """The left and the right bound have different numbers of points."""
     for lanelet in document.lanelets:
@@ -20,7 +18,7 @@ def unequal_bounds(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"{left} points on the left bound, {right} on the right one", (lanelet.lanelet_id,))
 
 
-@rule("error", why="One point has no direction: there is no way along the lanelet.")
+@rule("error", why="A single point has no direction, so nothing can drive along the lanelet.")
 def too_few_points(document: RoadDocument) -> Iterator[Defect]:
     """A bound has fewer than two points."""
     for lanelet in document.lanelets:
@@ -31,7 +29,7 @@ def too_few_points(document: RoadDocument) -> Iterator[Defect]:
 
 @rule("error", why="Every length, distance and picture computed from it is undefined.")
 def coordinate_not_finite(document: RoadDocument) -> Iterator[Defect]:
-    """A coordinate of a bound is missing, infinite or no number."""
+    """A coordinate of a bound is missing, infinite or not a number."""
     for lanelet in document.lanelets:
         for side, bound in lanelet.bounds:
             wrong = int((~np.isfinite(bound)).any(axis=1).sum())
@@ -40,10 +38,10 @@ def coordinate_not_finite(document: RoadDocument) -> Iterator[Defect]:
 
 
 _SAME_POINT_M = 1e-3
-"""Chosen: as near as points are in files that give three digits."""
+"""Chosen: the distance between points in files with three decimals."""
 
 
-@rule("warning", why="The heading between them is undefined; planners that divide by the distance fail there.")
+@rule("warning", why="The heading between them is undefined; planners that divide by the distance fail.")
 def repeated_points(document: RoadDocument) -> Iterator[Defect]:
     """Two consecutive points of the centre line are the same."""
     for lanelet in document.drawn:
@@ -52,10 +50,7 @@ def repeated_points(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(message, (lanelet.lanelet_id,), lanelet.center[index])
 
 
-@rule(
-    "error",
-    why="Inside and outside of the lanelet swap along the way, so that positions are assigned to the wrong lanelets.",
-)
+@rule("error", why="Inside and outside of the lanelet swap, so that positions are assigned to the wrong lanelets.")
 def bound_crosses_itself(document: RoadDocument) -> Iterator[Defect]:
     """A bound of a lanelet crosses itself."""
     from shapely import LineString
@@ -66,7 +61,7 @@ def bound_crosses_itself(document: RoadDocument) -> Iterator[Defect]:
                 yield Defect(f"the {side} bound crosses itself", (lanelet.lanelet_id,), bound[0])
 
 
-@rule("error", why="Behind the crossing left is right: the drivable area is twisted.")
+@rule("error", why="After the crossing, left and right are swapped: the drivable area is twisted.")
 def bounds_cross(document: RoadDocument) -> Iterator[Defect]:
     """The left and the right bound cross each other."""
     from shapely import LineString
@@ -79,12 +74,12 @@ def bounds_cross(document: RoadDocument) -> Iterator[Defect]:
 
 
 _SHORTEST_TO_COMPARE_M = 0.2
-"""Shorter lanelets have no direction to speak of; another rule names them."""
+"""Shorter lanelets have hardly any direction; another rule reports them."""
 
 
 @rule("error", why="The lanelet leads against its own points: vehicles drive the wrong way.")
 def bounds_swapped(document: RoadDocument) -> Iterator[Defect]:
-    """The left bound lies on the right of the right bound, seen in driving direction."""
+    """The left bound is on the right of the right bound, seen in driving direction."""
     for lanelet in document.drawn:
         if length_m(lanelet.center) < _SHORTEST_TO_COMPARE_M:
             continue
@@ -93,14 +88,14 @@ def bounds_swapped(document: RoadDocument) -> Iterator[Defect]:
         across = (widths[:-1] + widths[1:]) / 2
         turned = ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]
         if turned.sum() < 0 and (turned < 0).mean() > 0.5:
-            yield Defect("the left bound lies on the right", (lanelet.lanelet_id,), lanelet.center[0])
+            yield Defect("the left bound is on the right", (lanelet.lanelet_id,), lanelet.center[0])
 
 
 _SHORTEST_LANELET_M = 0.1
 """Chosen: shorter than any step of a vehicle."""
 
 
-@rule("warning", why="Neither a position nor a heading on it means anything; it only splits the road.")
+@rule("warning", why="Positions and headings on it are meaningless; it only splits the road.")
 def too_short(document: RoadDocument) -> Iterator[Defect]:
     """The centre line is shorter than 0.1 m."""
     for lanelet in document.drawn:
@@ -113,10 +108,10 @@ _NARROWEST_LANELET_M = 1.5
 _NOT_FOR_CARS = frozenset(
     {"sidewalk", "crosswalk", "bicycleLane", "border", "restricted", "restricted_area", "shoulder"}
 )
-"""Chosen: a car is 1.6 m wide and more."""
+"""Chosen: cars are at least 1.6 m wide."""
 
 
-@rule("warning", why="A car of 1.6 m and more cannot stay inside: every run there leaves the road.")
+@rule("warning", why="Cars are at least 1.6 m wide and cannot stay inside: every run there leaves the road.")
 def too_narrow(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet that is open to motor vehicles is narrower than 1.5 m over most of its length."""
     for lanelet in document.drawn:
@@ -131,7 +126,7 @@ _WIDEST_LANELET_M = 12.0
 
 @rule(
     "warning",
-    why="Its centre line is no lane that anybody drives; probably a lane in between is missing or a bound is wrong.",
+    why="Vehicles do not drive along its centre line; probably a lane in between is missing or a bound is wrong.",
 )
 def too_wide(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet is wider than 12 m over most of its length."""
@@ -145,7 +140,7 @@ _SHARPEST_TURN_RAD = np.radians(120)
 """Chosen: more than any corner of a road."""
 
 
-@rule("warning", why="No vehicle can follow it, and the arc length along it does not grow with the way made.")
+@rule("warning", why="No vehicle can follow it, and its arc length does not increase with the distance driven.")
 def folds_back(document: RoadDocument) -> Iterator[Defect]:
     """The centre line turns by more than 120° at one point."""
     for lanelet in document.driven:
@@ -157,12 +152,12 @@ def folds_back(document: RoadDocument) -> Iterator[Defect]:
 
 
 _TIGHTEST_RADIUS_M = 1.0
-"""Chosen: far below what a car can drive, so that corners drawn roughly pass."""
+"""Chosen: far below what a car can drive, so that roughly drawn corners pass."""
 
 
 @rule("warning", why="Even a car that cuts the corner needs a wider turn (about 5 m at its centre).")
 def too_tight(document: RoadDocument) -> Iterator[Defect]:
-    """The centre line bends more tightly than 1 m of radius over a quarter turn."""
+    """The centre line makes a quarter turn with a radius below 1 m."""
     for lanelet in document.driven:
         radius, place = _tightest_quarter_turn(lanelet.path)
         if radius < _TIGHTEST_RADIUS_M:
@@ -170,7 +165,7 @@ def too_tight(document: RoadDocument) -> Iterator[Defect]:
 
 
 def _tightest_quarter_turn(center: Points) -> tuple[float, Points]:
-    """Radius and beginning of the shortest piece that turns by 90°; infinite where there is none."""
+    """Return radius and beginning of the shortest piece that turns by 90°; infinite if there is none."""
     best, place = float("inf"), center[0]
     if len(center) < 3:
         return best, place

@@ -1,4 +1,4 @@
-"""What a rule is, and what it finds: a function under ``@rule``, whose name is the rule's id."""
+"""Defines rules and their findings: a function under ``@rule``; its name is the rule's id."""
 
 import inspect
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from ...geometry import Points
 
 @dataclass(frozen=True)
 class Defect:
-    """A place where a rule is broken: what is wrong, the ids concerned (the lanelet first), a point (2,) in m."""
+    """A place where a rule is violated: the message, the ids concerned (the lanelet first), a point (2,) in m."""
 
     message: str
     elements: tuple[int, ...]
@@ -26,7 +26,7 @@ class Rule:
     """A rule with its description.
 
     ``severity``: an *error* makes the network unusable or ambiguous for a reader or a planner; a *warning* is unusual
-    and may be meant. ``meaning`` says what a defect is, ``why`` what it does.
+    and may be intended. ``meaning`` describes a defect, ``why`` its effect.
     """
 
     rule_id: str
@@ -36,7 +36,7 @@ class Rule:
     find: Find
 
     def check(self, document: RoadDocument) -> list[RuleFinding]:
-        """All defects of one network."""
+        """Return all defects of one network."""
         return [
             RuleFinding(
                 rule=self.rule_id,
@@ -52,11 +52,11 @@ class Rule:
 
 
 def rule(severity: Severity, *, why: str) -> Callable[[Find], Rule]:
-    """Make a rule of the function that finds its defects: called after it, and described by its docstring.
+    """Make a rule from the function that finds its defects, with the function's name and docstring.
 
     Args:
         severity: see :class:`Rule`.
-        why: what a defect does to a reader or a planner.
+        why: the effect of a defect on a reader or a planner.
     """
 
     def make(find: Find) -> Rule:

@@ -1,4 +1,4 @@
-"""Traffic signs, lights and stop lines: that they exist, belong to a lanelet and stand where they act."""
+"""Rules on traffic signs, lights and stop lines: they must exist, belong to a lanelet, and be where they act."""
 
 from collections.abc import Iterator
 
@@ -12,18 +12,18 @@ from ...geometry import length_m, project
 from .rule import Defect, rule
 
 
-@rule("error", why="References to it are ambiguous; commonroad-io refuses the file or keeps one of the two.")
+@rule("error", why="References to it are ambiguous; commonroad-io rejects the file or keeps one of the two.")
 def repeated_id(document: RoadDocument) -> Iterator[Defect]:
-    """An id is given to two elements of the file."""
+    """Two elements of the file have the same id."""
     names: dict[int, list[str]] = {}
     for key, name in document.ids:
         names.setdefault(key, []).append(name)
     for key, holders in names.items():
         if len(holders) > 1:
-            yield Defect(f"id {key} is given to {len(holders)} elements: {', '.join(holders)}", (key,))
+            yield Defect(f"id {key} belongs to {len(holders)} elements: {', '.join(holders)}", (key,))
 
 
-@rule("error", why="The reader fails or drops the rule that the sign stands for.")
+@rule("error", why="The reader fails or drops the rule that the sign expresses.")
 def unknown_sign(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet or stop line refers to a traffic sign that is not in the file."""
     known = {sign.sign_id for sign in document.signs}
@@ -32,7 +32,7 @@ def unknown_sign(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"traffic sign {key} is not in the file", (lanelet.lanelet_id, key))
 
 
-@rule("error", why="The reader fails, or the junction is taken for one without lights.")
+@rule("error", why="The reader fails, or treats the junction as one without lights.")
 def unknown_light(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet or stop line refers to a traffic light that is not in the file."""
     known = {light.light_id for light in document.lights}
@@ -41,7 +41,7 @@ def unknown_light(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"traffic light {key} is not in the file", (lanelet.lanelet_id, key))
 
 
-@rule("error", why="The sign has no effect on anybody; commonroad-io does not read such a file.")
+@rule("error", why="The sign has no effect; commonroad-io does not read the file.")
 def unused_sign(document: RoadDocument) -> Iterator[Defect]:
     """No lanelet refers to a traffic sign."""
     used = {key for lanelet in document.lanelets for key in lanelet.sign_ids}
@@ -50,7 +50,7 @@ def unused_sign(document: RoadDocument) -> Iterator[Defect]:
             yield Defect("no lanelet refers to this sign", (sign.sign_id,), sign.position)
 
 
-@rule("warning", why="It is drawn, but nobody stops at it.")
+@rule("warning", why="It is drawn, but no vehicle stops at it.")
 def unused_light(document: RoadDocument) -> Iterator[Defect]:
     """No lanelet refers to a traffic light."""
     used = {key for lanelet in document.lanelets for key in lanelet.light_ids}
@@ -59,17 +59,17 @@ def unused_light(document: RoadDocument) -> Iterator[Defect]:
             yield Defect("no lanelet refers to this light", (light.light_id,), light.position)
 
 
-@rule("error", why="The schema asks for one, and without it the sign has no meaning.")
+@rule("error", why="The schema requires one, and without it the sign has no meaning.")
 def sign_without_plate(document: RoadDocument) -> Iterator[Defect]:
-    """A traffic sign holds no sign element."""
+    """A traffic sign has no sign element."""
     for sign in document.signs:
         if not sign.plates:
-            yield Defect("holds no sign element", (sign.sign_id,), sign.position)
+            yield Defect("has no sign element", (sign.sign_id,), sign.position)
 
 
-@rule("warning", why="The reader takes it for an unknown sign: a limit or a right of way is lost.")
+@rule("warning", why="The reader treats it as an unknown sign: a limit or a right of way is lost.")
 def unknown_sign_number(document: RoadDocument) -> Iterator[Defect]:
-    """The number of a sign is not among those that CommonRoad knows for the country of the benchmark id."""
+    """CommonRoad does not know the number of a sign for the country of the benchmark id."""
     countries = {country.value for country in SupportedTrafficSignCountry}
     country = document.country if document.country in countries else SupportedTrafficSignCountry.ZAMUNDA.value
     for sign in document.signs:
@@ -82,9 +82,9 @@ _FASTEST_LIMIT_MPS = 60.0
 """Chosen: 216 km/h, above all posted limits; limits in km/h are above it."""
 
 
-@rule("warning", why="Limits are in m/s; a larger one was probably written in km/h, and planners would aim at it.")
+@rule("warning", why="Limits are in m/s; a larger one is probably in km/h, and planners would aim at it.")
 def implausible_speed_limit(document: RoadDocument) -> Iterator[Defect]:
-    """A speed limit is no number, not above 0, or above 60 m/s."""
+    """A speed limit is not a number, not above 0, or above 60 m/s."""
     for sign in document.signs:
         for number, values in sign.plates:
             for text in values if number in SPEED_LIMITS else ():
@@ -107,7 +107,7 @@ def light_without_cycle(document: RoadDocument) -> Iterator[Defect]:
             yield Defect("is active but has no cycle", (light.light_id,), light.position)
 
 
-@rule("error", why="The cycle cannot be followed in time: the sum of the durations is wrong.")
+@rule("error", why="The cycle is inconsistent: the sum of its durations is wrong.")
 def phase_without_duration(document: RoadDocument) -> Iterator[Defect]:
     """A phase of a traffic light lasts 0 steps or fewer."""
     for light in document.lights:
@@ -119,7 +119,7 @@ def phase_without_duration(document: RoadDocument) -> Iterator[Defect]:
 _COLOURS_SHOWN = 5
 
 
-@rule("warning", why="Whoever obeys it stands there for ever.")
+@rule("warning", why="Vehicles that obey it wait forever.")
 def light_never_green(document: RoadDocument) -> Iterator[Defect]:
     """The cycle of an active traffic light shows neither green nor inactive."""
     for light in document.lights:
@@ -132,7 +132,7 @@ def light_never_green(document: RoadDocument) -> Iterator[Defect]:
             )
 
 
-@rule("error", why="The reader refuses the file.")
+@rule("error", why="The reader rejects the file.")
 def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
     """A phase of a traffic light shows a colour that CommonRoad does not know."""
     known = {state.value for state in TrafficLightState}
@@ -142,12 +142,12 @@ def unknown_colour(document: RoadDocument) -> Iterator[Defect]:
 
 
 _FARTHEST_SIGN_M = 50.0
-"""Chosen: signs stand at junctions, which are smaller."""
+"""Chosen: signs are at junctions, which are smaller."""
 
 
 @rule("warning", why="Its position or the reference is wrong.")
 def sign_far_away(document: RoadDocument) -> Iterator[Defect]:
-    """A traffic sign (but a speed limit, which holds on) stands more than 50 m from all its lanelets."""
+    """A traffic sign (except a speed limit, which continues to apply) is more than 50 m from all its lanelets."""
     from shapely import Point
 
     holders_of: dict[int, list[LaneletElement]] = {}
@@ -163,7 +163,7 @@ def sign_far_away(document: RoadDocument) -> Iterator[Defect]:
         distance = min(float(lanelet.polygon.distance(Point(*sign.position))) for lanelet in holders)
         if distance > _FARTHEST_SIGN_M:
             keys = tuple(lanelet.lanelet_id for lanelet in holders)
-            yield Defect(f"stands {distance:.0f} m from its lanelets", (sign.sign_id, *keys), sign.position)
+            yield Defect(f"is {distance:.0f} m from its lanelets", (sign.sign_id, *keys), sign.position)
 
 
 _FARTHEST_STOP_LINE_M = 3.0
@@ -172,28 +172,28 @@ _FARTHEST_STOP_LINE_M = 3.0
 
 @rule("warning", why="Vehicles would stop for a line that they do not cross.")
 def stop_line_misplaced(document: RoadDocument) -> Iterator[Defect]:
-    """Both ends of a stop line lie more than 3 m outside the lanelet."""
+    """Both ends of a stop line are more than 3 m outside the lanelet."""
     from shapely import LineString
 
     for lanelet in filter(_has_drawn_stop_line, document.drawn):
         line = lanelet.stop_line.points
         distance = float(lanelet.polygon.distance(LineString(line)))
         if distance > _FARTHEST_STOP_LINE_M:
-            yield Defect(f"its stop line lies {distance:.1f} m outside", (lanelet.lanelet_id,), line[0])
+            yield Defect(f"its stop line is {distance:.1f} m outside", (lanelet.lanelet_id,), line[0])
 
 
 _SHORTEST_WITH_STOP_LINE_M = 10.0
-"""Chosen: on a shorter lanelet beginning and end are about the same place."""
+"""Chosen: on a shorter lanelet, beginning and end are about the same place."""
 
 
-@rule("warning", why="Vehicles would stop far from the junction that the line is for, or behind it.")
+@rule("warning", why="Vehicles would stop far before the line's junction, or after it.")
 def stop_line_at_beginning(document: RoadDocument) -> Iterator[Defect]:
-    """The middle of a stop line lies nearer to the beginning than to the end of a lanelet of 10 m and more."""
+    """The middle of a stop line is closer to the beginning than to the end of a lanelet of at least 10 m."""
     for lanelet in filter(_has_drawn_stop_line, document.drawn):
         line, length = lanelet.stop_line.points, length_m(lanelet.center)
         station, _ = project(lanelet.center, line.mean(axis=0))
         if length >= _SHORTEST_WITH_STOP_LINE_M and station < length / 2:
-            message = f"its stop line lies {station:.1f} m behind the beginning of {length:.1f} m"
+            message = f"its stop line is {station:.1f} m after the beginning of {length:.1f} m"
             yield Defect(message, (lanelet.lanelet_id,), line[0])
 
 

@@ -1,4 +1,4 @@
-"""How lanelets hang together: what follows, what lies beside, what covers what."""
+"""Rules on the connections of lanelets: succession, adjacency, and overlap."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from ...geometry import headings, length_m, meeting_pairs, wrap_angle
 from .rule import Defect, rule
 
 
-@rule("error", why="Routes end in nothing, or the reader silently drops the connection.")
+@rule("error", why="Routes end nowhere, or the reader silently drops the connection.")
 def unknown_successor(document: RoadDocument) -> Iterator[Defect]:
     """A predecessor or successor is not in the file."""
     known = document.by_id.keys()
@@ -20,27 +20,27 @@ def unknown_successor(document: RoadDocument) -> Iterator[Defect]:
                 yield Defect(f"{role} {key} is not in the file", (lanelet.lanelet_id, key))
 
 
-@rule("error", why="A lane change is offered into nothing.")
+@rule("error", why="A lane change leads nowhere.")
 def unknown_neighbour(document: RoadDocument) -> Iterator[Defect]:
     """A neighbour on the left or right is not in the file."""
     for lanelet in document.lanelets:
-        for side, beside in lanelet.neighbours.items():
-            if beside.lanelet_id not in document.by_id:
-                message = f"neighbour {beside.lanelet_id} on the {side} is not in the file"
-                yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
+        for side, adjoining in lanelet.neighbours.items():
+            if adjoining.lanelet_id not in document.by_id:
+                message = f"neighbour {adjoining.lanelet_id} on the {side} is not in the file"
+                yield Defect(message, (lanelet.lanelet_id, adjoining.lanelet_id))
 
 
 @rule("error", why="Searching forwards and backwards gives different routes.")
 def one_way_succession(document: RoadDocument) -> Iterator[Defect]:
-    """A lanelet names a successor that does not name it as predecessor, or the other way round."""
+    """A lanelet has a successor that does not list it as predecessor, or the reverse."""
     known = document.by_id
     for lanelet in document.lanelets:
         for key in lanelet.successors:
             if key in known and lanelet.lanelet_id not in known[key].predecessors:
-                yield Defect(f"successor {key} does not name it as predecessor", (lanelet.lanelet_id, key))
+                yield Defect(f"successor {key} does not list it as predecessor", (lanelet.lanelet_id, key))
         for key in lanelet.predecessors:
             if key in known and lanelet.lanelet_id not in known[key].successors:
-                yield Defect(f"predecessor {key} does not name it as successor", (lanelet.lanelet_id, key))
+                yield Defect(f"predecessor {key} does not list it as successor", (lanelet.lanelet_id, key))
 
 
 _LARGEST_GAP_M = 1.0
@@ -49,7 +49,7 @@ _LARGEST_GAP_M = 1.0
 
 @rule("warning", why="Reference paths jump there, which no vehicle can follow.")
 def gap_at_join(document: RoadDocument) -> Iterator[Defect]:
-    """End and beginning of two consecutive lanelets lie more than 1 m apart."""
+    """The end and the beginning of two consecutive lanelets are more than 1 m apart."""
     for before, after in document.joins:
         gap = float(np.linalg.norm(after.center[0] - before.center[-1]))
         if gap > _LARGEST_GAP_M:
@@ -74,7 +74,7 @@ def heading_jump(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(message, (before.lanelet_id, after.lanelet_id), before.center[-1])
 
 
-@rule("error", why="Searches for a route can run in a circle without moving.")
+@rule("error", why="A search for a route can run in a circle without progress.")
 def follows_itself(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet is its own successor, predecessor or neighbour."""
     for lanelet in document.lanelets:
@@ -88,41 +88,41 @@ def follows_itself(document: RoadDocument) -> Iterator[Defect]:
             yield Defect(f"is its own {' and '.join(named)}", (lanelet.lanelet_id,))
 
 
-@rule("error", why="One of the two is wrong: what lies ahead cannot lie beside.")
+@rule("error", why="One of the two is wrong: a lanelet ahead cannot be adjacent.")
 def follows_and_lies_beside(document: RoadDocument) -> Iterator[Defect]:
-    """A lanelet is successor or predecessor and also neighbour of the same other lanelet."""
+    """A lanelet is both the successor or predecessor and the neighbour of another lanelet."""
     for lanelet in document.lanelets:
         in_line = {*lanelet.successors, *lanelet.predecessors} - {lanelet.lanelet_id}
         for key in sorted(in_line.intersection(lanelet.neighbour_ids)):
-            yield Defect(f"{key} lies both in line with it and beside it", (lanelet.lanelet_id, key))
+            yield Defect(f"{key} is both in line with it and adjacent to it", (lanelet.lanelet_id, key))
 
 
 @rule("error", why="A lane change is possible in one direction only, or back into another lane.")
 def one_way_neighbour(document: RoadDocument) -> Iterator[Defect]:
-    """A lanelet names a neighbour that does not name it on the side where it lies."""
+    """A lanelet has a neighbour that does not list it on the side where it is."""
     known = document.by_id
     for lanelet in document.lanelets:
-        for side, beside in lanelet.neighbours.items():
-            other = known.get(beside.lanelet_id)
+        for side, adjoining in lanelet.neighbours.items():
+            other = known.get(adjoining.lanelet_id)
             if other is None:
                 continue
-            facing = other.neighbours.get("left" if (side == "left") != beside.same_direction else "right")
+            facing = other.neighbours.get("left" if (side == "left") != adjoining.same_direction else "right")
             if facing is None or facing.lanelet_id != lanelet.lanelet_id:
-                message = f"{beside.lanelet_id} on its {side} does not name it as neighbour on the side where it lies"
-                yield Defect(message, (lanelet.lanelet_id, beside.lanelet_id))
+                message = f"{adjoining.lanelet_id} on its {side} does not list it as neighbour on the side where it is"
+                yield Defect(message, (lanelet.lanelet_id, adjoining.lanelet_id))
 
 
-@rule("error", why="A planner changes into oncoming traffic, or refuses a lane that it may use.")
+@rule("error", why="A planner changes into oncoming traffic, or avoids a lane that it may use.")
 def neighbour_direction(document: RoadDocument) -> Iterator[Defect]:
-    """A neighbour said to lead the same way leads the other way, or the other way round."""
+    """A neighbour leads in the opposite direction to the one that the file states."""
     for lanelet in document.drawn:
-        for beside in lanelet.neighbours.values():
-            other = document.by_id.get(beside.lanelet_id)
+        for adjoining in lanelet.neighbours.values():
+            other = document.by_id.get(adjoining.lanelet_id)
             if other is None or not other.is_drawn:
                 continue
             ahead, ahead_there = (each.center[-1] - each.center[0] for each in (lanelet, other))
-            if float(ahead @ ahead_there) * (1 if beside.same_direction else -1) < 0:
-                stated = "same" if beside.same_direction else "opposite"
+            if float(ahead @ ahead_there) * (1 if adjoining.same_direction else -1) < 0:
+                stated = "same" if adjoining.same_direction else "opposite"
                 message = f"neighbour {other.lanelet_id} does not lead the {stated} way"
                 yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), lanelet.center[0])
 
@@ -131,21 +131,21 @@ _LARGEST_DISTANCE_TO_NEIGHBOUR_M = 2.0
 """Chosen: more than markings and kerbs are wide."""
 
 
-@rule("warning", why="A lane change crosses ground that belongs to no lanelet, or the lanelets overlap.")
+@rule("warning", why="A lane change crosses an area outside all lanelets, or the lanelets overlap.")
 def neighbour_apart(document: RoadDocument) -> Iterator[Defect]:
-    """The bounds of two neighbours that should be one lie more than 2 m apart over most of their length."""
+    """The bounds of two neighbours that should coincide are more than 2 m apart over most of their length."""
     from shapely import LineString, distance, points
 
     for lanelet in document.drawn:
-        for side, beside in lanelet.neighbours.items():
-            other = document.by_id.get(beside.lanelet_id)
+        for side, adjoining in lanelet.neighbours.items():
+            other = document.by_id.get(adjoining.lanelet_id)
             if other is None or not other.is_drawn:
                 continue
             bound = lanelet.left if side == "left" else lanelet.right
-            facing = other.right if (side == "left") == beside.same_direction else other.left
+            facing = other.right if (side == "left") == adjoining.same_direction else other.left
             apart = float(np.median(distance(points(bound), LineString(facing))))
             if apart > _LARGEST_DISTANCE_TO_NEIGHBOUR_M:
-                message = f"its {side} bound and that of neighbour {other.lanelet_id} lie {apart:.1f} m apart"
+                message = f"its {side} bound and that of neighbour {other.lanelet_id} are {apart:.1f} m apart"
                 yield Defect(message, (lanelet.lanelet_id, other.lanelet_id), bound[len(bound) // 2])
 
 
@@ -155,19 +155,17 @@ def neighbour_on_both_sides(document: RoadDocument) -> Iterator[Defect]:
     for lanelet in document.lanelets:
         keys = lanelet.neighbour_ids
         if len(keys) == 2 and keys[0] == keys[1]:
-            yield Defect(f"neighbour {keys[0]} is named on both sides", (lanelet.lanelet_id, keys[0]))
+            yield Defect(f"neighbour {keys[0]} is listed on both sides", (lanelet.lanelet_id, keys[0]))
 
 
 _LARGEST_OVERLAP_SHARE = 0.9
 _SHORTEST_OVERLAP_M = 2.0
-"""Shorter pieces inside a junction lie within their neighbours by nature."""
+"""Shorter pieces inside a junction overlap their neighbours by nature."""
 
 
-@rule(
-    "warning", why="A position belongs to both; which one a vehicle is on, and what traffic it meets there, is chance."
-)
+@rule("warning", why="A position belongs to both, so a vehicle's lanelet and the traffic that it meets are arbitrary.")
 def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
-    """Two lanelets of one direction that neither begin nor end together cover each other by nine tenths."""
+    """Two lanelets of one direction with different beginnings and ends overlap by nine tenths."""
     from shapely import area, intersection
 
     lanelets = [lanelet for lanelet in document.drawn if length_m(lanelet.center) >= _SHORTEST_OVERLAP_M]
@@ -180,7 +178,7 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
     for index in np.flatnonzero(shares > _LARGEST_OVERLAP_SHARE):
         one, other = (lanelets[number].lanelet_id for number in pairs[index])
         place = shared[index].centroid
-        message = f"{shares[index]:.0%} of the smaller one lies on lanelet {other}"
+        message = f"{shares[index]:.0%} of the smaller one is on lanelet {other}"
         yield Defect(message, (one, other), np.array([place.x, place.y]))
     if not meeting.is_whole:
         message = f"it and those after it were not compared: more than {meeting.most:,} pairs of lanelets meet"
@@ -188,37 +186,37 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
 
 
 def _unrelated(lanelets: list[LaneletElement], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Those of the pairs (n, 2) of lanelets, by their numbers, that lead the same way and do not belong together."""
+    """Return the pairs (n, 2) of lanelets, by number, that lead the same way and are unrelated."""
     unrelated = [
-        not _belong_together(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
+        not _are_related(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
         for i, j in pairs.tolist()
     ]
     kept: NDArray[np.int64] = pairs[np.array(unrelated, dtype=bool)]
     return kept
 
 
-def _belong_together(lanelet: LaneletElement, other: LaneletElement) -> bool:
-    """Whether both begin or end at one lanelet (a fork, a merge), or one follows the other."""
+def _are_related(lanelet: LaneletElement, other: LaneletElement) -> bool:
+    """Return whether both begin or end at one lanelet (a fork, a merge), or one follows the other."""
     fork = set(lanelet.predecessors) & set(other.predecessors) or set(lanelet.successors) & set(other.successors)
     in_line = other.lanelet_id in lanelet.successors + lanelet.predecessors
     return bool(fork) or in_line
 
 
 def _same_direction(lanelet: LaneletElement, other: LaneletElement) -> bool:
-    """Whether two lanelets lead the same way, to about 45°."""
+    """Return whether two lanelets lead the same way, to about 45°."""
     ahead, ahead_there = (each.center[-1] - each.center[0] for each in (lanelet, other))
     return float(ahead @ ahead_there) > 0.7 * float(np.linalg.norm(ahead) * np.linalg.norm(ahead_there))
 
 
 _LONGEST_ISOLATED_M = 50.0
-"""A longer one may be a road of its own that was cut out at both ends."""
+"""A longer one may be a road of its own that was cut at both ends."""
 
 
-@rule("warning", why="Nobody can get there or away; mostly a connection was forgotten.")
+@rule("warning", why="No vehicle can enter or leave it; usually a connection is missing.")
 def isolated_lanelet(document: RoadDocument) -> Iterator[Defect]:
     """A lanelet shorter than 50 m, one of several, has neither predecessor, successor nor neighbour.
 
-    Ways for pedestrians alone, who go in any direction, need none.
+    Footways need none of these, because pedestrians walk in any direction.
     """
     for lanelet in document.lanelets if len(document.lanelets) > 1 else ():
         connected = lanelet.predecessors or lanelet.successors or lanelet.neighbours

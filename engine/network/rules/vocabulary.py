@@ -1,4 +1,4 @@
-"""Words of lanelets that CommonRoad 2020a knows: those that commonroad-io's reader takes."""
+"""Rules on the values that CommonRoad 2020a defines for lanelets: those that commonroad-io's reader accepts."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -10,25 +10,25 @@ from ...commonroad import RoadDocument
 from .rule import Defect, rule
 
 
-@rule("error", why="The reader refuses the file.")
+@rule("error", why="The reader rejects the file.")
 def unknown_lanelet_type(document: RoadDocument) -> Iterator[Defect]:
-    """The type of a lanelet is none of the twenty of CommonRoad 2020a."""
+    """The type of a lanelet is not one of the twenty of CommonRoad 2020a."""
     for lanelet in document.lanelets:
         for word in _unknown(lanelet.types, LaneletType):
             yield Defect(f"there is no lanelet type {cited(word)}", (lanelet.lanelet_id,))
 
 
-@rule("error", why="The reader refuses the file.")
+@rule("error", why="The reader rejects the file.")
 def unknown_user(document: RoadDocument) -> Iterator[Defect]:
-    """A road user to whom a lanelet is open is none of the ten of CommonRoad 2020a."""
+    """A permitted road user of a lanelet is not one of the ten of CommonRoad 2020a."""
     for lanelet in document.lanelets:
         for word in _unknown(lanelet.users, RoadUser):
             yield Defect(f"there is no road user {cited(word)}", (lanelet.lanelet_id,))
 
 
-@rule("error", why="The reader refuses the file.")
+@rule("error", why="The reader rejects the file.")
 def unknown_line_marking(document: RoadDocument) -> Iterator[Defect]:
-    """The marking of a bound is none of the twelve of CommonRoad 2020a."""
+    """The marking of a bound is not one of the twelve of CommonRoad 2020a."""
     for lanelet in document.lanelets:
         for word in _unknown(lanelet.markings, LineMarking):
             yield Defect(f"there is no line marking {cited(word)}", (lanelet.lanelet_id,))

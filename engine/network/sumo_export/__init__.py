@@ -1,1 +1,3 @@
-"""The lanelet network of a scenario as a SUMO net: layout, speeds, and the ``.net.xml``. Its face is the network's."""
+"""Exports a scenario's lanelet network as a SUMO net: layout, speeds, ``.net.xml``. ``engine.network`` exports the
+names.
+"""

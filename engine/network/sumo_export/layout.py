@@ -1,14 +1,14 @@
-"""The plan of a SUMO network over a lanelet network: which lanelet is which lane, edge or path through a junction.
+"""Plans a SUMO network over a lanelet network: each lanelet becomes a lane, or part of a path through a junction.
 
-SUMO knows lanes of edges, between which vehicles may change, and internal lanes of junctions, where the right of way is
-decided. A lanelet network has no such difference. So the plan is made in four steps:
+SUMO distinguishes lanes of edges, between which vehicles may change, from internal lanes of junctions, where right of
+way applies. A lanelet network does not. The plan has four steps:
 
-1. Lanelets that road vehicles drive on are lanes (``_LaneTable``).
-2. Lanelets that cross others, or that an intersection of the file names behind an incoming one, lie inside a junction
+1. Lanelets for road vehicles become lanes (``_LaneTable``).
+2. Lanelets that cross others, or that an intersection of the file lists after an incoming one, are inside a junction
    (``_find_interior``); the paths through it are chains of them (``_find_paths``).
-3. Neighbouring lanelets outside are lanes of one edge, if a vehicle may change between them all along
+3. Neighbouring lanelets outside become lanes of one edge, if a vehicle may change between them over their whole length
    (``_group_into_edges``).
-4. Ends of edges that a path joins, or whose paths cross, are one junction (``_junctions``).
+4. Ends of edges that a path joins, or with paths that cross, become one junction (``_junctions``).
 
 Lengths are in metres. The plan depends on the network alone, never on the order of sets or of the file.
 """
@@ -33,7 +33,7 @@ _NARROWEST_LANE_M = 0.5
 _SHORTEST_LANE_M = 0.05
 """Chosen: a shorter lanelet has no direction."""
 _WIDEST_JOINT_M = 6.0
-"""Chosen: a successor that begins farther away than this is an error of the file, and no vehicle can drive on to it."""
+"""Chosen: a successor that begins farther away is an error of the file, and no vehicle can drive on to it."""
 _NOT_FOR_VEHICLES = frozenset({"sidewalk", "crosswalk"})
 
 
@@ -51,7 +51,7 @@ class _DrivableLane:
 
 @dataclass(frozen=True)
 class _LaneTable:
-    """All drivable lanes by lanelet id (ascending) and the successor relation among them, made symmetric."""
+    """All drivable lanes by lanelet id (ascending), and their successor relation, made symmetric."""
 
     lanes: dict[int, _DrivableLane]
     successors: dict[int, tuple[int, ...]]
@@ -67,7 +67,7 @@ class _LaneTable:
 
     @classmethod
     def of(cls, network: "LaneletNetwork") -> "_LaneTable":
-        """The lanes of a lanelet network; footpaths, rails and degenerate lanelets are left out."""
+        """Return the lanes of a lanelet network; footpaths, rails and degenerate lanelets are left out."""
         drivable = [lanelet for lanelet in network.lanelets if _for_vehicles(lanelet)]
         made = {lanelet.lanelet_id: _lane(lanelet) for lanelet in drivable}
         lanes = {key: lane for key, lane in sorted(made.items()) if lane is not None}
@@ -85,7 +85,7 @@ class JunctionPath:
 
 @dataclass(frozen=True)
 class _JunctionInterior:
-    """The lanelets inside junctions, and which lanelets cross which (symmetric)."""
+    """The lanelets inside junctions, and the pairs that cross (symmetric)."""
 
     lanelets: frozenset[int]
     crossings: dict[int, frozenset[int]]
@@ -95,8 +95,8 @@ class _JunctionInterior:
 class NetLayout:
     """The mapping lanelet ↔ SUMO edge and lane, fixed before anything is written.
 
-    ``edges``: edge id → lanelets from right to left. ``ends``: edge id → (from junction, to junction).
-    ``links``: junction id → indices into ``paths`` in the order of SUMO's links at that junction.
+    ``edges``: edge id → lanelets from right to left. ``ends``: edge id → (from junction, to junction). ``links``:
+    junction id → indices into ``paths`` in the order of SUMO's links at that junction.
     """
 
     table: _LaneTable
@@ -108,7 +108,7 @@ class NetLayout:
 
     @classmethod
     def of(cls, network: "LaneletNetwork") -> "NetLayout":
-        """Lay out a lanelet network; depends on the network alone, never on the order of sets."""
+        """Lay out a lanelet network; the result depends on the network alone, never on the order of sets."""
         table = _LaneTable.of(network)
         interior = _find_interior(table, network)
         edges = _group_into_edges(table, interior.lanelets)
@@ -148,7 +148,7 @@ class NetLayout:
 
     @cached_property
     def lanelets_of_lane(self) -> dict[str, tuple[int, ...]]:
-        """SUMO lane id → the lanelets that it covers (several only inside junctions; none for a mere joint)."""
+        """SUMO lane id → its lanelets (several only inside junctions; none for a mere joint)."""
         normal = {f"{edge}_{lane}": (key,) for key, (edge, lane) in self.lane_of.items()}
         internal = {f"{edge}_0": self.paths[path].through for path, edge in self.internal_edge_of_path.items()}
         return normal | internal
@@ -188,19 +188,19 @@ def _successors(network: "LaneletNetwork", lanes: dict[int, _DrivableLane]) -> d
 _LONGEST_INTERNAL_LANE_M = 90.0
 """Chosen: longer than the largest crossing; a longer lanelet that crosses another (a bridge) stays a road."""
 _LONGEST_PATH_LANELETS = 12
-"""Chosen: ends the search for paths through junctions whose lanelets fork again and again."""
+"""Chosen: ends the search for paths through junctions with lanelets that fork again and again."""
 _MOST_FOLLOWED = 200_000
-"""Chosen: forks on forks multiply, so the search ends here; a network of 370 lanelets takes a few hundred steps."""
+"""Chosen: nested forks multiply, so the search ends here; a network of 370 lanelets takes a few hundred steps."""
 _JOINT_TOLERANCE_M = 0.3
-"""Chosen: lanelets that meet this near to the ends of both split, merge or follow each other there."""
+"""Chosen: lanelets that meet this close to the ends of both split, merge or follow each other there."""
 _SMALLEST_CROSSING_ANGLE_RAD = math.radians(4.0)
-"""Chosen: centre lines that cross at a smaller angle run beside each other."""
+"""Chosen: centre lines that cross at a smaller angle are parallel."""
 
 
 def _find_interior(table: _LaneTable, network: "LaneletNetwork") -> _JunctionInterior:
-    """The lanelets that become internal lanes; internal lanelets never form a cycle."""
+    """Return the lanelets that become internal lanes; internal lanelets never form a cycle."""
     crossings = _crossings(table)
-    named = _named_by_intersections(network)
+    named = _after_intersections(network)
     interior = {
         key
         for key, lane in table.lanes.items()
@@ -215,10 +215,10 @@ def _find_interior(table: _LaneTable, network: "LaneletNetwork") -> _JunctionInt
 
 
 def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPath, ...]:
-    """All paths from a lane outside junctions to the next lane outside, in ascending order of the lanelets.
+    """Return all paths from a lane outside junctions to the next lane outside, in ascending order of the lanelets.
 
     Raises:
-        NotPossible: forks on forks make too many.
+        NotPossible: nested forks make too many.
     """
     paths: list[JunctionPath] = []
     followed = 0
@@ -229,7 +229,7 @@ def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPa
             followed += 1
             if followed > _MOST_FOLLOWED:
                 raise NotPossible(
-                    "the lanelets of a junction fork so often that its paths cannot be told apart",
+                    "the lanelets of a junction fork so often that its paths cannot be listed",
                     next_step="correct the successors of the lanelets, or use another scenario",
                 )
             if current not in interior:
@@ -240,7 +240,7 @@ def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPa
 
 
 def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | None:
-    """First proper crossing of two polylines: arc length on each in m and the angle in rad, if there is one."""
+    """Return the first proper crossing of two polylines: arc length on each in m and the angle in rad, or None."""
     start, step = first[:-1], np.diff(first, axis=0)
     other_start, other_step = second[:-1], np.diff(second, axis=0)
     cross = step[:, None, 0] * other_step[None, :, 1] - step[:, None, 1] * other_step[None, :, 0]
@@ -262,10 +262,10 @@ def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | N
 
 
 def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
-    """The lanelets that each lanelet crosses, for those that cross any.
+    """Return the crossing lanelets of each lanelet that has any.
 
     Raises:
-        NotPossible: more meet than any road network has.
+        NotPossible: more meet than in any road network.
     """
     from shapely import LineString
 
@@ -275,7 +275,7 @@ def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
         raise NotPossible(
             f"more than {meeting.most:,} pairs of the {len(keys):,} lanelets for vehicles cross or touch",
             valid=[f"at most {meeting.most:,} pairs"],
-            next_step="take lanelets that lie over others out of the file, or use another scenario",
+            next_step="remove lanelets that cover others from the file, or use another scenario",
         )
     crossing: dict[int, set[int]] = {}
     for i, j in meeting.pairs.tolist():
@@ -286,7 +286,7 @@ def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
 
 
 def _cross(table: _LaneTable, first: _DrivableLane, second: _DrivableLane) -> bool:
-    """Whether two lanes cross, leaving out joints, splits and merges at their ends."""
+    """Return whether two lanes cross, ignoring joints, splits and merges at their ends."""
     if (
         second.lanelet_id in table.successors[first.lanelet_id]
         or first.lanelet_id in table.successors[second.lanelet_id]
@@ -302,7 +302,7 @@ def _cross(table: _LaneTable, first: _DrivableLane, second: _DrivableLane) -> bo
     return not at_ends and min(hit[2], math.pi - hit[2]) >= _SMALLEST_CROSSING_ANGLE_RAD
 
 
-def _named_by_intersections(network: "LaneletNetwork") -> frozenset[int]:
+def _after_intersections(network: "LaneletNetwork") -> frozenset[int]:
     named: set[int] = set()
     for intersection in network.intersections:
         for incoming in intersection.incomings:
@@ -322,13 +322,16 @@ def _cycle(table: _LaneTable, interior: Iterable[int]) -> list[int] | None:
 
 
 _LENGTH_RATIO = 1.67
-"""Chosen: lanes of one edge are about equally long; in a tight curve the outer one is longer, by less than this."""
+"""Chosen: lanes of one edge are about equally long; in a tight curve, the outer one is longer by less than this."""
 _LARGEST_STAGGER_M = 5.0
 """Chosen: lanes of one edge begin and end level, to about a car's length."""
 
 
 def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, tuple[int, ...]]:
-    """Edge id → its lanelets from right to left (SUMO's lane index); the id is ``e`` and the rightmost lanelet's id."""
+    """Return the lanelets of each edge from right to left, in the order of SUMO's lane index.
+
+    The id of an edge is ``e`` plus the id of its rightmost lanelet.
+    """
     left_of = _left_neighbours(table, interior)
     right_of = {left: right for right, left in left_of.items()}
     edges: dict[str, tuple[int, ...]] = {}
@@ -343,7 +346,7 @@ def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, 
 
 
 def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, int]:
-    """Lanelet → the lanelet to its left in the same edge; each lanelet is the left neighbour of one at most."""
+    """Return lanelet → the lanelet to its left in the same edge; each is the left neighbour of at most one."""
     outside = [key for key in table.lanes if key not in interior]
     candidates: dict[int, int] = {}
     for key in outside:
@@ -363,18 +366,18 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
     return left_of
 
 
-def _chain(start: int, beside: dict[int, int]) -> tuple[int, ...]:
-    """A lanelet, the one beside it, the one beside that, and so on to the last, or until they come round."""
+def _chain(start: int, next_of: dict[int, int]) -> tuple[int, ...]:
+    """Return a lanelet and its chain of neighbours to the last one, or until the chain repeats."""
     chain = dict.fromkeys([start])
     last = start
-    while last in beside and beside[last] not in chain:
-        last = beside[last]
+    while last in next_of and next_of[last] not in chain:
+        last = next_of[last]
         chain[last] = None
     return tuple(chain)
 
 
 def _side_by_side(first: _DrivableLane, second: _DrivableLane) -> bool:
-    """Whether two lanes begin and end level and near enough to be lanes of one edge."""
+    """Return whether two lanes begin and end level and close enough to be lanes of one edge."""
     if not 1 / _LENGTH_RATIO < first.length_m / second.length_m < _LENGTH_RATIO:
         return False
     widest = 1.5 * (first.width_m + second.width_m) + _LARGEST_STAGGER_M
@@ -397,7 +400,7 @@ def _junctions(
     lane_of: Mapping[int, tuple[str, int]],
     interior: _JunctionInterior,
 ) -> dict[str, tuple[str, str]]:
-    """From and to junction of every edge: ends that a path joins, or whose paths cross, are one junction."""
+    """Return the from and to junction of every edge: ends with a common path or crossing paths are one junction."""
     from scipy.cluster.hierarchy import DisjointSet
 
     groups = DisjointSet((edge, side) for edge in edges for side in ("start", "end"))

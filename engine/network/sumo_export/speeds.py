@@ -1,9 +1,9 @@
-"""How fast each lane is driven: posted limits, what was recorded, and what curves allow.
+"""Sets the speed of each lane: from posted limits, recorded speeds, and curves.
 
-A lane has the posted speed limit, or 50 km/h where the file posts none, and more where a vehicle was recorded faster.
-Curves lower it, because SUMO slows down for turns inside junctions only (a quarter of its cars break the friction
-circle in the curves of edges otherwise). On a long lanelet with one curve that is far too slow for the rest: there
-``slow_places`` says where to slow down, for a co-simulation that sets SUMO's speeds step by step.
+A lane has the posted speed limit, or 50 km/h if the file posts none, and more if a vehicle was recorded faster. Curves
+lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the friction
+circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For these,
+``slow_places`` returns where to slow down, for a co-simulation that sets SUMO's speeds step by step.
 """
 
 import math
@@ -26,17 +26,17 @@ USUAL_SPEED_MPS = 13.89
 _SLOWEST_CURVE_MPS = 3.0
 """Chosen: kinks of a coarse line have a curvature that no vehicle drives."""
 LONG_LANELET_M = 60.0
-"""Chosen: on a lanelet no longer than this, slowing down for its curve alone gains little."""
+"""Chosen: on a lanelet no longer than this, slowing down only for its curve gains little."""
 _SMOOTHING_M = 4.0
 """Chosen: as in ``geometry.curvatures``."""
 _KERNEL = 3.0
-"""Standard deviations to either side at which the kernel of the smoothing ends."""
+"""Standard deviations to either side at which the smoothing kernel ends."""
 _RECORDED_NEAR_M = 10.0
-"""Chosen: a vehicle recorded within these drove through the place at that speed."""
+"""Chosen: a vehicle recorded within these distances drove through the place at that speed."""
 
 
 def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
-    """The lowest speed limit in m/s that signs of a lanelet post, for lanelets that have one."""
+    """Return the lowest speed limit in m/s that signs post, for lanelets that have one."""
     limits = {
         int(sign.traffic_sign_id): speeds[0]
         for sign in network.traffic_signs
@@ -52,7 +52,7 @@ def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
 
 @dataclass(frozen=True)
 class SlowPlaces:
-    """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) at which its curve is driven there.
+    """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) in its curve there.
 
     ``hardest_mps``: the highest speeds (n,) that tyres hold there.
     """
@@ -65,7 +65,7 @@ class SlowPlaces:
 def lowered_by_curves(
     layout: NetLayout, straight_mps: Mapping[int, float], friction: float | None = None
 ) -> dict[int, float]:
-    """Speeds in m/s by lanelet, each no more than its sharpest curve allows on a road of some friction."""
+    """Return speeds in m/s by lanelet, each at most what its sharpest curve allows on a road of some friction."""
     lanes = layout.table.lanes
     return {key: min(speed, curve_speed(lanes[key].center, friction=friction)) for key, speed in straight_mps.items()}
 
@@ -73,12 +73,12 @@ def lowered_by_curves(
 def straight_speeds(
     layout: NetLayout, recorded_mps: Mapping[int, float], posted_mps: Mapping[int, float] | None = None
 ) -> dict[int, float]:
-    """Speed of every lanelet in m/s as if it were straight: equal within an edge.
+    """Return the speed of every lanelet in m/s as if it were straight: equal within an edge.
 
     Args:
         layout: the network.
-        recorded_mps: fastest speed recorded on each lanelet; missing ones count as slow.
-        posted_mps: speed limit of each lanelet that has one.
+        recorded_mps: the fastest speed recorded on each lanelet; missing ones count as slow.
+        posted_mps: the speed limit of each lanelet that has one.
     """
     wanted = {}
     for key in layout.table.lanes:
@@ -90,10 +90,11 @@ def straight_speeds(
 
 
 def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M, friction: float | None = None) -> float:
-    """Speed in m/s at which the sharpest curve of a polyline takes the comfortable lateral acceleration; may be inf.
+    """Return the speed in m/s at which a polyline's sharpest curve gives the comfortable lateral acceleration; may be
+    inf.
 
-    A line that is short against the smoothing keeps little of its turn when it is smoothed alone: the curvature that it
-    has between straights counts too.
+    A line shorter than the smoothing kernel loses most of its turn when it is smoothed alone. Its curvature between
+    straights counts too.
     """
     curvature = maximum_curvature(shape, sigma_m)
     if length_m(shape) < 2 * _KERNEL * sigma_m:
@@ -104,7 +105,7 @@ def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M, friction: float | 
 
 
 def _between_straights(shape: Points, beside_m: float) -> Points:
-    """A polyline with a straight before and behind it."""
+    """Return a polyline with a straight before and after it."""
     points = without_repeats(shape)
     if len(points) < 2:
         return points
@@ -115,10 +116,10 @@ def _between_straights(shape: Points, beside_m: float) -> Points:
 def slow_places(
     shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = (), friction: float | None = None
 ) -> SlowPlaces:
-    """Where the curves of a polyline are driven slower than a speed, and how fast, by the same rule.
+    """Return where a polyline's curves require less than a speed, and the speeds there, by the same rule.
 
-    Where a vehicle was recorded faster the speed is higher, as far as tyres hold: what looks like a curve may be a kink
-    of a coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
+    If a vehicle was recorded faster, the speed is higher, as far as tyres hold: an apparent curve may be a kink of a
+    coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
     """
     stations, curvature = curvatures(shape, _SMOOTHING_M)
     comfortable = comfortable_mps2(friction)

@@ -1,11 +1,11 @@
-"""Writes a SUMO network straight from a lanelet network, lanelet centre lines being the shapes of the lanes.
+"""Writes a SUMO network directly from a lanelet network; the lanelets' centre lines are the shapes of the lanes.
 
-Nothing passes through netconvert, which would move 99.9 % of the lanes by more than half a metre and refuse loops.
-Format: SUMO network file, version 1.20 (https://sumo.dlr.de/docs/Networks/SUMO_Road_Networks.html). The same input
-gives the same bytes. Lengths are in metres, speeds in m/s.
+netconvert is not involved: it would move 99.9 % of the lanes by more than half a metre and reject loops. Format: SUMO
+network file, version 1.20 (https://sumo.dlr.de/docs/Networks/SUMO_Road_Networks.html). The same input gives the same
+bytes. Lengths are in metres, speeds in m/s.
 
 Right of way where paths through a junction meet: the turn rule for oncoming traffic, else right before left. A traffic
-light of a lanelet holds for the paths that leave it in the light's directions; its programme is a ``tlLogic``
+light of a lanelet applies to the paths that leave it in the light's directions. Its programme is a ``tlLogic``
 (https://sumo.dlr.de/docs/Simulation/Traffic_Lights.html) with the phase of time step 0 first and no offset.
 """
 
@@ -30,27 +30,29 @@ if TYPE_CHECKING:
 
 Element = etree._Element
 _SHORTEST_INTERNAL_LANE_M = 0.12
-"""Chosen: SUMO wants internal lanes of 0.1 m at least, after rounding."""
+"""Chosen: SUMO requires internal lanes of at least 0.1 m, after rounding."""
 _PATH_SMOOTHING_M = 3.0
-"""Chosen: paths through junctions are shorter than roads, and kinks in them nearer to each other."""
+"""Chosen: paths through junctions are shorter than roads, and their kinks closer together."""
 
 
 _MOST_LINKS = 256
-"""Paths through one junction: SUMO_MAX_CONNECTIONS in SUMO's StdDefs.h, bits of the tables of who yields to whom."""
+"""Maximum number of paths through one junction: SUMO_MAX_CONNECTIONS in SUMO's StdDefs.h, the bits of its right-of-way
+tables.
+"""
 
 
 def sumo_net(layout: NetLayout, speeds_mps: Mapping[int, float], signals: "tuple[Signal, ...]" = ()) -> str:
-    """The text of the ``.net.xml`` of a layout with its traffic lights; ``speeds_mps``: speed limit by lanelet.
+    """Return the text of the ``.net.xml`` of a layout with its traffic lights; ``speeds_mps``: speed limit by lanelet.
 
     Raises:
-        NotPossible: more paths lead through a junction than SUMO knows.
+        NotPossible: more paths lead through a junction than SUMO supports.
     """
     most = max(layout.links.values(), key=len, default=())
     if len(most) > _MOST_LINKS:
         raise NotPossible(
-            f"{len(most):,} paths lead through the junction behind lanelet {layout.paths[most[0]].entry}",
-            valid=[f"at most {_MOST_LINKS} paths, because SUMO knows no more"],
-            next_step="part the junction, or take some of its lanelets out of the file",
+            f"{len(most):,} paths lead through the junction after lanelet {layout.paths[most[0]].entry}",
+            valid=[f"at most {_MOST_LINKS} paths, SUMO's limit"],
+            next_step="split the junction, or remove some of its lanelets from the file",
         )
     net = etree.tostring(_NetWriter(layout, speeds_mps, signals).net(), encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{net}\n'
@@ -78,7 +80,7 @@ class _NetWriter:
         self._signalling = _Signalling.of(signals, layout, self._links)
 
     def net(self) -> Element:
-        """The root element."""
+        """Return the root element."""
         net = etree.Element("net", version="1.20", junctionCornerDetail="5", limitTurnSpeed="-1")
         self._add_location(net)
         self._add_internal_edges(net)
@@ -163,7 +165,7 @@ class _NetWriter:
 
 
 def _add(parent: Element, tag: str, attributes: Mapping[str, str] | None = None, **more: str) -> Element:
-    """Append an element on a line of its own."""
+    """Append an element on its own line."""
     parent.text = "\n"
     element = etree.SubElement(parent, tag, {**(attributes or {}), **more})
     element.tail = "\n"
@@ -188,12 +190,12 @@ def _points(shape: Points) -> str:
 
 
 def _bits(row: "_Table") -> str:
-    """SUMO's bit string: the first link is the last bit."""
+    """Return SUMO's bit string: the first link is the last bit."""
     return "".join("1" if value else "0" for value in row[::-1])
 
 
 def _path_shape(layout: NetLayout, path: JunctionPath) -> Points:
-    """From the end of the lane that is left to the beginning of the one that is entered."""
+    """Return the shape from the end of the lane that is left to the beginning of the one that is entered."""
     lanes = layout.table.lanes
     entry, exit_ = lanes[path.entry].center, lanes[path.exit].center
     points = [entry[-1]]
@@ -209,7 +211,7 @@ def _path_shape(layout: NetLayout, path: JunctionPath) -> Points:
 
 
 def _hull(points: list[Points]) -> Points:
-    """Corners of the convex hull, counter-clockwise from the leftmost; one point or both ends where it has no area."""
+    """Return the corners of the convex hull, counter-clockwise from the leftmost; at least one point."""
     from shapely import MultiPoint, get_coordinates
 
     corners: Points = get_coordinates(MultiPoint(np.round(points, 3)).convex_hull.normalize())
@@ -218,11 +220,11 @@ def _hull(points: list[Points]) -> Points:
 
 _Table = NDArray[np.bool_]
 _TURN_RANK = {"s": 0, "r": 0, "l": 1, "t": 2}
-"""By SUMO's letter of the turn: of oncoming traffic the higher rank yields."""
+"""By SUMO's letter of the turn: of oncoming traffic, the higher rank yields."""
 _TURN_AROUND_DEG, _STRAIGHT_DEG = 150.0, 25.0
-"""Chosen: a path that turns by more turns around, one that turns by less leads straight on."""
+"""Chosen: a path with a larger turn turns around; one with a smaller turn than the second leads straight on."""
 _ONCOMING_COSINE = -0.7
-"""Chosen: paths that begin at more than about 135° to each other are of oncoming traffic."""
+"""Chosen: paths that begin at more than about 135° to each other are oncoming."""
 
 
 @dataclass(frozen=True)
@@ -240,21 +242,21 @@ class Link:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     def may_cross(self, other: "Link") -> bool:
-        """Whether the boxes around both shapes overlap, without which the shapes cannot cross."""
+        """Return whether the boxes around both shapes overlap; otherwise the shapes cannot cross."""
         mine, theirs = self.box, other.box
         return mine[0] <= theirs[2] and theirs[0] <= mine[2] and mine[1] <= theirs[3] and theirs[1] <= mine[3]
 
 
 @dataclass(frozen=True)
 class _RightOfWay:
-    """For the links of one junction: ``foes`` meet (symmetric), ``yields[i, j]``: link i lets link j go first."""
+    """For the links of one junction: ``foes`` meet (symmetric); ``yields[i, j]``: link i gives way to link j."""
 
     foes: _Table
     yields: _Table
 
 
 def _direction_letter(shape: Points) -> str:
-    """SUMO's letter for the turn along a path: s(traight), l(eft), r(ight) or t(urn around)."""
+    """Return SUMO's letter for the turn along a path: s(traight), l(eft), r(ight) or t(urn around)."""
     first, last = shape[1] - shape[0], shape[-1] - shape[-2]
     turn = math.degrees(wrap_angle(math.atan2(last[1], last[0]) - math.atan2(first[1], first[0])))
     if abs(turn) > _TURN_AROUND_DEG:
@@ -265,7 +267,7 @@ def _direction_letter(shape: Points) -> str:
 
 
 def _decide_right_of_way(layout: NetLayout, links: list[Link]) -> _RightOfWay:
-    """Foes and priorities among the links of one junction."""
+    """Return foes and priorities among the links of one junction."""
     count = len(links)
     foes, yields = np.zeros((count, count), dtype=bool), np.zeros((count, count), dtype=bool)
     for i in range(count):
@@ -278,7 +280,7 @@ def _decide_right_of_way(layout: NetLayout, links: list[Link]) -> _RightOfWay:
 
 
 def _meet(layout: NetLayout, first: Link, second: Link) -> bool:
-    """Whether vehicles on two paths can be in each other's way."""
+    """Return whether vehicles on two paths can conflict."""
     one, two = first.path, second.path
     if one.entry == two.entry:
         return False
@@ -295,9 +297,10 @@ def _meet(layout: NetLayout, first: Link, second: Link) -> bool:
 
 
 def _first_yields(first: Link, second: Link) -> bool:
-    """Whether the first of two paths that meet yields to the second.
+    """Return whether the first of two conflicting paths yields to the second.
 
-    A path with lanelets of its own yields to a mere joint of two edges. Between parallel ones the lanelets' ids decide.
+    A path with lanelets of its own yields to a mere joint of two edges. Between parallel ones, the lanelets' ids
+    decide.
     """
     if bool(first.path.through) != bool(second.path.through):
         return bool(first.path.through)
@@ -323,16 +326,16 @@ _TURNS = {
     "leftRight": "ltr",
     "all": "ltsr",
 }
-"""SUMO's direction letters for which a light of CommonRoad's direction holds."""
+"""SUMO's direction letters that a light of CommonRoad's direction applies to."""
 _ROUNDING_S = 1e-6
-"""A phase that begins at a time holds at it, however times and durations are rounded."""
+"""A phase that begins at a time includes it, regardless of rounding."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One traffic light: its phases as (seconds, SUMO's letter) from time step 0 on, and the lanelets it stands at.
+    """One traffic light: its phases as (seconds, SUMO's letter) from time step 0, and its lanelets.
 
-    ``turns``: SUMO's direction letters that it holds for.
+    ``turns``: SUMO's direction letters that it applies to.
     """
 
     key: int
@@ -346,7 +349,7 @@ class Signal:
         return f"tl{self.key}"
 
     def letter_at(self, time_s: float) -> str:
-        """SUMO's letter of the phase at a time after time step 0."""
+        """Return SUMO's letter of the phase at a time after time step 0."""
         left_s = (time_s + _ROUNDING_S) % sum(seconds for seconds, _ in self.phases)
         for seconds, letter in self.phases:
             if left_s < seconds:
@@ -357,14 +360,14 @@ class Signal:
 
 @dataclass(frozen=True)
 class _Signalling:
-    """Which path through a junction obeys which light: index of the path → (light, place in the light's states)."""
+    """The light of each path through a junction: index of the path → (light, position in the light's states)."""
 
     signals: tuple[Signal, ...]
     places: Mapping[int, tuple[Signal, int]]
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...], layout: NetLayout, links: Mapping[int, Link]) -> "_Signalling":
-        """Give every path its light: where several hold, the one for the fewest directions."""
+        """Assign every path its light: of several, the one for the fewest directions."""
         standing: dict[int, list[Signal]] = {}
         for signal in signals:
             for key in signal.lanelets:
@@ -381,13 +384,13 @@ class _Signalling:
         return cls(tuple(signal for signal in signals if signal.key in taken), places)
 
     def junctions(self, layout: NetLayout) -> frozenset[str]:
-        """Junctions with at least one light."""
+        """Return junctions with at least one light."""
         return frozenset(
             junction for junction, paths in layout.links.items() if any(path in self.places for path in paths)
         )
 
     def add_programmes(self, net: Element, yielding: Mapping[int, bool]) -> None:
-        """Append the ``tlLogic`` elements; a path that yields to others has a green that says so."""
+        """Append the ``tlLogic`` elements; a path that yields to others gets SUMO's yielding green."""
         paths_of: dict[int, list[tuple[int, int]]] = {}
         for path, (signal, place) in self.places.items():
             paths_of.setdefault(signal.key, []).append((place, path))
@@ -400,9 +403,9 @@ class _Signalling:
 
 
 def signals_of(network: "LaneletNetwork", step_s: float, first_step: int = 0) -> tuple[Signal, ...]:
-    """The working lights of a lanelet network that stand at a lanelet and have a cycle, by ascending id.
+    """Return the working lights of a lanelet network that belong to a lanelet and have a cycle, by ascending id.
 
-    ``first_step``: the time step at which their phases begin, as a simulation from that step on needs them.
+    ``first_step``: the time step at which their phases begin, for a simulation from that step on.
     """
     places: dict[int, set[int]] = {}
     for lanelet in network.lanelets:
@@ -426,7 +429,7 @@ def signals_of(network: "LaneletNetwork", step_s: float, first_step: int = 0) ->
 
 
 def _phases(light: "TrafficLight", step_s: float, first_step: int) -> tuple[tuple[float, str], ...]:
-    """The cycle begun at a time step, which may lie inside one of its elements."""
+    """Return the cycle from a time step on, which may be inside one of its elements."""
     cycle = light.traffic_light_cycle
     elements = [phase for phase in (cycle.cycle_elements or ()) if phase.duration > 0] if cycle and light.active else []
     if not elements:

@@ -1,1 +1,1 @@
-"""The workspace as pages: a client of the server's own tools and resources, with nothing of its own to know."""
+"""The workspace as web pages: a client of the server's own tools and resources, without logic of its own."""

@@ -1,6 +1,6 @@
-"""``plannerforge ui``: the routes of the pages. They only read, take no request from other sites, and run no script.
+"""``plannerforge ui``: the routes of the pages. They only read, accept no requests from other sites, and run no script.
 
-The player and the board are pages of their own in a frame, with the policy that pins their script.
+The player and the board are separate pages in a frame, with the policy that pins their script.
 """
 
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
@@ -25,7 +25,7 @@ from .content import PAGE_SIZE, Content, Facts, Refused
 
 ROOT = "/ui"
 _TIMEOUT_S = 120.0
-"""Longest wait for an answer of the server (chosen): nothing that pages ask for becomes a job."""
+"""Maximum wait for an answer of the server (chosen): no request of a page becomes a job."""
 _POLICY = (
     "default-src 'none'; img-src 'self'; style-src 'self'; frame-src 'self'; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'"
@@ -35,7 +35,7 @@ _Handler = Callable[["Pages", Request], Awaitable[Response]]
 
 
 class Pages:
-    """The pages of one server, once they are connected to it."""
+    """The pages of one server, after they are connected to it."""
 
     def __init__(self, journal: Path) -> None:
         self._journal = journal
@@ -50,7 +50,7 @@ class Pages:
 
     @asynccontextmanager
     async def connected(self, endpoint: ASGIApp, url: str) -> AsyncIterator[None]:
-        """Be a client of an MCP endpoint of this process while the block lasts."""
+        """Be a client of an MCP endpoint of this process for the duration of the block."""
         transport = httpx2.ASGITransport(app=endpoint)
         name = Implementation(name="plannerforge-ui", version=__version__)
         async with (
@@ -64,7 +64,7 @@ class Pages:
                 self._content = None
 
     def routes(self) -> list[BaseRoute]:
-        """Where the pages are."""
+        """Return the routes of the pages."""
         handlers: dict[str, _Handler] = {
             "": Pages.catalogue,
             "/scenario/{artifact_id}": Pages.scenario,
@@ -83,7 +83,7 @@ class Pages:
     def _answering(self, handler: _Handler) -> Callable[[Request], Awaitable[Response]]:
         async def answer(request: Request) -> Response:
             if request.headers.get("sec-fetch-site") == "cross-site":
-                return self._page("refused.html.j2", 403, told="Pages of other sites are not answered.")
+                return self._page("refused.html.j2", 403, told="Requests from other sites are not allowed.")
             try:
                 return await handler(self, request)
             except Refused as refusal:
@@ -92,7 +92,7 @@ class Pages:
         return answer
 
     async def catalogue(self, request: Request) -> Response:
-        """Scenarios that satisfy the form's conditions, with a picture each."""
+        """Return the scenarios that match the form's conditions, with a picture each."""
         facts, fault = _facts(request.query_params), ""
         try:
             found = await self._read.scenarios(facts)
@@ -103,53 +103,53 @@ class Pages:
         )
 
     async def scenario(self, request: Request) -> Response:
-        """A scenario in words and in motion."""
+        """Return a scenario as text and in motion."""
         shown, told = await self._read.scenario(request.path_params["artifact_id"])
         return self._page("scenario.html.j2", shown=shown, told=told)
 
     async def run(self, request: Request) -> Response:
-        """A run in motion."""
+        """Return a run in motion."""
         return self._page("run.html.j2", run_id=request.path_params["artifact_id"])
 
     async def batches(self, request: Request) -> Response:
-        """Batches with their rates, newest first."""
+        """Return the batches with their rates, newest first."""
         offset = _offset(request.query_params)
         listed = await self._read.artifacts("batch", offset)
         return self._page("batches.html.j2", listed=listed, offset=offset, page_size=PAGE_SIZE)
 
     async def batch(self, request: Request) -> Response:
-        """A batch: its board, what the analysis says, what the comparison of its configurations says."""
+        """Return a batch: its board, its analysis, and the comparison of its configurations."""
         batch_id = request.path_params["artifact_id"]
         analysis = await self._read.analysis(batch_id)
         comparison = await self._read.comparison([batch_id])
         return self._page("batch.html.j2", batch_id=batch_id, analysis=analysis, comparison=comparison)
 
     async def comparison(self, request: Request) -> Response:
-        """Two batches against each other."""
+        """Return the comparison of two batches."""
         results = [one for one in request.query_params.getlist("of") if one]
         told = await self._read.comparison(results)
         return self._page("comparison.html.j2", results=results, told=told)
 
     async def calls(self, request: Request) -> Response:
-        """The journal of calls."""
+        """Return the journal of calls."""
         failed_only = request.query_params.get("failed") == "yes"
         lines = self._read.calls(failed_only=failed_only)
         return self._page("journal.html.j2", lines=lines, failed_only=failed_only)
 
     async def picture(self, request: Request) -> Response:
-        """A scenario from above."""
+        """Return a picture of a scenario from above."""
         png = await self._read.picture(request.path_params["artifact_id"])
         headers = {**_HEADERS, "Cache-Control": "private, max-age=3600"}
         return Response(png, media_type="image/png", headers=headers)
 
     async def view(self, request: Request) -> Response:
-        """The player or the board; only a page of this server may frame it."""
+        """Return the player or the board; only a page of this server may frame it."""
         kind, ids = request.path_params["kind"], request.path_params["ids"].split("+")
         page = await self._read.view(kind, ids)
         return HTMLResponse(page, headers={**_HEADERS, "Content-Security-Policy": "frame-ancestors 'self'"})
 
     async def style(self, request: Request) -> Response:
-        """The style of the pages."""
+        """Return the style of the pages."""
         del request
         style = files("plannerforge.server.http.pages").joinpath("style.css").read_bytes()
         return Response(style, media_type="text/css", headers=_HEADERS)
@@ -157,7 +157,7 @@ class Pages:
     @property
     def _read(self) -> Content:
         if self._content is None:
-            raise Refused("The server is starting or stopping; load the page again.")
+            raise Refused("The server is starting or stopping; reload the page.")
         return self._content
 
     def _page(self, template: str, status: int = 200, **shown: Any) -> HTMLResponse:

@@ -1,4 +1,4 @@
-"""What the pages show: the answers of tools, asked for as any other client asks, and the journal of calls."""
+"""The content of the pages: answers of tools, requested like by any other client, and the journal of calls."""
 
 import base64
 import json
@@ -20,21 +20,21 @@ from ....schemas.scenarios import DescribeScenarioResult
 from ...tool_calls import answer_text
 
 PAGE_SIZE = 24
-"""Scenarios and batches on one page."""
+"""Scenarios and batches per page."""
 JOURNAL_LINES = 200
 _JOURNAL_BYTES = 4 * 1024**2
-"""Of the journal's end that are read for a page."""
+"""Bytes at the journal's end that are read for a page."""
 _VIEWED: dict[str, ViewKind] = {"scenario": "player", "run": "player", "batch": "board"}
 _Answer = TypeVar("_Answer", bound=Result)
 
 
 class Refused(Exception):
-    """A tool or resource refused what a page asked for; the words are the server's."""
+    """A tool or resource refused a page's request; the text is the server's."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """The conditions of the catalogue's form, each as it was written."""
+    """The conditions of the catalogue's form, each as typed."""
 
     text: str = ""
     obstacles: str = ""
@@ -45,7 +45,7 @@ class Facts:
     offset: int = 0
 
     def arguments(self) -> dict[str, Any]:
-        """The call that they mean; lists are written with commas."""
+        """Return the arguments of the call; lists are typed with commas."""
         lists = {name: _listed(getattr(self, name)) for name in ("obstacles", "features", "road_net")}
         words = {name: getattr(self, name).strip() for name in ("text", "ego_speed", "origin")}
         given = {name: value for name, value in (lists | words).items() if value}
@@ -53,8 +53,8 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Told:
-    """What a tool said, and whether that is a refusal."""
+class ToolText:
+    """The answer of a tool, and whether it is a refusal."""
 
     text: str
     failed: bool = False
@@ -77,7 +77,7 @@ class Content:
     """Reads for the pages through one client.
 
     Args:
-        client: a client of the server whose workspace is shown.
+        client: a client of the server with the displayed workspace.
         journal: the file that the server writes its calls to.
     """
 
@@ -85,24 +85,24 @@ class Content:
         self._client, self._journal = client, journal
 
     async def scenarios(self, facts: Facts) -> FindScenariosResult:
-        """Scenarios of the catalogue that satisfy the conditions.
+        """Return scenarios of the catalogue that match the conditions.
 
         Raises:
-            Refused: a condition is none.
+            Refused: a condition is invalid.
         """
         return await self._answer(FindScenariosResult, "find_scenarios", facts.arguments())
 
     async def scenario(self, scenario_id: str) -> tuple[DescribeScenarioResult, str]:
-        """A scenario with all its vehicles, and what the tool says of it.
+        """Return a scenario with all its vehicles, and the tool's text about it.
 
         Raises:
-            Refused: there is none.
+            Refused: there is no such scenario.
         """
         result = await self._call("describe_scenario", {"scenario_id": scenario_id, "detail": "vehicles"})
         return DescribeScenarioResult.model_validate(result.structured_content), answer_text(result)
 
     async def artifacts(self, kind: str, offset: int) -> ListArtifactsResult:
-        """Artifacts of a kind, newest first.
+        """Return artifacts of a kind, newest first.
 
         Raises:
             Refused: there is no such kind.
@@ -110,23 +110,23 @@ class Content:
         asked = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
         return await self._answer(ListArtifactsResult, "list_artifacts", asked)
 
-    async def analysis(self, batch_id: str) -> Told:
-        """What the analysis of a batch says.
+    async def analysis(self, batch_id: str) -> ToolText:
+        """Return the analysis of a batch.
 
         Raises:
             Refused: there is no such batch.
         """
-        return Told(answer_text(await self._call("analyze_results", {"results": [batch_id]})))
+        return ToolText(answer_text(await self._call("analyze_results", {"results": [batch_id]})))
 
-    async def comparison(self, results: Sequence[str]) -> Told:
-        """What the comparison of results says, or why they cannot be compared."""
+    async def comparison(self, results: Sequence[str]) -> ToolText:
+        """Return the comparison of results, or the reason why they cannot be compared."""
         try:
-            return Told(answer_text(await self._call("compare_results", {"results": list(results)})))
+            return ToolText(answer_text(await self._call("compare_results", {"results": list(results)})))
         except Refused as refusal:
-            return Told(str(refusal), failed=True)
+            return ToolText(str(refusal), failed=True)
 
     async def picture(self, artifact_id: str) -> bytes:
-        """A scenario or run from above, as PNG.
+        """Return a picture of a scenario or run from above, as PNG.
 
         Raises:
             Refused: there is nothing to draw.
@@ -139,7 +139,7 @@ class Content:
         raise Refused(f"the picture of {artifact_id} is too large for an answer: {links}")
 
     async def view(self, kind: str, ids: Sequence[str]) -> str:
-        """The player or the board of some artifacts, a whole page.
+        """Return the player or the board of some artifacts as a whole page.
 
         Raises:
             Refused: there is nothing to show.
@@ -153,11 +153,11 @@ class Content:
             raise Refused(str(error)) from error
         (data,) = read.contents
         if not isinstance(data, TextResourceContents):
-            raise Refused(f"{uri} is no text")
+            raise Refused(f"{uri} is not text")
         return filled_page(_VIEWED[kind], f"{', '.join(ids)} · PlannerForge", data.text)
 
     def calls(self, *, failed_only: bool = False) -> list[JournalLine]:
-        """The newest calls of the journal, newest first; none where no journal is kept."""
+        """Return the newest calls of the journal, newest first; empty without a journal."""
         lines = []
         for line in _last_lines(self._journal):
             call = _journal_line(line)
@@ -185,7 +185,7 @@ def _listed(written: str) -> list[str]:
 
 
 def _last_lines(path: Path) -> Iterator[str]:
-    """The lines at the end of a file, the last one first; the first of them may be cut and is left out."""
+    """Yield the lines at the end of a file, the last one first; a cut first line is left out."""
     if not path.is_file():
         return
     with path.open("rb") as file:
@@ -197,7 +197,7 @@ def _last_lines(path: Path) -> Iterator[str]:
 
 
 def _journal_line(line: str) -> JournalLine | None:
-    """A line of the journal; None where it is half-written."""
+    """Parse a line of the journal; return None for an incomplete one."""
     try:
         entry = json.loads(line)
     except ValueError:

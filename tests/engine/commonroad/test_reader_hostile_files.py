@@ -30,7 +30,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "deep nesting": (HEAD + "<commonRoad>" + "<a>" * 5000 + "</a>" * 5000 + "</commonRoad>", "deeper"),
     "truncated": (GOOD[: len(GOOD) // 2], "well-formed"),
     "empty": ("", "well-formed"),
-    "another root": (HEAD + "<osm/>", "no CommonRoad file"),
+    "another root": (HEAD + "<osm/>", "not CommonRoad"),
     "unknown encoding": (GOOD.replace("UTF-8", "UTF-42"), "well-formed"),
     "not in its encoding": (GOOD.replace("nobody", "M\xf6lln").encode("latin-1"), "well-formed"),
     "UTF-16 declared as UTF-8": (GOOD.encode("utf-16"), "well-formed"),
@@ -164,7 +164,7 @@ def test_the_good_file_that_the_hostile_ones_are_made_of_is_taken(tmp_path: Path
     path = tmp_path / "good.xml"
     path.write_text(GOOD, encoding="utf-8")
     assert read_facts(ReadFactsRequest(path=path), silent).scenario_id == "ZAM_Builder-1_1_T-1"
-    with pytest.raises(UnsafeInput, match="at most 5,000 are read"):
+    with pytest.raises(UnsafeInput, match="the limit is 5,000"):
         read_facts(ReadFactsRequest(path=path, file_bytes=5000), silent)
 
 

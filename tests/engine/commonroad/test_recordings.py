@@ -81,7 +81,7 @@ def test_a_damaged_recording_counts_for_nothing_and_is_made_again(
     path.write_bytes(path.read_bytes()[part])
     with caplog.at_level(logging.WARNING):
         assert store.find(digest_of(town)) is None
-    assert "is not used and made again" in caplog.text
+    assert "is invalid and will be made again" in caplog.text
     assert not path.exists()
     store.put(digest_of(town), recording_of(town))
     assert_same(town, store.find(digest_of(town)))
@@ -127,7 +127,7 @@ def test_nothing_but_plain_data_is_made_from_a_recording(
     path.write_bytes(hashlib.sha256(payload).digest() + payload)
     with caplog.at_level(logging.WARNING):
         assert store.find(digest_of(town)) is None
-    assert "which is no plain data" in caplog.text
+    assert "which is not plain data" in caplog.text
     assert not made.exists()
 
 
@@ -137,7 +137,7 @@ def test_a_folder_that_cannot_be_written_is_logged(
     (tmp_path / "file").write_text("in the way")
     with caplog.at_level(logging.WARNING):
         RecordingStore(tmp_path / "file" / "recordings").put(digest_of(town), recording_of(town))
-    assert "no recording is kept" in caplog.text
+    assert "no recording is stored" in caplog.text
 
 
 def test_a_damaged_recording_in_a_folder_that_cannot_be_written_is_passed_over(

@@ -57,10 +57,10 @@ BEYOND = {
         GOOD.replace('Obstacle id="31"', f'Obstacle id="{"9" * 5000}"'),
         "id of <dynamicObstacle>",
     ),
-    "an id that is no number": (GOOD.replace('lanelet id="1"', 'lanelet id="one"'), "“one”, which is no whole number"),
+    "an id that is no number": (GOOD.replace('lanelet id="1"', 'lanelet id="one"'), "“one”, which is not a whole"),
     "an id below zero": (GOOD.replace('Obstacle id="31"', 'Obstacle id="-31"'), "id of <dynamicObstacle> .*-31"),
     "a step of 1e-30 s": (GOOD.replace('StepSize="0.1"', 'StepSize="1e-30"'), "0.001 to 10 s"),
-    "a vertex at 1e7 m": (GOOD.replace("<x>10.0000", "<x>1e7", 1), "reach over .* as far as lanelet 1"),
+    "a vertex at 1e7 m": (GOOD.replace("<x>10.0000", "<x>1e7", 1), "extend over .* up to lanelet 1"),
     "a vehicle at 1e7 m": (
         re.sub('(Obstacle id="31".*?<point><x>)[^<]*', r"\g<1>1e7", GOOD, count=1, flags=re.DOTALL),
         "Obstacle 31 is more than 100,000 m away",
@@ -100,7 +100,7 @@ BEYOND = {
         GOOD.replace(
             '<lanelet id="1">', '<lanelet id="1">' + "".join(f'<successor ref="{n}"/>' for n in range(2, 200))
         ),
-        "<lanelet'?> holds",
+        "<lanelet'?> has",
     ),
 }
 

@@ -55,7 +55,7 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_read(roots: tuple[Path
     with path.open("wb") as stream:
         stream.truncate(2_000_001)
     Limits(roots=roots, file_bytes=2_000_001).check_size(path)
-    with pytest.raises(UnsafeInput, match="2,000,001 bytes; at most 2,000,000 are read") as refusal:
+    with pytest.raises(UnsafeInput, match="2,000,001 bytes; the limit is 2,000,000") as refusal:
         Limits(roots=roots, file_bytes=2_000_000).check_size(path)
     assert "file_mb" in refusal.value.text
 

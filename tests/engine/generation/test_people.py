@@ -93,7 +93,7 @@ def test_without_people_a_site_has_no_pavements(tmp_path: Path) -> None:
 
 
 def test_a_motorway_is_refused_to_people(tmp_path: Path) -> None:
-    with pytest.raises(NotPossible, match="nobody can walk at this site") as refused:
+    with pytest.raises(NotPossible, match="pedestrians cannot walk") as refused:
         make("Neuland", tmp_path, scenario_type="highway", road_classes=("motorway",), vehicles=[ON_FOOT])
     assert "leave pedestrian out" in str(refused.value.next_step)
 
@@ -195,12 +195,12 @@ def test_a_network_of_sumo_gets_the_pavements_that_it_lacks(tmp_path: Path) -> N
     convert_osm(Path(MAPS["Musterstadt"].path), net_path, lefthand=False)
     made = make("Musterstadt", tmp_path, map_path=str(net_path), scenario_type="intersection", vehicles=[ON_FOOT])
     assert made.classes_realised["pedestrian"] == 6
-    assert any("those that the network lacks are guessed" in note for note in made.notes)
+    assert any("guessed along roads up to 50" in note for note in made.notes)
     assert judge_file(tmp_path / "scenario.xml")["overlaps"] == 0
 
 
 def test_a_lanelet_network_is_refused_to_people(tmp_path: Path) -> None:
     make("Landmoor", tmp_path, scenario_type="rural")
     roads = (tmp_path / "scenario.xml").rename(tmp_path / "roads.xml")
-    with pytest.raises(NotPossible, match="pavements are not put beside it"):
+    with pytest.raises(NotPossible, match="without added pavements"):
         make("Landmoor", tmp_path, map_path=str(roads), scenario_type="any", vehicles=[ON_FOOT])

@@ -75,7 +75,7 @@ def test_a_site_is_cut_out_wider_for_more_vehicles_than_its_roads_hold(tmp_path:
     assert lane_km_of(wider.net) > 1.3 * lane_km_of(usual.net)
     assert wider.notes == (
         *usual.notes,
-        f"cut out {wider.radius_m:.0f} m around the site, not 200 m, to have road for 91 vehicles",
+        f"cut out {wider.radius_m:.0f} m around the site, not 200 m, to make room for 91 vehicles",
     )
 
 
@@ -92,7 +92,7 @@ def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
     monkeypatch.setattr(site_network, "build_network", refuses_wide)
     site = crowded_site(tmp_path)
     assert site.radius_m == RADIUS_M["intersection"]
-    assert site.notes[-1] == "a wider cut for so many vehicles is refused: too many nodes"
+    assert site.notes[-1].endswith(": too many nodes")
 
 
 def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
@@ -108,7 +108,7 @@ def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
     monkeypatch.setattr(site_network, "judged", refuses_wide)
     site = crowded_site(tmp_path)
     assert site.radius_m == RADIUS_M["intersection"]
-    assert site.notes[-1] == "a wider cut for so many vehicles is refused: the road network is wrong"
+    assert site.notes[-1].endswith(": the road network is wrong")
 
 
 def _empty(folder: Path) -> Path:
@@ -143,7 +143,7 @@ def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
 @pytest.mark.parametrize("kind", ["urban", "intersection", "highway", "any"])
 def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(kind: ScenarioType) -> None:
     request = request_for_fahrhausen().model_copy(update={"scenario_type": kind, "road_classes": ("track",)})
-    with pytest.raises(NotPossible, match=f"holds no .*{'any type' if kind == 'any' else kind}") as caught:
+    with pytest.raises(NotPossible, match=f"has no .*{'any type' if kind == 'any' else kind}") as caught:
         fitting_sites(read_map_file(Path(request.map_path)), request)
     assert caught.value.valid == ()
     made_of = "track only" in caught.value.message
@@ -184,7 +184,7 @@ def test_lost_sites_take_none_of_the_tries_and_are_named(tmp_path: Path, monkeyp
     monkeypatch.setattr(generator, "prepare_site", prepared)
     request = request_for_fahrhausen().model_copy(update={"folder": str(tmp_path), "duration_s": 6.0})
     made = generator.generate_scenario(request, silent)
-    note = next(note for note in made.notes if note.startswith("passed over"))
+    note = next(note for note in made.notes if note.startswith("skipped: "))
     assert f"{generator.MOST_SITES + 1} site(s) lost when the road network is built: intersection at" in note
     assert note.endswith(f"{generator.MOST_SITES + 1 - generator.SHOWN_LOST} more")
 

@@ -34,8 +34,8 @@ def read(folder: Path, text: str | bytes | Iterable[str]) -> MapFacts:
     ("content", "complaint"),
     [
         ("", "not well-formed"),
-        ("<osm/>", "holds no road for vehicles"),
-        (f"<osm>{NODES}</osm>", "holds no road for vehicles"),
+        ("<osm/>", "has no road for vehicles"),
+        (f"<osm>{NODES}</osm>", "has no road for vehicles"),
         (f"<osm>{NODES}{way('footway')}{way('path', 2)}</osm>", "no road for vehicles, only footway, path"),
         ((LIBRARY / "neuland.osm").read_bytes()[:20_000], "not well-formed"),
         ("<!DOCTYPE osm SYSTEM 'http://127.0.0.1/x.dtd'><osm/>", "declares a document type"),
@@ -100,7 +100,7 @@ def test_a_map_of_many_nodes_is_read_without_keeping_the_document(tmp_path: Path
 def test_a_map_of_more_elements_than_are_read_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "many.osm"
     path.write_text("".join(crowded(1_001)))
-    with pytest.raises(UnsafeInput, match="holds more than 1,000 elements"):
+    with pytest.raises(UnsafeInput, match="has more than 1,000 elements"):
         read_osm(path, replace(LIMITS, elements=1_000))
 
 
@@ -112,5 +112,5 @@ def test_a_map_of_more_bytes_than_are_read_is_refused_by_its_size(tmp_path: Path
     path = tmp_path / "huge.osm"
     with path.open("wb") as stream:
         stream.truncate(60_000_001)
-    with pytest.raises(UnsafeInput, match="60,000,001 bytes; at most 60,000,000 are read"):
+    with pytest.raises(UnsafeInput, match="60,000,001 bytes; the limit is 60,000,000"):
         read_map(ReadMapRequest(path=str(path)), silent)

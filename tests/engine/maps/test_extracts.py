@@ -380,7 +380,7 @@ def test_ways_before_their_nodes_are_refused(tmp_path: Path) -> None:
 def test_an_id_twice_is_refused(tmp_path: Path) -> None:
     found = elements()
     path = written(tmp_path / "twice.osm.pbf", [*found[:-1], found[-1], found[-1]])
-    assert "or holds it twice" in refusal(path, tmp_path / "index")
+    assert "or contains it twice" in refusal(path, tmp_path / "index")
 
 
 def test_a_history_is_refused(tmp_path: Path) -> None:
@@ -392,7 +392,7 @@ def test_a_history_is_refused(tmp_path: Path) -> None:
 
 def test_a_country_without_roads_is_refused(tmp_path: Path) -> None:
     nodes = [element for element in elements() if isinstance(element, mutable.Node)]
-    assert "holds no road" in refusal(written(tmp_path / "sea.osm.pbf", nodes), tmp_path / "index")
+    assert "has no road" in refusal(written(tmp_path / "sea.osm.pbf", nodes), tmp_path / "index")
 
 
 def test_the_largest_ids_and_nodes_that_are_missing_are_read(tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ def test_opendrive_without_a_georeference_lies_at_a_stated_artificial_place(tmp_
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("<OpenDRIVE><header/></OpenDRIVE>", "holds no road"),
-        ("<roads/>", "is no OpenDRIVE file"),
+        ("<OpenDRIVE><header/></OpenDRIVE>", "has no road"),
+        ("<roads/>", "is not OpenDRIVE"),
         (straight_road()[:300], "broken|readable|end"),
         (straight_road(x="nan"), "x of a geometry is “nan”"),
         (straight_road(length="1e300"), "length of a geometry"),

@@ -56,7 +56,7 @@ def nameless(**facts: object) -> MapEntry:
 
 
 def test_a_town_that_a_map_does_not_name_is_not_guessed() -> None:
-    with pytest.raises(UnknownName, match="does not say in which place it lies") as caught:
+    with pytest.raises(UnknownName, match="does not state its place") as caught:
         find_maps([nameless()], place="Hauptstraße, London")
     assert caught.value.valid == ("map_old_mill",)
     assert find_maps([nameless()], place="Hauptstraße")[0].unnamed == ()
@@ -76,7 +76,7 @@ def test_near_a_border_only_the_countries_there_are_believed() -> None:
     border = nameless(country=None, countries_near=("CHE", "DEU", "FRA"))
     for country in ("CHE", "Germany", None):
         assert find_maps([border], country=country)
-    with pytest.raises(UnknownName, match="no map lies in 'JPN'") as caught:
+    with pytest.raises(UnknownName, match="no map is in 'JPN'") as caught:
         find_maps([border], country="JPN")
     assert caught.value.valid == ("CHE", "DEU", "FRA")
     assert find_maps([nameless(country=None, countries_near=())], country="JPN")
@@ -85,7 +85,7 @@ def test_near_a_border_only_the_countries_there_are_believed() -> None:
 @pytest.mark.parametrize("wish", [{"bbox": (54.0, 6.0, 54.9, 9.0)}, {"country": "FRA"}], ids=["box", "country"])
 def test_a_place_that_box_or_country_contradict_is_said_to_lie_elsewhere(wish: dict[str, object]) -> None:
     elsewhere = nameless(country="FRA", south=54.5, north=54.6, west=7.0, east=7.1)
-    with pytest.raises(UnknownName, match="it lies elsewhere") as caught:
+    with pytest.raises(UnknownName, match="it is elsewhere") as caught:
         find_maps([*built_in_maps(), elsewhere], place="Musterstadt", **wish)  # type: ignore[arg-type]
     assert "“Musterstadt” [54." in caught.value.valid[0]
 

@@ -82,7 +82,7 @@ def test_a_map_without_roads_for_cars_is_refused(tmp_path: Path) -> None:
     )
     old = tmp_path / "a.net.xml"
     old.write_text("an old file is never taken for a result")
-    with pytest.raises(NotPossible, match="no road network"):
+    with pytest.raises(NotPossible, match="cannot build a road network"):
         convert_osm(path, old, lefthand=False)
     assert not old.exists()
 

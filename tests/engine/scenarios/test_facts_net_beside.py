@@ -13,7 +13,7 @@ from plannerforge.schemas.scenarios import ReadFactsRequest
 
 NET = '<net version="1.20"><edge id="a"><lane id="a_0" index="0" speed="13.9" shape="0,0 9,0"/></edge></net>'
 REFUSED = {
-    "no network": ("<osm/>", "no SUMO net"),
+    "no network": ("<osm/>", "not a SUMO net"),
     "a document type": ("<!DOCTYPE net [<!ENTITY a 'b'>]><net/>", "document type"),
     "a speed that is no number": (NET.replace("13.9", "fast"), "fast"),
     "broken": ("<net><edge", "well-formed"),

@@ -76,7 +76,7 @@ def test_of_a_large_place_the_surroundings_of_a_site_are_fetched(
     south, _, north, _ = extracts[town].box
     assert south - 0.01 <= (only.core[0] + only.core[2]) / 2 <= north + 0.01
     assert only.facts.sites[kind] > 0
-    assert "too large to be fetched whole" in result.notes[0]
+    assert "too large to fetch whole" in result.notes[0]
 
 
 def test_many_scenarios_have_several_maps_whose_cores_do_not_overlap(
@@ -101,13 +101,13 @@ def test_a_road_that_only_the_map_knows_is_found_in_its_town(
         (only,) = fetched(servers, tmp_path, region, "any", roads=(("L17",),)).maps
         south, _, north, _ = extracts[2].box
         assert south <= (only.core[0] + only.core[2]) / 2 <= north
-        with pytest.raises(UnknownName, match="holds no such road in “Somewhere”"):
+        with pytest.raises(UnknownName, match="has no such road in “Somewhere”"):
             fetched(servers, tmp_path, region, "any", roads=(("Elm Street",),))
 
 
 def test_what_is_not_there_is_refused_with_what_is(extracts: list[Extract], tmp_path: Path) -> None:
     with MapServers(extracts, ()).running() as servers:
-        with pytest.raises(NotPossible, match="holds no signalised_intersection site") as caught:
+        with pytest.raises(NotPossible, match="no signalised_intersection site") as caught:
             fetched(servers, tmp_path, extracts[0].box, "signalised_intersection")
         assert caught.value.reason == "no_such_site"
         assert "roundabout" in caught.value.valid
