@@ -132,7 +132,7 @@ def test_a_breach_is_told_in_full_once(installed: Install, road: Path, tmp_path:
     other.write_bytes(road.read_bytes())
     output = command("check", "again", road, other).output
     assert output.count("different lengths") == 1
-    assert "BREAKS THE CONTRACT as before" in output
+    assert "BREAKS THE CONTRACT, as above" in output
     assert "broken on 2 of 2 scenarios" in output
 
 

