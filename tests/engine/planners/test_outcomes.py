@@ -113,7 +113,7 @@ def at_start_of(*goals: object, **changes: object) -> DrivenRun:
         (
             lambda: at_start_of(goal_state((10, 12), rectangle_at(12.0, 0.0), speed=(25.0, 30.0))),
             "goal_out_of_time",
-            "25.0 to 30.0 m/s is out of reach from 10.0 m/s in 1.2 s",
+            "25.0 to 30.0 m/s is unreachable from 10.0 m/s in 1.2 s",
         ),
         (lambda: at_start_of(goal_state((2, 4), speed=(0.0, 1.0))), "goal_out_of_time", "0.0 to 1.0 m/s"),
     ],
