@@ -105,13 +105,13 @@ class Fiss:
         target_mps = max(min(desired_mps, self._path.curve_speed_mps(start.s, reach_m)), 0.0)
         step = self._step = _Step(observation, start, target_mps, reach_m, SafetyCheck(task, observation))
         return (
-            self._searched(step)
+            self._search_plan(step)
             or self._rest(step, index)
-            or self._searched(step, "margins")
-            or self._searched(step, "margins", until_s=_SHORT_HORIZON_S)
-            or self._searched(step, "bodies", until_s=_SHORT_HORIZON_S)
-            or self._searched(step, "bodies", until_s=_SHORT_HORIZON_S, target_mps=self._hurrying_mps(step))
-            or self._braking(step)
+            or self._search_plan(step, "margins")
+            or self._search_plan(step, "margins", until_s=_SHORT_HORIZON_S)
+            or self._search_plan(step, "bodies", until_s=_SHORT_HORIZON_S)
+            or self._search_plan(step, "bodies", until_s=_SHORT_HORIZON_S, target_mps=self._hurrying_mps(step))
+            or self._brake(step)
         )
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
@@ -147,7 +147,7 @@ class Fiss:
             self._cores[key] = fiss_planner.make_planner(configuration, vehicle_limits(self._task.vehicle))
         return self._cores[key]
 
-    def _searched(
+    def _search_plan(
         self, step: _Step, care: Care = "full", *, until_s: float = math.inf, target_mps: float | None = None
     ) -> Plan | None:
         """Return the plan of one search, or None if no candidate that it reached is drivable and safe.
@@ -257,7 +257,7 @@ class Fiss:
             return None
         return self._plan_of(followed.trajectory, step, costs_of(self._driven.candidate))
 
-    def _braking(self, step: _Step) -> Plan:
+    def _brake(self, step: _Step) -> Plan:
         """Stand still, or brake as hard as the tyres allow on the path; return no plan if the vehicle cannot brake at
         all.
         """
@@ -270,14 +270,14 @@ class Fiss:
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
             return self._plan_of(self._followed(still, step), step, kind="standstill")
         hardest = task.vehicle.maximum_acceleration_mps2
-        for trajectory in self._brakings(step, (share * hardest for share in _BRAKING_SHARES)):
+        for trajectory in self._braking_trajectories(step, (share * hardest for share in _BRAKING_SHARES)):
             limit = violated_limit(trajectory, task.vehicle, task.step_s)
             if limit is None:
                 return self._plan_of(self._followed(trajectory, step), step, kind="stopping")
             step.rejected[limit] += 1
         return Plan(None, {}, dict(step.rejected), max(step.candidates, 1), core_s=step.core_s)
 
-    def _brakings(self, step: _Step, decelerations: Iterable[float]) -> Iterable[PlannedTrajectory]:
+    def _braking_trajectories(self, step: _Step, decelerations: Iterable[float]) -> Iterable[PlannedTrajectory]:
         task, ego = self._task, step.observation.ego
         horizon_s = task.configuration.settings.horizon_s
         line, start = self._path.line, step.start

@@ -84,10 +84,11 @@ def _bend_limits(path: DriverPath, comfortable_mps2: float) -> tuple[Values, Val
 
 @dataclass(frozen=True)
 class Driven:
-    """What a driver drove: stations (n,) and speeds (n,) until the encounter is over, and when it began to brake.
+    """A driver's motion: stations (n,) and speeds (n,) until the encounter is over, and the start of its braking.
 
-    ``brakes_from``: the index of the state at which the driver first wanted to brake, or None. ``stands``: whether the
-    ego stands at its last state.
+    ``brakes_from``: the index of the state at which the driver first wanted to brake, or None. ``stands``: True if the
+    ego
+    stands at its last state.
     """
 
     stations_m: Values

@@ -1,8 +1,8 @@
-"""The way of a driver, and how it sees recorded road users along it.
+"""The path of a driver, and how the driver perceives recorded road users along it.
 
-Stations are arc lengths in m along the way. Others are projected with continuity, so that one aside of a bend or of a
-way that crosses itself does not jump. How far another's body reaches along and across the way is that of its rectangle
-turned against the way.
+Stations are arc lengths in m along the path. Others are projected with continuity, so that a road user next to a curve,
+or a path that crosses itself, causes no jump. The extent of another's body along and across the path is that of its
+rectangle, turned relative to the path.
 """
 
 import math
