@@ -168,7 +168,7 @@ async def test_a_weight_file_becomes_a_configuration(connect: Connect, bare: Set
     async with connect(bare) as client:
         _, _, made = await call(client, "import_files", path=str(folder), kind="config")
         assert made["items"][0]["artifact_id"].startswith("cfg_")
-        assert "no finite number" in made["refusals"][0]["reason"]
+        assert "not a finite number" in made["refusals"][0]["reason"]
 
 
 async def test_an_empty_result_says_why_and_keeps_its_fallback_apart(connect: Connect, settings: Settings) -> None:

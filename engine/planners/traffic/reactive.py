@@ -143,7 +143,7 @@ class _ReactiveTraffic:
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of prescribed motions by the road user's id, and whether they have held up to the present step."""
+        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
         return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
