@@ -114,14 +114,12 @@ def test_the_overview_says_what_was_tested_what_came_out_and_what_is_next() -> N
         "2 configurations (Default; Safe) on 8 scenarios, 16 runs; recorded traffic"
     )
     assert "lane prediction" in said["What was tested"]
-    assert "6 of 7 valid runs (86 %" in said["What came out"]
-    assert "8 of 8 valid runs (100 %" in said["What came out"]
-    assert "reached the goal; the others ended as 1 timeout; frenetix:Safe" in said["What came out"]
-    assert "1 could not be attempted" in said["What came out"]
-    assert (
-        said["Who caused the collisions, frenetix:Default (cfg_a)"] == "There was no collision whose course is known."
-    )
-    assert said["What is next"]
+    assert "6 of 7 valid runs (86 %" in said["Results"]
+    assert "8 of 8 valid runs (100 %" in said["Results"]
+    assert "reached the goal; other outcomes: 1 timeout; frenetix:Safe" in said["Results"]
+    assert "1 invalid" in said["Results"]
+    assert said["Who caused the collisions, frenetix:Default (cfg_a)"] == "There was no collision with a known course."
+    assert said["Next step"]
     rows = {row[0]: row[1:] for row in section.tables[1].rows}
     assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86 %)", "1"), ("8", "8 (100 %)", "0")]
 
@@ -130,7 +128,7 @@ def test_a_run_in_detail_says_how_it_ended_and_which_rules_it_broke() -> None:
     late = record(outcome="timeout")
     analysis = analyse(AnalyseRequest(results=(late.run_id,), runs=(source(late),)), silent)
     section = run_section(late, analysis)
-    assert section.text == ("It ended so: timeout: ended as timeout.",)
+    assert section.text == ("Ending: timeout: ended as timeout.",)
     fast = RuleVerdict(rule="R_G3", name="speed limit", unit="m/s", robustness=-2.0, time_s=3.0, first_s=1.0)
     section = run_section(late, analysis.model_copy(update={"rules": (fast,)}))
     assert section.text[1] == "Traffic rules broken: R_G3 speed limit by 2 m/s at 3.0 s (from 1.0 s on)."

@@ -70,7 +70,7 @@ def test_a_vehicle_replaces_earlier_parameters_and_a_preset_keeps_the_settings()
         ("vehicle=1.5", "1 to 4"),
         ("replan_steps=0", "from 1 to 10"),
         ("horizon_s=30", "from 1.5 to 6"),
-        ("sampling_level=nan", "not a finite number"),
+        ("sampling_level=nan", "finite number"),
         ("wheelbase_m=6", "wheelbase_m <= length_m"),
         ("horizon=4", "horizon_s"),
         ("jerk=1", "setting"),

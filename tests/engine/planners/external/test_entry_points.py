@@ -159,7 +159,7 @@ def test_what_a_package_prints_when_imported_is_no_declaration(installed: Instal
             'return Plan(trajectory, {"slower": slower}, candidates=1)',
             "return [trajectory]",
             "contract_broken",
-            "gives list, not a Plan",
+            "list, not a Plan",
         ),
         ("lists_states", "Plan(trajectory,", "Plan([1, 2],", "contract_broken", "trajectory is list"),
         (
