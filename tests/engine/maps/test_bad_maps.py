@@ -112,5 +112,5 @@ def test_a_map_of_more_bytes_than_are_read_is_refused_by_its_size(tmp_path: Path
     path = tmp_path / "huge.osm"
     with path.open("wb") as stream:
         stream.truncate(60_000_001)
-    with pytest.raises(UnsafeInput, match="60,000,001 bytes; at most 60,000,000 are read"):
+    with pytest.raises(UnsafeInput, match="60,000,001 bytes; at most 60,000,000 are"):
         read_map(ReadMapRequest(path=str(path)), silent)
