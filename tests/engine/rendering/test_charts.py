@@ -53,7 +53,7 @@ def test_strata_hold_every_valid_run_once_a_factor() -> None:
     ]
     runs = tuple(source(record(name, "timeout" if name == names[0] else "goal_reached")) for name in names)
     text = words("strata", (*runs, source(record("ZAM_X-1_1_T-1", "invalid"))), *known)
-    for said in ("highway, Default 1 of 2", "road not known, Default 4 of 4", "0 vehicles/km, Default 0 of 1"):
+    for said in ("highway, Default 1 of 2", "road unknown, Default 4 of 4", "0 vehicles/km, Default 0 of 1"):
         assert said in text
     assert "under 20/km, Default 1 of 1; 20 to 50/km, Default 3 of 3; 50/km and more, Default 1 of 1" in text
 

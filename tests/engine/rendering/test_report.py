@@ -63,7 +63,7 @@ def test_page_is_the_same_bytes_again(tmp_path: Path, picture: Path) -> None:
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
     text = tmp_path / "text.png"
     text.write_text("no picture")
-    with pytest.raises(UnsafeInput, match=r"text\.png is no PNG or GIF"):
+    with pytest.raises(UnsafeInput, match=r"text\.png is not a PNG or GIF"):
         write_report(request(tmp_path, text), silent)
 
 
@@ -152,7 +152,7 @@ def test_rules_stand_by_configuration_with_those_that_nothing_was_about() -> Non
     )
     section = rules_section(result.model_copy(update={"rule_shares": shares}))
     assert section.tables[0].rows == (("R_G1 safe distance", "1 of 2", "9 to 91 %", "3.2 m", "run_1"),)
-    assert section.text == ("In no run was there anything that these are about: R_IN2 red light.",)
+    assert section.text == ("These rules applied to no run: R_IN2 red light.",)
 
 
 def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
@@ -170,7 +170,7 @@ def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
     section = run_section(done, analysis, shown)
     assert section.tables[0].rows == (
         ("time to brake (TTB)", "0.84 s", "car 39 ahead", "2.3 s"),
-        ("post-encroachment time (PET)", "none: no other's path crossed the ego's within 10 s", "–", "–"),
+        ("post-encroachment time (PET)", "not available: no other's path crossed the ego's within 10 s", "–", "–"),
         ("fastest steering", "0.5 rad/s (the vehicle's limit is 0.4 rad/s)", "–", "1.0 s"),
     )
     assert {"time to brake", "post-encroachment time", "fastest steering"} <= {

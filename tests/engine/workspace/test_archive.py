@@ -175,7 +175,7 @@ ESCAPES = (
 @pytest.mark.parametrize("name", ESCAPES)
 def test_a_name_that_leads_elsewhere_is_refused(name: str, archive: Path, tmp_path: Path) -> None:
     second = Workspace(tmp_path / "second")
-    with pytest.raises(UnsafeInput, match="no place in a workspace"):
+    with pytest.raises(UnsafeInput, match="does not belong in a workspace"):
         import_workspace(second, rewritten(archive, {name: b"evil"}))
     assert second.newest() == []
     assert list(tmp_path.rglob("*evil*")) == []
@@ -431,14 +431,14 @@ def test_record_that_is_not_what_it_says_is_refused_by_name(
             forged(line)
 
     second = Workspace(tmp_path / "second")
-    with pytest.raises(UnsafeInput, match=f"{kind} .* is not what it says"):
+    with pytest.raises(UnsafeInput, match=f"{kind} .* is inconsistent"):
         import_workspace(second, rewritten(archive, {"records.jsonl": records(archive, change)}))
     assert second.newest() == []
 
 
 def test_file_that_is_not_the_one_of_its_record_is_refused(archive: Path, tmp_path: Path) -> None:
     changed = rewritten(archive, {"files/scenarios/ZAM_A-1_1_T-1/scenario.xml": b"<commonRoad/>"})
-    with pytest.raises(UnsafeInput, match="its file is not the one"):
+    with pytest.raises(UnsafeInput, match="its file does not match"):
         import_workspace(Workspace(tmp_path / "second"), changed)
 
 
