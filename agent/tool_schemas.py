@@ -1,7 +1,7 @@
-"""Schemas of tools for small models: flat, without references, with bounds and defaults in words.
+"""Schemas of tools for small models: flat, without references, with bounds and defaults in descriptions.
 
-Model servers pass on the type, the items, the description and the choices of a property and drop the rest, so what a
-model has to know of it stands in the description.
+Model servers forward only the type, the items, the description and the choices of a property, so everything that a
+model must know about it belongs in the description.
 """
 
 from collections.abc import Mapping
@@ -21,11 +21,11 @@ _WORDS = {
 }
 _KEPT = ("type", "description", "enum", "items", "properties", "required", "additionalProperties")
 _DEEPEST = 8
-"""Nesting of references at most: a schema may refer to itself; chosen."""
+"""Deepest nesting of references, since a schema may refer to itself (chosen)."""
 
 
 def flattened(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The schema of an object with references inlined, null arms dropped, bounds and defaults told in descriptions."""
+    """Return an object's schema with references inlined, null arms dropped, and bounds and defaults in descriptions."""
     definitions = schema.get("$defs", {})
     flat = _flat(schema, definitions, 0)
     flat.pop("description", None)
@@ -63,7 +63,7 @@ def _resolved(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapp
 
 
 def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A schema with ``anyOf`` as one: the single arm that is not null, or the types of all arms together."""
+    """Merge a schema's ``anyOf``: the single arm that is not null, or the types of all arms together."""
     arms = [_resolved(arm, definitions) for arm in schema.get("anyOf", schema.get("oneOf", ()))]
     arms = [_with_choices(arm) for arm in arms if arm.get("type") != "null"]
     beside = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
