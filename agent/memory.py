@@ -98,8 +98,7 @@ class History:
         """Make the messages fit a budget; return a sentence for the user on what was done, or an empty text.
 
         The model summarises what precedes the turn; if it cannot, that part is dropped. If the turn alone is too long,
-        its
-        older tool answers are shortened.
+        its older tool answers are shortened.
         """
         done = []
         if self.tokens > budget_tokens and self._turn_start:

@@ -17,8 +17,7 @@ SMALL_CONTEXT_TOKENS = 12_000
 
 _LEAST_RESULT_CHARACTERS = 2000
 """Least characters of a tool's answer, whatever the context. With a larger context it is as many characters as the
-context
-has tokens, about a quarter of it (chosen).
+context has tokens, about a quarter of it (chosen).
 """
 
 

@@ -36,8 +36,7 @@ class Host:
     """Describes where a host keeps its MCP servers, and the form of an entry.
 
     ``path``: its settings file, relative to the home folder; ``mac``: the same on macOS, if different; ``key``: the
-    table
-    of servers in the file; ``extra``: further fields of an entry; ``then``: what makes the host read the file.
+    table of servers in the file; ``extra``: further fields of an entry; ``then``: what makes the host read the file.
     """
 
     title: str

@@ -186,8 +186,7 @@ class Workspace:
         """Run planners on scenarios (``run_planner``) and wait for all runs.
 
         A planner may be your own object. Its ``plan()`` then runs in this thread, so breakpoints and debuggers work.
-        Planners
-        given by name run in worker processes. To pass several objects of one class, give them names:
+        Planners given by name run in worker processes. To pass several objects of one class, give them names:
         ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
         If runs of a batch are lost, for example because ``plan()`` raised, a warning says so and the batch has the
@@ -401,8 +400,7 @@ def _source(maker: Any, state: str) -> str:
     """Return text that distinguishes versions of a planner: its source code and the state of the object.
 
     The code covers the files of its class and base classes and everything they import, except installed packages and
-    the
-    standard library. If the code is unknown, every call gets a different version, so no stored run is reused.
+    the standard library. If the code is unknown, every call gets a different version, so no stored run is reused.
     """
     classes = inspect.getmro(maker) if isinstance(maker, type) else (maker,)
     texts = []

@@ -31,8 +31,7 @@ from .thinking_tags import ThinkingTags
 
 _USUAL_CONTEXT_TOKENS = 16_384
 """Default context (chosen: it fits the tools, a session of twenty calls, and the memory of small machines). Ollama's
-own
-default is 4,096, which the tools alone fill.
+own default is 4,096, which the tools alone fill.
 """
 _MISREAD_CALL = re.compile(r"error parsing tool call", re.IGNORECASE)
 """Ollama's message if a model wrote a call that is not JSON."""

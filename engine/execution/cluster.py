@@ -54,8 +54,7 @@ class ClusterExecutor:
     """Sends operations to the workers of a Dask scheduler; use as ``async with ClusterExecutor.open(...)``.
 
     ``notice``: the reason why operations run locally instead, or empty; ``sent_files``: the number of files sent to
-    workers
-    so far.
+    workers so far.
     """
 
     def __init__(
@@ -85,8 +84,7 @@ class ClusterExecutor:
         """Yield an executor on the cluster at an address, such as ``tcp://host:8786``, or of a scheduler file.
 
         The executor ``here`` runs what cannot travel. An unreachable cluster is not an error: ``notice`` reports it,
-        and the
-        executor tries again later.
+        and the executor tries again later.
 
         Args:
             address: The scheduler's address, or the path of its file.
@@ -94,8 +92,7 @@ class ClusterExecutor:
             limits: The resources that an operation may use on a worker.
             connect_s: How long to wait for the scheduler, which answers within a second on a working network.
             versions: Packages that workers must have in these versions; None means the local versions of those that
-                affect
-                results.
+                affect results.
         """
         executor = cls(address, here, limits, connect_s, versions or versions_of(*_RESULTS))
         await executor._connect_if_due()

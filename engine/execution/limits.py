@@ -163,10 +163,8 @@ def share_heaps() -> None:
     """Make all threads of this process share few heaps (with glibc); call it before they start.
 
     glibc gives each thread its own heap, up to eight per processor, and other threads cannot reuse what a call has
-    freed
-    there. A server's memory would grow until each thread has handled the largest call. A number of heaps that is set in
-    the
-    environment takes precedence.
+    freed there. A server's memory would grow until each thread has handled the largest call. A number of heaps that is
+    set in the environment takes precedence.
     """
     chosen = "MALLOC_ARENA_MAX" in os.environ or "glibc.malloc.arena_max" in os.environ.get("GLIBC_TUNABLES", "")
     set_option = None if chosen else _glibc_function("mallopt")

@@ -15,8 +15,7 @@ from .polyline import Points, Values, arc_length
 
 _PACE, _SLACK_M = 2.0, 2.0
 """A track is still on its lap if it advances along the line by at most this multiple of its own distance plus this
-much.
-On the inside of a curve of radius R, at an offset of R/2, the station advances by twice the distance.
+much. On the inside of a curve of radius R, at an offset of R/2, the station advances by twice the distance.
 """
 _COST_PER_M = 0.5
 """A jump along the line costs as much as half of its length in distance from the line. The next lap of a roundabout of
@@ -40,8 +39,7 @@ class PathFollower:
     Args:
         points: The line, shape (n, 2), at least two points.
         begin_m: The station near which the track starts. If it is None, the track starts on the lap that passes nearest
-            to
-            its first position.
+            to its first position.
     """
 
     def __init__(self, points: Points, begin_m: float | None = None) -> None:
@@ -124,15 +122,13 @@ def project_along(points: Points, track: Points, begin_m: float | None = None) -
     """Project the positions of a track onto a line with continuity, on the lap of the track.
 
     Unlike :func:`~.polyline.project_all`, which projects each position separately onto the nearest point, it follows
-    the
-    track from its first position. Use it for the track of a vehicle on a line that may come near itself.
+    the track from its first position. Use it for the track of a vehicle on a line that may come near itself.
 
     Args:
         points: The line, shape (n, 2), at least two points.
         track: Positions in driving order, shape (m, 2).
         begin_m: The station near which the track starts. If it is None, every lap that passes the first position is
-            tried,
-            and the one to which the track stays nearest is used, the first on the line in a tie.
+            tried, and the one to which the track stays nearest is used, the first on the line in a tie.
 
     Returns:
         Stations (m,) in m and signed offsets (m,) in m, left positive.

@@ -132,10 +132,8 @@ def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.fl
     """Smooth values (n,) or (n, m) along axis 0; points are reflected at both ends, so that the end values stay.
 
     The kernel ends at three sigma, or earlier for fewer values. ``scipy.ndimage.gaussian_filter1d`` on the reflected
-    values
-    agrees to 2e-15, but not to the last bit, and planners follow paths smoothed here: of 208 compared files it changed
-    11,
-    all of them steps of runs.
+    values agrees to 2e-15, but not to the last bit, and planners follow paths smoothed here: of 208 compared files it
+    changed 11, all of them steps of runs.
     """
     count = len(values)
     radius = min(int(3 * sigma_samples + 0.5), count - 1)

@@ -98,8 +98,7 @@ class Goal:
     """The goal region of a planning problem; the ego must meet one of its ``states``.
 
     The ego can reach it from ``first_step`` to ``last_step``. ``has_position``: True if every state requires a
-    position;
-    ``speed_mps``: the middle of the first speed interval in the states, or None.
+    position; ``speed_mps``: the middle of the first speed interval in the states, or None.
     """
 
     def __init__(self, region: "GoalRegion") -> None:
@@ -142,12 +141,10 @@ class Goal:
         """Return the first and last arc length in m of a path's first passage through the goal's area, or None.
 
         A path that comes back, for example in a roundabout, may pass the area again. For each goal state, only the
-        first passage
-        that does not end before ``from_m`` counts. Gaps shorter than ``PASSED_M`` do not end a passage.
+        first passage that does not end before ``from_m`` counts. Gaps shorter than ``PASSED_M`` do not end a passage.
 
         Points of the path on the edge of the area are inside. Goals and paths that begin at the start of a lanelet meet
-        there,
-        and rounding, which depends on the location of the map, must not select the next point instead.
+        there, and rounding, which depends on the location of the map, must not select the next point instead.
         """
         areas = [state.area for state in self.states if state.area is not None]
         found = [passage for area in areas if (passage := _first_passage(area, path, from_m)) is not None]
@@ -210,8 +207,7 @@ def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: 
 
     This is a bound that no vehicle can beat: straight from the ego's centre to the goal's area, as far as
     :func:`farthest_m` allows until the goal's last step, with a speed within ``v₀ ± at``. A goal that passes may still
-    be
-    unreachable.
+    be unreachable.
     """
     obstacles = [_obstacle(state, ego, vehicle, step_s) for state in goal.states]
     return None if None in obstacles else obstacles[0]
@@ -298,10 +294,8 @@ def select_goal_state(
     unreachable.
 
     Among the states that a route leads to in their time, it selects the one that needs the smallest change of speed: to
-    a
-    mean speed that brings the ego into the area within the window, and to the goal's speed interval. The earlier state
-    wins
-    a tie. The order in the file does not matter.
+    a mean speed that brings the ego into the area within the window, and to the goal's speed interval. The earlier
+    state wins a tie. The order in the file does not matter.
     """
     from commonroad.planning.goal import GoalRegion
 
@@ -361,8 +355,7 @@ def progress_to_goal(
     """Return the share of the reference path to the goal that positions (n, 2) of the centre cover, from 0 to 1.
 
     It is 1 only if a position is in the goal's area, as the judge requires. An ego that passes next to the area lacks
-    the
-    distance between the area and its nearest position. None if the goal has no position, or no path leads to it.
+    the distance between the area and its nearest position. None if the goal has no position, or no path leads to it.
     """
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
     if not problem.goal.state_list:

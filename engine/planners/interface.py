@@ -119,8 +119,7 @@ class PlannedTrajectory:
     """States of the centre, one per step starting with the present: positions (n, 2), the others (n,).
 
     ``steering_rad``: the steering angles of a motion that the vehicle drives exactly (``driving/following.py``); None
-    for a
-    motion that gives only the intended positions of the centre.
+    for a motion that gives only the intended positions of the centre.
     """
 
     positions: Points

@@ -50,8 +50,7 @@ class LaneCenters:
     """Samples of all centre lines with their directions and half widths.
 
     The lanelet under a point is the one with the nearest centre line; the point is on it if its offset is at most half
-    the
-    width there. Offsets are exact on straight lanelets.
+    the width there. Offsets are exact on straight lanelets.
     """
 
     def __init__(self, network: "LaneletNetwork") -> None:
@@ -78,8 +77,8 @@ class Corridor:
     """Samples of the centre lines: points (n, 2), unit directions (n, 2), half widths (n,).
 
     ``stations_m`` (n,): distance along the lanes from the vehicle to the sample, negative behind it. ``priority``: −1
-    if a
-    sign on these lanes requires giving way, 1 if one grants the right of way or a lane is a crosswalk, otherwise 0.
+    if a sign on these lanes requires giving way, 1 if one grants the right of way or a lane is a crosswalk, otherwise
+    0.
     """
 
     points: Points
@@ -216,8 +215,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
     """Return the road along a reference path that extends ``beyond_m`` metres behind its goal.
 
     At the end of the network, the road is assumed to continue straight, like the reference path: the end of a map is
-    not the
-    end of the road.
+    not the end of the road.
     """
     import shapely
 

@@ -73,10 +73,8 @@ def observe(
     """Return all obstacles within 80 m of the ego, with their predicted motion over ``steps`` steps.
 
     As in the reference, an estimated future leaves out followers straight behind (a cone of 20°, farther than 6 m),
-    since
-    the ego need not flee from followers that would react. With the recording as the known future they stay, since
-    recorded
-    followers do not react.
+    since the ego need not flee from followers that would react. With the recording as the known future they stay, since
+    recorded followers do not react.
     """
     seen = []
     blind = predict is not ground_truth
@@ -118,8 +116,7 @@ def growing_covariance(track: Track, index: int, steps: int, step_s: float) -> P
     """Predict constant velocity with a covariance that grows with time t: 0.1 m² + (0.2 m/s · t)² in every direction.
 
     Along the heading, (½ · 1 m/s² · t²)² is added for an unknown acceleration of standard deviation 1 m/s²: after 3 s
-    the
-    deviations are 0.7 m across and 4.6 m along. Other planners read only the straight motion.
+    the deviations are 0.7 m across and 4.6 m along. Other planners read only the straight motion.
     """
     straight = constant_velocity(track, index, steps, step_s)
     time = np.arange(steps + 1) * step_s
@@ -165,8 +162,7 @@ class LanePrediction:
     """Predicts along the centre line under the obstacle and its straightest successors, at the obstacle's speed.
 
     The lateral offset and the heading difference fade with a time constant of 2 s. If no lanelet of its direction is
-    under
-    it, the obstacle gets constant velocity, and ``off_the_lanes`` records its id.
+    under it, the obstacle gets constant velocity, and ``off_the_lanes`` records its id.
     """
 
     def __init__(self, network: "LaneletNetwork") -> None:

@@ -1,8 +1,7 @@
 """The reference path: the centre lines of a route as one smooth line.
 
 It starts before the ego and ends far beyond the goal. Lengths in m, arc lengths ("stations") from the start of the
-path,
-headings in rad.
+path, headings in rad.
 
 ``blended_start`` creates a path that starts in the ego's pose, for starts from which no candidate reaches the route's
 centre line: an ego may start oblique to its lane, or so fast before a tight turn that steering takes too long. Every

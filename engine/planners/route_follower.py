@@ -34,10 +34,8 @@ class RearAxlePath:
     """The path of a rear axle while the vehicle's centre follows a path of points (n, 2).
 
     It is a cubic spline over its arc length, so its curvature is continuous. Stations are its own; at ``stations_m``
-    (n,)
-    it has the headings ``headings_rad`` (n,). It follows one axle, and requests for feet must come in driving order.
-    The
-    centre starts near the station ``begin_m`` of the path if that is known.
+    (n,) it has the headings ``headings_rad`` (n,). It follows one axle, and requests for feet must come in driving
+    order. The centre starts near the station ``begin_m`` of the path if that is known.
     """
 
     def __init__(self, path: Points, behind_center_m: float, begin_m: float | None = None) -> None:
@@ -199,13 +197,11 @@ class RouteFollower:
         """Return a motion along the route that changes to a speed and then keeps it, or None if the ego heads back.
 
         The steering rate stays within the vehicle's limit. A speed at which the tyres would slip in a curve is not
-        reduced; the
-        loop then refuses the plan.
+        reduced; the loop then refuses the plan.
 
         Args:
             ego: The present state. Call this once for each step of a run, so that the position is tracked on a route
-                that
-                crosses itself.
+                that crosses itself.
             target_speed_mps: The speed to reach, in m/s, 0 to stop.
             acceleration_mps2: The rate at which the speed rises, in m/s².
             deceleration_mps2: The rate at which it falls, in m/s², positive.

@@ -301,8 +301,7 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
     """Repeat a run and write its plans as JSON (``RunPlans``) to the request's path.
 
     If the run differs from the stored one by more than rounding on another machine explains (:func:`_difference`),
-    nothing
-    is shown, and the note gives the difference.
+    nothing is shown, and the note gives the difference.
 
     Raises:
         UnsafeInput: The scenario's file cannot be read.
@@ -328,10 +327,8 @@ def _difference(here: RunSteps, stored: RunSteps) -> str | None:
     """Return the difference between a repeated run and the stored one as text, or None if they are equal.
 
     They are equal if they have the same number of states, were planned at the same steps, and every state of the ego
-    and of
-    reactive traffic is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other
-    processors
-    and libraries round the last digits differently, which does not change the plans in the picture.
+    and of reactive traffic is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other
+    processors and libraries round the last digits differently, which does not change the plans in the picture.
     """
     if (here.first_step, len(here.x_m), here.plan_steps) != (stored.first_step, len(stored.x_m), stored.plan_steps):
         counts = [f"{len(one.x_m)} states planned in {len(one.plan_steps)} steps" for one in (here, stored)]

@@ -38,9 +38,8 @@ class DrivenRun:
     """The states, plans and verdict of a run.
 
     ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``task``: the
-    planner's
-    task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the reference path
-    leads the ego onto its route, if it needs one (``eased_over_m`` of the record).
+    planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
+    reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record).
     """
 
     states: list[EgoState]
@@ -100,10 +99,8 @@ def simulate(
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
-    with
-    a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's first
-    step.
-    ``vehicle``: the ego's vehicle; None selects the configuration's car.
+    with a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's
+    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))

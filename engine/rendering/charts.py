@@ -2,8 +2,7 @@
 
 Charts of causes and strata are in ``cause_charts.py``, of metrics in ``distributions.py``, of single runs over time in
 ``courses.py``. A chart is a function ``(runs) -> Drawing``. To add one, write the function, add it to ``CHARTS`` and
-its
-kind to ``PictureKind``, and test it.
+its kind to ``PictureKind``, and test it.
 """
 
 from collections import Counter

@@ -1,8 +1,7 @@
 """The objectives of a search for a configuration, and the constraints that it must satisfy.
 
 Every measure is a number from 0 to 1 per run, so that sums are comparable between sets of scenarios. A run that does
-not
-reach its goal has no comfort and the worst time, so no configuration gains by failing early.
+not reach its goal has no comfort and the worst time, so no configuration gains by failing early.
 """
 
 import re

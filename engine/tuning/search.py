@@ -2,8 +2,7 @@
 
 A search runs in rounds of a fixed size. All candidates of a round are drawn before the first result is reported, and
 results are reported in order, so the outcome does not depend on the speed of the workers. Every draw replays all
-earlier
-results from the start, so an interrupted search continues from the runs in the workspace.
+earlier results from the start, so an interrupted search continues from the runs in the workspace.
 """
 
 import math

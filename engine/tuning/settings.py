@@ -33,8 +33,7 @@ def apply_assignments(
     """Return the weights (or settings) after all changes, in order; applies either all or no change.
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
-    to
-    1e6; ``elsewhere``: maps names that do not belong here to an explanation.
+    to 1e6; ``elsewhere``: maps names that do not belong here to an explanation.
 
     Raises:
         UnknownName: A weight does not exist; the error lists the nearest names.

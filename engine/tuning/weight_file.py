@@ -1,9 +1,8 @@
 """Cost-weight files in the form of the Frenetix reference: ``cost_weights:`` with a number for each name.
 
 Our own files also give the planner and the settings; a file without them is a Frenetix file with the default settings.
-A
-user's file is kept with its configuration: written again, it has its comments, order and layout byte for byte, and only
-changed numbers differ.
+A user's file is kept with its configuration: written again, it has its comments, order and layout byte for byte, and
+only changed numbers differ.
 """
 
 import math
@@ -199,8 +198,7 @@ def read_yaml(path: Path, most_brackets: int) -> Any:
     """Read a YAML file as mappings, lists and texts, since no YAML tag creates anything else.
 
     An alias repeats the whole of its target, and twelve nested levels expand a thousand bytes to thousands of millions
-    of
-    values; none of our files has an alias. ``most_brackets``: limit for lists and mappings in brackets.
+    of values; none of our files has an alias. ``most_brackets``: limit for lists and mappings in brackets.
 
     Raises:
         UnsafeInput: The file cannot be read, is deeply nested, or has aliases.

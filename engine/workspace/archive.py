@@ -1,10 +1,9 @@
 """A workspace as one file, written with digests of its content, and imported either as a whole or not at all.
 
 The file is a ZIP archive: ``workspace.json`` identifies the writer, ``records.jsonl`` has one artifact per line in
-order
-of creation, ``files/`` their files, ``journal/`` the journal if requested, and ``SHA256SUMS`` the digests of all these.
-Caches, jobs and tasks are left out. Archives are not trusted: everything is checked before anything is stored, ids must
-follow from content, and imported artifacts are marked, since a run's record cannot be verified.
+order of creation, ``files/`` their files, ``journal/`` the journal if requested, and ``SHA256SUMS`` the digests of all
+these. Caches, jobs and tasks are left out. Archives are not trusted: everything is checked before anything is stored,
+ids must follow from content, and imported artifacts are marked, since a run's record cannot be verified.
 """
 
 import hashlib

@@ -117,8 +117,7 @@ def stored_json(text: str, what: str) -> Any:
     """Return a JSON value of the database; refuse one that is nested deeper than about 200 levels.
 
     No record of this program has ten levels. Recursive readers in Python or SQLite would fail on deeper ones with
-    errors of
-    their own.
+    errors of their own.
 
     Args:
         what: Names the value in the error.
@@ -349,8 +348,7 @@ def still_runs(pid: int, since: float) -> bool:
     """Return True if the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
 
     Process ids are reused, so the time counts too. The start time of a process uses the clock at that time. If the
-    clock
-    was set back since, the age of the process decides, which is independent of clock changes.
+    clock was set back since, the age of the process decides, which is independent of clock changes.
     """
     import psutil
 

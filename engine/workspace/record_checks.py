@@ -81,10 +81,8 @@ def text_fault(kind: ArtifactKind, name: str, record: dict[str, Any]) -> str:
     """Return the problem with the name and the texts of a stored record; empty if they are fit for answers.
 
     Each must be on one line, printable and of bounded length. New texts are made so before they are stored, but an
-    older
-    workspace may have others. An archive's texts are converted on import (:func:`in_one_line`). A caller's text in a
-    search,
-    a plan or a study, and the file of a configuration, stay unmodified.
+    older workspace may have others. An archive's texts are converted on import (:func:`in_one_line`). A caller's text
+    in a search, a plan or a study, and the file of a configuration, stay unmodified.
     """
     if kind not in _TEXTS_ON_ONE_LINE:
         return ""

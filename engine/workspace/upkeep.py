@@ -173,8 +173,7 @@ class Quota:
     """The size limit of a workspace: before something is stored, caches are removed, and a full workspace refuses.
 
     Measuring a large workspace takes long, so its size is updated from the last measurement. A new measurement happens
-    when
-    the workspace seems full, and when the last one is old, since other servers write too.
+    when the workspace seems full, and when the last one is old, since other servers write too.
     """
 
     def __init__(self, workspace: Workspace, size_bytes: int) -> None:

@@ -209,8 +209,7 @@ class _Steps:
         """Return which steps have a clear verdict, and which steps are good.
 
         The errors in x, y, speed and heading are nearly linear in acceleration and steering rate. Gauss-Newton
-        iterations
-        from the mean acceleration, within the limits, therefore replace the search.
+        iterations from the mean acceleration, within the limits, therefore replace the search.
         """
         largest, rate_limit = vehicle.maximum_acceleration_mps2, vehicle.maximum_steering_rate_radps
         lateral = self.speed_mps**2 * np.tan(self.steering_rad) / vehicle.wheelbase_m

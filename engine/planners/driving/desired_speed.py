@@ -69,8 +69,7 @@ class CruisingSpeed:
 
     It is the lowest limit that is posted on the route's lanelet. Lanelets without a limit have the usual speed of their
     type, or the ego's initial speed if that is higher, since the traffic there is then faster. Curves reduce the speed
-    to a
-    comfortable lateral acceleration, and the ego brakes comfortably before them.
+    to a comfortable lateral acceleration, and the ego brakes comfortably before them.
     """
 
     def __init__(
@@ -109,19 +108,15 @@ class DesiredSpeed:
     curves.
 
     While the time of a goal with a position lasts, it is the mean speed to the middle of the goal: first by the middle
-    of
-    the goal's time, and after that by its end. The latter is at most the cruising speed, or the present speed if that
-    is
-    higher, so a late ego does not race. Inside a goal with a speed interval, and for a goal that has one but no
-    position,
-    it is the middle of the interval. In all other cases it is the cruising speed. It stays within 5 m/s of the present
-    speed.
+    of the goal's time, and after that by its end. The latter is at most the cruising speed, or the present speed if
+    that is higher, so a late ego does not race. Inside a goal with a speed interval, and for a goal that has one but no
+    position, it is the middle of the interval. In all other cases it is the cruising speed. It stays within 5 m/s of
+    the present speed.
 
     An ego inside a goal without a speed interval still aims at the goal's middle, and waits there for the goal's time.
 
     The goal must be one goal state, see :func:`~..goal.select_goal_state`. An instance serves one run and takes the
-    egos in
-    driving order, since the reference path may pass a point twice.
+    egos in driving order, since the reference path may pass a point twice.
     """
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float, cruising: CruisingSpeed) -> None:
@@ -188,10 +183,8 @@ class ReferenceDesiredSpeed(DesiredSpeed):
     """The rule of the Frenetix reference loop, for comparisons.
 
     It uses the mean speed to the middle of the goal by the middle of its time, or the goal's speed interval, otherwise
-    the
-    present speed. The latter applies inside a goal without a speed interval, so the ego leaves it too early, and
-    everywhere
-    after the middle of the time. A standing ego then never starts again.
+    the present speed. The latter applies inside a goal without a speed interval, so the ego leaves it too early, and
+    everywhere after the middle of the time. A standing ego then never starts again.
     """
 
     def _wanted_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:

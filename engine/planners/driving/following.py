@@ -51,8 +51,7 @@ class FollowedPlan:
     """The motion with which the vehicle follows a plan.
 
     ``deviation_m``: the largest lateral distance of the rear axle from the plan; ``within_tyres``: True if tyres and
-    engine
-    allow the plan's accelerations; if not, those of ``trajectory`` are smaller.
+    engine allow the plan's accelerations; if not, those of ``trajectory`` are smaller.
     """
 
     trajectory: PlannedTrajectory
@@ -224,10 +223,8 @@ class _Problem:
     """The least-squares problem, linearised about some steering angles and their motion.
 
     The unknowns are the rates of the steps and, if ``first_rad`` is None, the first angle; ``bounds`` limits their
-    absolute
-    values. The best x solves ``matrix``·x = ``right`` if no bound is active. At x the motion is ``gain``·x + ``offset``
-    m
-    to the left of the plan.
+    absolute values. The best x solves ``matrix``·x = ``right`` if no bound is active. At x the motion is ``gain``·x +
+    ``offset`` m to the left of the plan.
     """
 
     matrix: Points
@@ -316,8 +313,7 @@ def _solve_bounded(matrix: Points, right: Values, bounds: Values, best: Values) 
     """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x, M positive definite; ``best`` is x without bounds.
 
     Uses a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6). The
-    number
-    of rounds hardly depends on the number of active bounds.
+    number of rounds hardly depends on the number of active bounds.
     """
     x = np.clip(best, -0.5 * bounds, 0.5 * bounds)
     slope = matrix @ x - right

@@ -33,14 +33,10 @@ class PlannerCheck:
     """The result of checking a planner on one scenario.
 
     ``breaches``: its breaches of the contract, as text. ``outcome``, ``reason``: how the drive ended, among the
-    recorded
-    traffic or on an empty road. ``asked_again``: the number of observations at which a class also planned with each
-    weight
-    and parameter at both ends of its range; ``unmoved``: those that changed none of these plans. ``raised``: the
-    traceback
-    of the planner's exception, or a program's standard error. ``took``: the planning time, as text. ``beyond_vehicle``:
-    the
-    vehicle limits that the driven motion exceeds.
+    recorded traffic or on an empty road. ``asked_again``: the number of observations at which a class also planned with
+    each weight and parameter at both ends of its range; ``unmoved``: those that changed none of these plans.
+    ``raised``: the traceback of the planner's exception, or a program's standard error. ``took``: the planning time, as
+    text. ``beyond_vehicle``: the vehicle limits that the driven motion exceeds.
     """
 
     scenario_id: str
@@ -75,9 +71,8 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
     """Drive the first planning problem of a CommonRoad file with the preset Default, and check every plan.
 
     A class plans again at the first observation and at one in the middle, after a reset and in a new instance; a
-    program
-    only at the first. A class also plans with each weight at both ends of its range, at every observation of the drive
-    until two plans differ.
+    program only at the first. A class also plans with each weight at both ends of its range, at every observation of
+    the drive until two plans differ.
 
     Args:
         name: The planner's name.

@@ -93,8 +93,7 @@ _SAFETY_FIELDS = {
 _HARD_DISTANCES = ("least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s")
 Care = Literal["full", "margins", "bodies"]
 """How far a candidate must keep from others: the hard distances, the core's margins (0.5 m in front and behind, 0.3 m
-at
-the sides), or only no contact. ``margins`` drops the hard distances, and ``bodies`` the margins as well.
+at the sides), or only no contact. ``margins`` drops the hard distances, and ``bodies`` the margins as well.
 """
 
 

@@ -81,8 +81,7 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
     """Return the bands along a reference path, from its start to its end.
 
     Only lanes of the route count, their successors, and lanes to which a lane change leads from them. A marking that
-    must
-    not be crossed excludes a lane, unless the route itself changes to it.
+    must not be crossed excludes a lane, unless the route itself changes to it.
     """
     length_m = float(arc_length(reference.points)[-1])
     stations = np.linspace(0.0, length_m, max(round(length_m / _SPACING_M), 1) + 1)
@@ -103,8 +102,7 @@ def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[in
     """Return the lanelets of a route with their positions in it, in driving order.
 
     Predecessors of the first lanelet have the position −1; successors of the last one, as far as a path continues, have
-    the
-    last position.
+    the last position.
     """
     places = dict.fromkeys(graph.predecessors[lanelets[0]], -1) | {key: at for at, key in enumerate(lanelets)}
     ends = {lanelets[-1]: 0.0}

@@ -130,8 +130,7 @@ def _longest_accepted(path: Points) -> Points:
     """Return the path, or the longest initial part that the core accepts.
 
     If a path comes back over itself, for example around the loop of a dead end, the core finds no area in which every
-    point
-    has a unique position along the path, and refuses the whole path.
+    point has a unique position along the path, and refuses the whole path.
     """
     accepted, refused = 2, len(path)
     while refused - accepted > 1:
@@ -263,11 +262,10 @@ def sampling_matrix(
 ) -> Points:
     """Return all combinations as the core's matrix, shape (n, 13).
 
-    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
-    The matrix has about 800 rows. The end states include the present speed and offset, the whole horizon, and
-    ``going_on``, the rest of the driven plan. Without the latter, replanning loses a plan that stops just in time,
-    since
-    every new candidate takes at least ``shortest_s``.
+    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''. The matrix has about 800 rows. The end
+    states include the present speed and offset, the whole horizon, and ``going_on``, the rest of the driven plan.
+    Without the latter, replanning loses a plan that stops just in time, since every new candidate takes at least
+    ``shortest_s``.
     """
     durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
     durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
@@ -337,8 +335,7 @@ def add_step_functions(handler: "frenetix.TrajectoryHandler", weights: dict[str,
     """Replace the coordinates and cheap cost terms of the previous step by those of this step.
 
     The handler keeps functions until one with the same name replaces them. A term that is left out this time (no
-    obstacle
-    in sight) would otherwise keep old positions.
+    obstacle in sight) would otherwise keep old positions.
     """
     handler.clear_cost_functions()
     orientation = step.frame.heading_inwards(step.ego.heading_rad)

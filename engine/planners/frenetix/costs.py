@@ -6,8 +6,7 @@ have the meaning of the Frenetix reference's Python terms; responsibility is our
 **Responsibility** measures proximity to others for which the ego would be to blame. The idea is that of Geisslinger,
 Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
 2023): a risk counts against the ego only if it enters the area that the other may legally reach. A road user that
-leaves
-its own lane or ignores the right of way is to blame itself. The rules and formulas below are ours.
+leaves its own lane or ignores the right of way is to blame itself. The rules and formulas below are ours.
 
 For every candidate and obstacle, the conflict is the step with the smallest gap between their rectangles; it costs
 ``exp(−gap / 2 m)`` if the ego is responsible. An obstacle's legal reach is its corridor, the lanelets of its direction
@@ -125,8 +124,7 @@ class _Nearness:
     """Gaps between the candidates' rectangles and an obstacle's rectangle, except at the present step.
 
     In the obstacle's frame the ego counts by its bounding box, which is exact if both are parallel or at right angles.
-    The
-    gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate can be within 8 m.
+    The gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate can be within 8 m.
     """
 
     def __init__(self, batch: CandidateBatch) -> None:

@@ -232,10 +232,8 @@ class _Feasible:
     """The feasible candidates of a planning step by ascending cost, the same objects in every iteration.
 
     The core generates the candidates that screening leaves undecided, and of the others only the cheapest, on demand,
-    since
-    generating and copying them takes most of a planning step. ``count``: the number of feasible candidates; ``others``:
-    the
-    number of infeasible candidates by the constraints that they broke.
+    since generating and copying them takes most of a planning step. ``count``: the number of feasible candidates;
+    ``others``: the number of infeasible candidates by the constraints that they broke.
     """
 
     def __init__(
@@ -304,10 +302,8 @@ def cheapest_first(
     """Yield candidates by ascending cost, and complete their costs only on demand.
 
     The given costs ascend and lack expensive, non-negative terms. ``complete`` adds these to ``at_once`` candidates at
-    a
-    time. A completed candidate that costs less than the incomplete cost of the next one is cheaper than all that
-    follow, so
-    the order is the same as if all had been completed first.
+    a time. A completed candidate that costs less than the incomplete cost of the next one is cheaper than all that
+    follow, so the order is the same as if all had been completed first.
     """
     waiting = (one for _, equal in groupby(candidates, _cost) for one in sorted(equal, key=_order))
     completed: list[tuple[Any, Any, _AnyCandidate]] = []

@@ -40,8 +40,7 @@ class PathTable:
     """A reference path by its arc length: points, headings and curvatures, for many stations at once.
 
     It follows the rear axle of one run, which starts near the station ``begin_m`` if that is known. Requests for its
-    feet
-    must come in driving order.
+    feet must come in driving order.
     """
 
     def __init__(self, path: Points, begin_m: float | None = None) -> None:
@@ -118,8 +117,7 @@ class Samples:
     """The targets of n candidates, each of shape (n,): a speed within a ramp, and an offset at a primitive's end.
 
     ``askew_rad``: the angle to the path at its end; ``as_steered``: the candidate keeps the present steering angle
-    instead,
-    and ends at a standstill.
+    instead, and ends at a standstill.
     """
 
     duration_s: Values
@@ -254,8 +252,7 @@ def _stations_after(path: PathTable, start: Start, offsets_m: Values, way_m: Val
     """Return the stations at which primitives of a length and end offset end, shape (n,).
 
     Lateral motion takes up distance, and at an offset the distance is longer or shorter than the path's, depending on
-    the
-    curvature between.
+    the curvature between.
     """
     aside = offsets_m - start.offset_m
     ahead = np.sqrt(np.maximum(way_m**2 - 1.2 * aside**2, (0.3 * way_m) ** 2))

@@ -30,8 +30,7 @@ _COSTED_S = 0.3
 """Time between the states for which costs are computed (chosen)."""
 _EQUAL = 0.002
 """Costs that differ by less than this share of the sum of all weights are equal, and the gentler candidate wins
-(chosen).
-The network's error, a thousandth of the distance, must not decide between a gentle and a harsh candidate.
+(chosen). The network's error, a thousandth of the distance, must not decide between a gentle and a harsh candidate.
 """
 
 

@@ -87,8 +87,7 @@ class Driven:
     """A driver's motion: stations (n,) and speeds (n,) until the encounter is over, and the start of its braking.
 
     ``brakes_from``: the index of the state at which the driver first wanted to brake, or None. ``stands``: True if the
-    ego
-    stands at its last state.
+    ego stands at its last state.
     """
 
     stations_m: Values
@@ -103,8 +102,7 @@ class DriverScene:
 
     ``body``: length and width in m. ``met``: the road user that it collided with, extended beyond its track by
     :func:`going_on`; ``met_until``: the last step of its track. ``others``: all others. On the driven path, a driver
-    reacts
-    only to ``met``, since the ego has already reacted to the others. On its lane it reacts to all.
+    reacts only to ``met``, since the ego has already reacted to the others. On its lane it reacts to all.
     """
 
     nominal: NominalMotion
@@ -227,8 +225,7 @@ class DriverScene:
         """Return the ego's polygons (n,) at the states of a drive; see :meth:`is_clear`.
 
         For a driver that reacts, they are shorter by the resolution of the steps: its position is known to half of full
-        braking
-        times the squared step, and the fuzzy model and RSS stop exactly at a standing obstacle.
+        braking times the squared step, and the fuzzy model and RSS stop exactly at a standing obstacle.
         """
         known_m = 0.0 if driven.brakes_from is None else self.brakes.full_mps2 * self.step_s**2 / 2
         body = (self.body[0] - 2 * known_m, self.body[1])

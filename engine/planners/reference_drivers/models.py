@@ -178,16 +178,12 @@ class CarefulDriver:
     """UN R157's competent and careful driver with its three triggers.
 
     The driver *notices* a road user that has come nearer to the path by ``wandering_m`` or is in it (cut-in, 3.4.1),
-    that
-    brakes in the path by more than ``hard_mps2`` (deceleration, 3.4.3), or that is in the path and slower than the
-    driver
-    (cut-out, 3.4.2: in the regulation, the vehicle that a cut-out reveals; a leader that has become slower is treated
-    the
-    same). A broad road user in the path hides those behind it until its centre is more than ``wandering_m`` off the
-    path. In
-    the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets vehicles 1.9 m wide start 1.6 m
-    apart); a road user farther away is noticed only if, at its present rate, it enters the path before the driver
-    passes it.
+    that brakes in the path by more than ``hard_mps2`` (deceleration, 3.4.3), or that is in the path and slower than the
+    driver (cut-out, 3.4.2: in the regulation, the vehicle that a cut-out reveals; a leader that has become slower is
+    treated the same). A broad road user in the path hides those behind it until its centre is more than ``wandering_m``
+    off the path. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets vehicles 1.9 m
+    wide start 1.6 m apart); a road user farther away is noticed only if, at its present rate, it enters the path before
+    the driver passes it.
 
     After ``perception_s`` the driver *perceives* the risk. It is *critical* if the time to collision is below
     ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if the

@@ -159,8 +159,8 @@ def with_hidden(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) ->
     """Return what is ahead of a driver, with hidden road users marked (UN R157, Annex 4, Appendix 3, 3.4.2).
 
     Each entry has the offset of its centre from the path, and whether it hides others. One that is ahead in the path
-    hides
-    what is in the path beyond it, until its centre is farther from the middle of the path than the wandering distance.
+    hides what is in the path beyond it, until its centre is farther from the middle of the path than the wandering
+    distance.
     """
     hiding = [one.gap_m for one, offset, hides in seen if hides and one.is_in_way and abs(offset) <= wandering_m]
     nearest = min((gap for gap in hiding if gap >= 0), default=math.inf)

@@ -312,8 +312,7 @@ def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> f
     state.
 
     None for a vehicle that does not drive towards the ego's rear: it would pass the ego, is farther to the side than
-    the
-    next lane, or has a very different heading.
+    the next lane, or has a very different heading.
     """
     apart, heading = ego.position - track.positions[-1], float(track.headings_rad[-1])
     ahead_m, left_m = _turned(apart, -heading)
@@ -370,14 +369,11 @@ class ShownVehicle:
     """A vehicle that SUMO does not drive but shows to those that it drives: the ego, or a replayed road user.
 
     It is placed before every step at the position where the step ends. SUMO determines the lanes that a vehicle
-    overlaps
-    only when it enters a lane, and not when it is moved along the same lane, so vehicles on the next lane would never
-    see it
-    cross the line. A vehicle that has crossed a line, or come back, therefore enters again: a new entry is placed at
-    its
-    current position, and the old one, which the others saw until then, leaves after the step. It does not leave
-    earlier,
-    since a vehicle that enters a junction again counts as the last there, and its follower would take precedence.
+    overlaps only when it enters a lane, and not when it is moved along the same lane, so vehicles on the next lane
+    would never see it cross the line. A vehicle that has crossed a line, or come back, therefore enters again: a new
+    entry is placed at its current position, and the old one, which the others saw until then, leaves after the step. It
+    does not leave earlier, since a vehicle that enters a junction again counts as the last there, and its follower
+    would take precedence.
 
     Args:
         sumo: The simulation.

@@ -1,8 +1,7 @@
 """Road users with a motion that a file scripts in response to the ego: triggers evaluate the driven ego.
 
 Each follows its script on its own clock. The clock runs with time, except that it waits for a trigger that lets the
-road
-user set off, and that a dodging road user slows it down, which makes it brake along its path.
+road user set off, and that a dodging road user slows it down, which makes it brake along its path.
 """
 
 import math

@@ -22,8 +22,7 @@ class TrackView(Model):
     """The motion of one road user: a sample every ``stride`` steps from ``first_step``.
 
     Each array has a first value, followed by differences: centre in cm from the origin, unwrapped heading in mrad,
-    speed in
-    cm/s. ``driven``: moved by reactive traffic instead of its recording.
+    speed in cm/s. ``driven``: moved by reactive traffic instead of its recording.
     """
 
     obstacle_id: int
@@ -129,14 +128,11 @@ class DriveView(Model):
     """A run over a scene: the ego, with accelerations and nearness to others per driven state.
 
     ``series``: further values per driven state, by name with unit. ``planned`` and ``told``: numbers and texts per
-    planning
-    step, including the planner's debug values. ``areas``: the polygons that it reported.
+    planning step, including the planner's debug values. ``areas``: the polygons that it reported.
 
     ``acceleration_cmps2``: along the path; ``gap_cm`` to the nearest other, ``nearest`` its id, ``collision_cs``: time
-    to
-    collision in 1/100 s; None means no other within 60 m, or no collision course. ``costs``, ``rejected``: as stored,
-    one
-    value per planning step. ``others``: the motion of reactive traffic. ``figures``: metrics in words.
+    to collision in 1/100 s; None means no other within 60 m, or no collision course. ``costs``, ``rejected``: as
+    stored, one value per planning step. ``others``: the motion of reactive traffic. ``figures``: metrics in words.
     """
 
     run_id: str

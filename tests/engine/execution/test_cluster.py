@@ -117,7 +117,7 @@ async def test_a_cluster_that_goes_away_is_told_and_the_work_goes_on_here(
     request = letter(tmp_path, "here")
     assert (await executor.run(COPY, request)).text.startswith("here")
     assert (Path(request.folder) / "copies" / "letter.txt").read_text() == "here"
-    assert "is not there (its scheduler went away): carried out on this machine" in executor.notice
+    assert "is unavailable (its scheduler went away); operations run on this machine" in executor.notice
     assert executor.capacity == 1
 
 

@@ -203,9 +203,9 @@ def test_the_same_name_twice_is_refused(archive: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("limits", "told"),
     [
-        (ArchiveLimits(entries=5), "files; at most 5"),
-        (ArchiveLimits(unpacked_bytes=100), "bytes when unpacked; at most 100"),
-        (ArchiveLimits(), "for each byte of its own; at most 200"),
+        (ArchiveLimits(entries=5), "6 files; the limit is 5"),
+        (ArchiveLimits(unpacked_bytes=100), "bytes when unpacked; the limit is 100"),
+        (ArchiveLimits(), "unpacked bytes per byte; the limit is 200"),
     ],
 )
 def test_a_bomb_is_refused_by_what_it_says_of_itself(
@@ -280,7 +280,7 @@ def test_an_archive_of_an_earlier_version_is_taken(archive: Path, tmp_path: Path
 def test_an_id_that_stands_for_something_else_is_refused_and_named(archive: Path, tmp_path: Path) -> None:
     second = filled(tmp_path / "second", text="another")
     before = contents(second.root)
-    with pytest.raises(NotPossible, match=rf"2 artifacts .* different: run {RUN}, search {SEARCH}"):
+    with pytest.raises(NotPossible, match=rf"2 artifacts .* different artifacts here: run {RUN}, search {SEARCH}"):
         import_workspace(second, archive)
     assert contents(second.root) == before
 

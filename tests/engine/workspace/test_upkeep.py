@@ -85,7 +85,7 @@ def test_lost_and_left_over_files_are_found(workspace: Workspace) -> None:
     (workspace.root / "runs" / TWO / "steps.json").write_text("")
     lost = [each for each in disagreements(workspace) if each.is_lost]
     assert [(each.where, each.what.rpartition(" ")[2]) for each in lost] == [
-        (f"run {ONE}", "gone"),
+        (f"run {ONE}", "missing"),
         (f"run {TWO}", "empty"),
     ]
 
