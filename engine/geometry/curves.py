@@ -28,8 +28,7 @@ def hermite(
         shares: Parameters (n,) of the points, from 0 at the start to 1 at the end.
         reaches_m: Lengths of the tangents at both ends: the larger, the longer the curve keeps its direction there. The
             default is the distance between the ends. A Bézier curve has tangents of three times the distance of its
-                inner
-            control points from the ends. Arrays (k, 1, 1) of them give k curves, shape (k, n, 2).
+            inner control points from the ends. Arrays (k, 1, 1) of them give k curves, shape (k, n, 2).
     """
     leave, arrive = reaches_m or (float(np.linalg.norm(end - start)),) * 2
     u = shares[:, None]

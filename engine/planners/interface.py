@@ -166,8 +166,7 @@ class DebugValues:
     """Values that a planner reports for a planning step in addition to its plan, under names of its own choice.
 
     ``polygons``: outlines of shape (n, 2) in m. The values are stored with the run up to the bounds of
-    ``schemas/runs.py``,
-    shown in the player and exported; they never affect the run.
+    ``schemas/runs.py``, shown in the player and exported; they never affect the run.
     """
 
     numbers: Mapping[str, float] = field(default_factory=dict)

@@ -61,12 +61,10 @@ class ReferencePath:
     """Points (n, 2) about one metre apart, and the lanelets of the route.
 
     ``route_begin_m``: the station at which the first lanelet starts, negative if that is before the path; ``start_m``:
-    the
-    station near which the ego starts; ``network_end_m``: the start of the straight extension; ``goal_lanelet`` is None
-    if
-    the goal has no position. ``center_m`` (n,): distances of the points along the lanelets' centre lines, since
-    smoothing
-    shortens curves, by up to a metre in a small roundabout. It is None for a path that leaves them at its start.
+    the station near which the ego starts; ``network_end_m``: the start of the straight extension; ``goal_lanelet`` is
+    None if the goal has no position. ``center_m`` (n,): distances of the points along the lanelets' centre lines, since
+    smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path that leaves them at its
+    start.
     """
 
     points: Points

@@ -23,10 +23,8 @@ class Weight:
     """One weight: a factor ≥ 0 on the raw value of a cost term, or a parameter of a planner that has no such terms.
 
     ``raising`` describes the effect of a larger value. ``computed_by``: the C++ core, this program, or absent.
-    ``of_cost``:
-    True for a factor on a cost term of the driven plan, False for hard limits, desired distances, and values that
-    affect
-    only the search. ``term``: the recorded term that includes it, if that has another name.
+    ``of_cost``: True for a factor on a cost term of the driven plan, False for hard limits, desired distances, and
+    values that affect only the search. ``term``: the recorded term that includes it, if that has another name.
     """
 
     name: str

@@ -59,8 +59,7 @@ def exceeded_limits(
 
     ``steering_rad``: the steering angles (n,), if known; otherwise they are computed from headings and speeds.
     ``rolling``: the share of steps in which the wheels would have to slide, because no steering and acceleration lead
-    to
-    the position and heading (tolerances of CommonRoad's drivability checker: 2 cm and 0.03 rad per step).
+    to the position and heading (tolerances of CommonRoad's drivability checker: 2 cm and 0.03 rad per step).
     """
     if len(ego.positions) < 2:
         return

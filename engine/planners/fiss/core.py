@@ -15,8 +15,7 @@ Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
 - It has no limit of the steering rate, and checks neither friction nor steering at low speed. We check again what the
   vehicle can drive (``driving/drivability.py``).
 - Its lateral motion is a polynomial of time only, so a standing vehicle would slide sideways to the lane's centre.
-Below
-  ``LOW_SPEED_MPS`` the vehicle keeps its offset.
+  Below ``LOW_SPEED_MPS`` the vehicle keeps its offset.
 - Without a hint it finds the nearest point of the whole line, so on a path that crosses itself it could put the ego on
   another lap. Every projection of the ego starts at its last station.
 - It also places an ego that heads against the path, with a negative speed along it.

@@ -15,9 +15,8 @@ Pitfalls (tested by ``test_frenetix_traps.py``):
 - It evaluates its polynomials by Horner's scheme without the factor 2 of the second derivative, so the longitudinal and
   lateral accelerations of its samples are half of the true ones. A plan that continues from them would start with a
   jump in acceleration, so we double them, and take the acceleration of a trajectory from its speeds. We check again
-      what
-  the vehicle can drive (``driving/drivability.py``). The core's cost terms ``acceleration`` and ``jerk`` stay a quarter
-  of the true integrals, since the presets' weights were tuned with them.
+  what the vehicle can drive (``driving/drivability.py``). The core's cost terms ``acceleration`` and ``jerk`` stay a
+  quarter of the true integrals, since the presets' weights were tuned with them.
 - Array properties of its samples are views of its memory and dangle once new candidates are generated. We copy all of
   them.
 - It keeps cost functions until one with the same name replaces them (:func:`add_step_functions`), cannot take an empty

@@ -21,8 +21,7 @@ under it and all their successors, from full braking (8 m/s²) to acceleration (
 6. Within that reach the ego is responsible if it has left its own corridor, or if it drives parallel to the other with
    its body over the edge of the other's lane. If the corridors meet, the one that must give way is responsible: by
    signs (yield or stop, priority, crosswalks), otherwise by right before left, left turns after oncoming traffic, and
-       in
-   a merge the one behind.
+   in a merge the one behind.
 
 Simplifications: traffic lights and speed limits are ignored, traffic drives on the right, headings keep their present
 values, and a car that has cut in counts as ahead from the next planning step.

@@ -75,10 +75,9 @@ class Seen:
     """Another road user along a driver's path, as the driver perceives it at one time.
 
     ``gap_m``: distance from the driver's front to its nearest end, negative alongside and behind; ``past_m``: distance
-    until
-    the driver's rear is past its far end. ``aside_m``: lateral gap between both bodies, at most 0 if it is in the path;
-    ``nearing_mps``: closing rate of that gap; ``along_mps`` and ``slowing_mps2``: its speed along the path and its
-    deceleration. ``hider_gap_m``: the gap to the road user that hides it; None if it is visible.
+    until the driver's rear is past its far end. ``aside_m``: lateral gap between both bodies, at most 0 if it is in the
+    path; ``nearing_mps``: closing rate of that gap; ``along_mps`` and ``slowing_mps2``: its speed along the path and
+    its deceleration. ``hider_gap_m``: the gap to the road user that hides it; None if it is visible.
     """
 
     key: int
@@ -187,9 +186,9 @@ class CarefulDriver:
 
     After ``perception_s`` the driver *perceives* the risk. It is *critical* if the time to collision is below
     ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if the
-    headway to
-    the vehicle that cut out was (cut-out: in the regulation's data sheets the driver follows that vehicle at 2 s).
-    ``delay_s`` later the driver brakes fully, until the other is neither slower nor braking, or has left the path.
+    headway to the vehicle that cut out was (cut-out: in the regulation's data sheets the driver follows that vehicle at
+    2 s). ``delay_s`` later the driver brakes fully, until the other is neither slower nor braking, or has left the
+    path.
     """
 
     wandering_m: float = 0.375
@@ -381,8 +380,7 @@ class RssDriver(_RespondingDriver):
 
     The longitudinal distance is definition 1 for a road user in the driver's direction, without acceleration during the
     response (a driver that keeps its speed), and definition 2 for an oncoming one. The lateral distance is definition 6
-    with
-    a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay, ``own_mps2`` and
+    with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay, ``own_mps2`` and
     ``front_mps2`` are the decelerations that the driver assumes for itself and for others, ``across_mps2`` and
     ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
     """

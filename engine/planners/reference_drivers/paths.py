@@ -84,8 +84,7 @@ class OnPath:
     """A road user along a path, one entry per step from ``first_step``.
 
     ``middle_m``: stations; ``offset_m``: offset of its centre, left positive; ``half_along_m``, ``half_across_m``:
-    extents
-    of its body; ``along_mps``: its speed along the path; ``slowing_mps2``: its deceleration.
+    extents of its body; ``along_mps``: its speed along the path; ``slowing_mps2``: its deceleration.
     """
 
     key: int

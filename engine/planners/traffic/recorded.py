@@ -25,8 +25,7 @@ class Traffic(Protocol):
     """All road users but the ego, up to the current step of the loop.
 
     ``moving``: a track for every dynamic obstacle; those that react to the ego end at the current step. ``standing``:
-    static
-    obstacles as tracks of one state.
+    static obstacles as tracks of one state.
     """
 
     @property
@@ -60,8 +59,7 @@ class RecordedTraffic:
     """Dynamic and static obstacles that follow their recordings; environment and phantom obstacles have no bodies.
 
     ``moving``: a track for every dynamic obstacle, including set-based predictions and obstacles without any
-    prediction;
-    ``standing``: static obstacles as tracks of one state. Obstacles in ``without`` are left out.
+    prediction; ``standing``: static obstacles as tracks of one state. Obstacles in ``without`` are left out.
     """
 
     driven: tuple[Track, ...] = ()

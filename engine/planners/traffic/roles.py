@@ -37,11 +37,9 @@ class TrafficRoles:
     """The road users of a reactive run by the way they move; no road user is in two groups.
 
     ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later. Road users with
-    an
-    edited motion are not driven: they follow the edit, and the driven ones react to them. ``scripts``: those of road
-    users
-    with a motion that depends on the ego, by id. ``shown``: replayed as recorded, or scripted, and seen by the driven
-    ones.
+    an edited motion are not driven: they follow the edit, and the driven ones react to them. ``scripts``: those of road
+    users with a motion that depends on the ego, by id. ``shown``: replayed as recorded, or scripted, and seen by the
+    driven ones.
     ``replayed``: all that SUMO does not drive, whether shown or not (an obstacle off the lanes is not shown).
     """
 
