@@ -58,22 +58,22 @@ def _resolved(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapp
     name = str(schema.get("$ref", "")).rpartition("/")[2]
     if not name:
         return schema
-    beside = {key: value for key, value in schema.items() if key != "$ref"}
-    return {**definitions.get(name, {}), **beside}
+    others = {key: value for key, value in schema.items() if key != "$ref"}
+    return {**definitions.get(name, {}), **others}
 
 
 def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
     """Merge a schema's ``anyOf``: the single arm that is not null, or the types of all arms together."""
     arms = [_resolved(arm, definitions) for arm in schema.get("anyOf", schema.get("oneOf", ()))]
     arms = [_with_choices(arm) for arm in arms if arm.get("type") != "null"]
-    beside = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
-    if isinstance(beside.get("type"), list):
-        types = [kind for kind in beside["type"] if kind != "null"]
-        beside["type"] = types[0] if len(types) == 1 else types
+    others = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
+    if isinstance(others.get("type"), list):
+        types = [kind for kind in others["type"] if kind != "null"]
+        others["type"] = types[0] if len(types) == 1 else types
     if not arms:
-        return beside
+        return others
     if len(arms) == 1:
-        return {**arms[0], **beside}
+        return {**arms[0], **others}
     together = dict(arms[0])
     types = list(dict.fromkeys(str(arm["type"]) for arm in arms if "type" in arm))
     choices = [choice for arm in arms for choice in arm.get("enum", ())]
@@ -83,4 +83,4 @@ def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> 
         together.pop("enum", None)
     if types:
         together["type"] = types[0] if len(types) == 1 else types
-    return {**together, **beside}
+    return {**together, **others}

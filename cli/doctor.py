@@ -279,13 +279,11 @@ def _lowest_above(folder: Path) -> Path:
 
 
 def _nearest(folder: Path) -> Path:
-    """Return a likely replacement for a missing folder: a sibling with a similar name, or the lowest existing one above
-    it.
-    """
+    """Return a replacement for a missing folder: a sibling with a similar name, or the lowest folder above it."""
     above = _lowest_above(folder)
     missing = folder.relative_to(above).parts[0]
-    beside = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
-    like = get_close_matches(missing, beside, n=1)
+    siblings = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
+    like = get_close_matches(missing, siblings, n=1)
     return above / like[0] if like else above
 
 
@@ -355,8 +353,7 @@ def _by_http(host: Host, path: Path, entry: Mapping[str, Any], mend: str) -> Dia
 
 
 def _repair(settings: Settings, home: Path) -> Iterator[str]:
-    """Apply safe repairs: create the workspace folder, remove a damaged text index, update entries whose program is
-    gone.
+    """Create the workspace folder, remove a damaged text index, and update entries with a missing program.
 
     Missing user folders are not created, since the setting may be mistyped.
     """

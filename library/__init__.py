@@ -3,7 +3,7 @@
 ``Workspace``: A folder of scenarios, configurations, runs and results, with every operation on them.
 ``Scenario``: A stored scenario.
 ``Run``: A stored run.
-``Runs``: Runs whose metrics convert to a table.
+``Runs``: Runs, with metrics that convert to a table.
 ``Scenarios``: An ordered collection of scenarios, with the answer that returned them.
 ``Picture``: A drawn picture that notebooks display.
 ``Observation``, ``Plan``, ``PlannedTrajectory``, ``PlanningTask``: The input and output of your own planner.

@@ -85,7 +85,7 @@ class _CallersExecutor(ExecutorAround):
 
 @contextmanager
 def _portal() -> Iterator[BlockingPortal]:
-    """Yield a portal into an event loop, whose daemon thread does not keep the program alive."""
+    """Yield a portal into an event loop in a daemon thread, which does not keep the program alive."""
     opened: Future[BlockingPortal] = Future()
 
     async def serve() -> None:

@@ -77,9 +77,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         self._exits = contextlib.ExitStack()
 
     def setup(self, worker: Worker) -> None:
-        """Start on a worker: a folder in the worker's own, and a pool whose processes start with the first
-        operations.
-        """
+        """Create a folder in the worker's own and a pool, which starts its processes with the first operation."""
         self._address = worker.address
         self._folder = Path(worker.local_directory) / WORKERS
         self._files = self._folder / "files"

@@ -2,7 +2,7 @@
 
 Every program of the same user can read the initial environment of a process, on Linux in ``/proc/PID/environ``. A
 planner program must not find a token there, in any process. The server therefore hides its initial environment, and its
-workers receive none of the variables that only the server reads.
+workers do not receive the variables that only the server reads.
 """
 
 import os

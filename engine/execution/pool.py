@@ -55,7 +55,7 @@ class WorkerPool:
     @classmethod
     @contextlib.asynccontextmanager
     async def open(cls, limits: Limits, log: Path) -> AsyncIterator["WorkerPool"]:
-        """Yield a pool whose processes have all ended after the block."""
+        """Yield a pool; all its processes have ended after the block."""
         pool = cls(limits, log)
         try:
             yield pool

@@ -110,10 +110,10 @@ class _Boxes:
         rectangles meet.
         """
         reach_m = (self.reach_m[index] + self.reach_m[index + 1 :, None]) / 2
-        beside = (self.low[index + 1 :] - self.high[index] > reach_m) | (
+        is_separate = (self.low[index + 1 :] - self.high[index] > reach_m) | (
             self.low[index] - self.high[index + 1 :] > reach_m
         )
-        later = np.flatnonzero(~beside.any(axis=1))
+        later = np.flatnonzero(~is_separate.any(axis=1))
         apart = np.abs(self.centers[index + 1 + later] - self.centers[index])
         rows, steps = np.nonzero((apart < reach_m[later, :, None]).all(axis=2))
         return index + 1 + later[rows], steps

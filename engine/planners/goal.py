@@ -1,7 +1,8 @@
 """CommonRoad's goal regions in all their forms, and whether an ego can reach them.
 
-A goal has lanelets, shapes or a free position, intervals of speed and heading, and one or several states, of which the
-ego must meet one. ``select_goal_state`` selects the one to drive to. Lengths in m, speeds in m/s, headings in rad.
+A goal has one or several states, each with lanelets, shapes or a free position, and intervals of speed and heading. The
+ego must meet one of them; ``select_goal_state`` selects the one to drive to. Lengths in m, speeds in m/s, headings in
+rad.
 """
 
 import math
@@ -235,8 +236,8 @@ def path_to(
     behind = _left_behind(goal, ego, reference, network)
     if behind is not None:
         raise NotPossible(behind)
-    beside = goal.has_position and goal.stations_on(reference.points) is None
-    return path(through=goal.center) if beside else reference
+    is_off_path = goal.has_position and goal.stations_on(reference.points) is None
+    return path(through=goal.center) if is_off_path else reference
 
 
 def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "LaneletNetwork") -> str | None:
@@ -256,8 +257,8 @@ def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "
     if away <= _BEHIND_M:
         return None
     graph = LaneletGraph.of(network)
-    beside = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
-    onward = graph.reachable(following for key in beside for following in graph.successors[key])
+    starts = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
+    onward = graph.reachable(following for key in starts for following in graph.successors[key])
     outlines = [network.find_lanelet_by_id(key).polygon.shapely_object for key in onward]
     if any(area.intersects(outline) for outline in outlines for area in areas):
         return None
@@ -339,8 +340,8 @@ def _distances_to(goal: Goal, ego: EgoState, reference: ReferencePath) -> tuple[
     here = reference.follower().place(ego.position)[0]
     stations = goal.stations_on(reference.points, here)
     if stations is None and goal.center is not None:
-        beside = project(reference.points, goal.center)[0]
-        stations = beside, beside
+        nearest = project(reference.points, goal.center)[0]
+        stations = nearest, nearest
     begin, end = stations or (here, here)
     return begin - here, end - here
 

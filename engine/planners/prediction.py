@@ -42,7 +42,7 @@ _OFFSET_FADES_S = 2.0
 _AHEAD_M = 250.0
 """Length over which a prediction follows lanes; beyond it the prediction is straight (chosen)."""
 _SAME_OFFSET_M = 0.5
-"""Centre lines whose distances differ by less than this are distinguished by heading (chosen)."""
+"""Centre lines with a smaller difference of distances are distinguished by heading (chosen)."""
 
 
 def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:

@@ -359,7 +359,7 @@ def _difference(here: RunSteps, stored: RunSteps) -> str | None:
 
 @dataclass
 class _RecordingPlanner:
-    """A planner whose planning steps are recorded, by step."""
+    """A planner that records its planning steps, by step."""
 
     planner: Planner
     step_s: float

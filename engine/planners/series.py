@@ -37,7 +37,7 @@ def run_series(driven: "DrivenRun", vehicle: VehicleParameters, step_s: float) -
         return None
     places = RoutePlaces(task)
     headings_rad = np.array([state.heading_rad for state in states])
-    offsets_m, errors_rad = places.beside(np.array([state.position for state in states]), headings_rad)
+    offsets_m, errors_rad = places.deviations(np.array([state.position for state in states]), headings_rad)
     speeds_mps = np.array([state.speed_mps for state in states])
     steering_rad = driven.steering_rad
     if steering_rad is None:

@@ -54,8 +54,8 @@ def draw_road(axes: "Axes", content: ScenarioContent, viewport: Viewport) -> Non
 
 def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
     low, high = lanelet.outline.min(axis=0), lanelet.outline.max(axis=0)
-    beside = high[0] < viewport.x_min or low[0] > viewport.x_max
-    return not (beside or high[1] < viewport.y_min or low[1] > viewport.y_max)
+    is_outside_x = high[0] < viewport.x_min or low[0] > viewport.x_max
+    return not (is_outside_x or high[1] < viewport.y_min or low[1] > viewport.y_max)
 
 
 def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:

@@ -198,7 +198,7 @@ def read_yaml(path: Path, most_brackets: int) -> Any:
     """Read a YAML file as mappings, lists and texts, since no YAML tag creates anything else.
 
     An alias repeats the whole of its target, and twelve nested levels expand a thousand bytes to thousands of millions
-    of values; none of our files has an alias. ``most_brackets``: limit for lists and mappings in brackets.
+    of values; our files have no aliases. ``most_brackets``: limit for lists and mappings in brackets.
 
     Raises:
         UnsafeInput: The file cannot be read, is deeply nested, or has aliases.

@@ -156,11 +156,11 @@ def _section(network: "LaneletNetwork", lanelet: "Lanelet") -> tuple[set[int], P
         here, forwards = lanelet, True
         while True:
             on_left = to_left == forwards
-            beside = here.adj_left if on_left else here.adj_right
-            if beside is None or beside in members:
+            neighbour = here.adj_left if on_left else here.adj_right
+            if neighbour is None or neighbour in members:
                 break
             same = here.adj_left_same_direction if on_left else here.adj_right_same_direction
-            following = network.find_lanelet_by_id(beside)
+            following = network.find_lanelet_by_id(neighbour)
             if following is None:
                 break
             here, forwards = following, forwards == bool(same)

@@ -36,7 +36,7 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
         raise NotPossible(
             f"a solution file needs one of CommonRoad's vehicles, and no such vehicle is a {driven}: its size and "
             "limits would be checked as another vehicle's",
-            valid=["a run whose ego is a car", "a run whose configuration sets vehicle, such as vehicle=2"],
+            valid=["a run with a car as the ego", "a run of a configuration with a vehicle, such as vehicle=2"],
             next_step="export the trajectory as csv, or run again with vehicle=2",
             reason="no_such_vehicle",
         )
@@ -44,7 +44,7 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
         raise NotPossible(
             f"a solution file needs one of CommonRoad's vehicles; {request.configuration.config_id} has its own "
             "vehicle parameters",
-            valid=["a run whose configuration sets no vehicle parameters"],
+            valid=["a run of a configuration without vehicle parameters"],
         )
     loaded = read_scenario(Path(request.scenario_path))
     steps = RunSteps.model_validate_json(Path(request.steps_path).read_text(encoding="utf-8"))

@@ -182,13 +182,13 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
         by_station.setdefault(section.station, []).append(section)
     count = len(stations)
     half = np.full(count, np.nan)
-    beside: dict[bool, list[_Section | None]] = {side: [None] * count for side in (False, True)}
+    adjacent: dict[bool, list[_Section | None]] = {side: [None] * count for side in (False, True)}
     is_next = {side: [False] * count for side in (False, True)}
     for station, here in by_station.items():
         under = _under(here)
         if under is not None:
             half[station] = (under.left_m - under.right_m) / 2
-            for is_left, neighbours in beside.items():
+            for is_left, neighbours in adjacent.items():
                 neighbours[station] = _neighbour(under, here, is_left=is_left)
                 is_next[is_left][station] = _is_next(under, neighbours[station])
     known = np.isfinite(half)
@@ -196,8 +196,8 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
     return Bands(
         stations,
         under=LaneBand(-half, half, np.ones(count, dtype=np.bool_)),
-        right=_beside(beside[False], is_next[False], -half),
-        left=_beside(beside[True], is_next[True], half),
+        right=_adjacent_band(adjacent[False], is_next[False], -half),
+        left=_adjacent_band(adjacent[True], is_next[True], half),
     )
 
 
@@ -226,7 +226,7 @@ def _is_next(under: _Section, neighbour: _Section | None) -> bool:
     return neighbour is not None and neighbour.comes_after(under)
 
 
-def _beside(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
+def _adjacent_band(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
     """Return a band along the edge of the lane under the path; its width is 0 at stations without a lane."""
     right, left = inner_m.copy(), inner_m.copy()
     for index, section in enumerate(neighbours):

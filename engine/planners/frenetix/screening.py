@@ -186,12 +186,12 @@ class _Motions:
     def least_cost(self, step: PlanningStep, weights: dict[str, float]) -> Values:
         """Return the sum of the terms computed here, rounded down; no term of the core is negative."""
         off_speed = np.where(self.is_slow, 0.0, self.velocity - step.desired_speed_mps)
-        beside = self.across[:, self.across.shape[1] - self.across.shape[1] // 2 :]
+        lateral = self.across[:, self.across.shape[1] - self.across.shape[1] // 2 :]
         cost: Values = (
             weights["lateral_jerk"] * self.jerk_across
             + weights["longitudinal_jerk"] * self.jerk_along
             + weights["velocity_offset"] * np.sqrt((off_speed**2).sum(axis=1))
-            + weights["distance_to_reference_path"] * np.sqrt((beside**2).sum(axis=1))
+            + weights["distance_to_reference_path"] * np.sqrt((lateral**2).sum(axis=1))
         )
         return np.where(self.is_regular, cost * (1.0 - _ROUNDING) - _ROUNDING, 0.0)
 

@@ -66,9 +66,9 @@ class PathTable:
     def foot(self, point: Points) -> float:
         """Return the station nearest to a point (2,)."""
         nearest = np.array([self._follower.place(point)[0]])
-        return float(self.beside(point[:1], point[1:], nearest)[0][0])
+        return float(self.coordinates(point[:1], point[1:], nearest)[0][0])
 
-    def beside(self, x_m: Points, y_m: Points, near_m: Points, rounds: int = 4) -> tuple[Points, Points, Points]:
+    def coordinates(self, x_m: Points, y_m: Points, near_m: Points, rounds: int = 4) -> tuple[Points, Points, Points]:
         """Return stations, offsets and the path's headings for points near stations, all of the same shape."""
         stations = near_m
         for _ in range(rounds):
@@ -97,7 +97,7 @@ class Start:
     def of(cls, path: PathTable, rear: Points, heading_rad: float, speed_mps: float, curvature_per_m: float) -> "Start":
         """Return the start of a rear axle at a point (2,); ``turned_rad`` is its heading relative to the path."""
         near = np.array([path.foot(rear)])
-        (station,), (offset,), (along,) = path.beside(rear[:1], rear[1:], near)
+        (station,), (offset,), (along,) = path.coordinates(rear[:1], rear[1:], near)
         turned = wrap_angle(heading_rad - float(along))
         return cls(rear, heading_rad, speed_mps, curvature_per_m, float(station), float(offset), turned)
 
@@ -210,7 +210,7 @@ def _arrays(record: Motions | Candidates) -> list[Any]:
 def candidates(
     network: PrimitiveNetwork, path: PathTable, start: Start, samples: Samples, times_s: Values
 ) -> Candidates:
-    """Return the motions to sampled ends at m times, of which the first is 0."""
+    """Return the motions to sampled ends at m times; the first is 0."""
     span = samples.duration_s
     way = samples.travelled_m(start, span[:, None])[:, 0]
     station = _stations_after(path, start, samples.offset_m, way)

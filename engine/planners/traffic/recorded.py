@@ -79,7 +79,7 @@ class RecordedTraffic:
             scenario: The scenario of commonroad-io.
             without: Ids of obstacles to leave out.
             tracks: The tracks of its trajectories, if known.
-            exact: Obstacles whose states after the first are all points with an exact heading.
+            exact: Obstacles with exact points and headings in all states after the first.
         """
         dynamic, static = scenario.dynamic_obstacles, scenario.static_obstacles
         tracks = _all_tracks(dynamic, recorded_tracks(scenario) if tracks is None else tracks)

@@ -29,7 +29,7 @@ _REAR_M = 15.0
 _AHEAD_M = 150.0
 """The ego's route extends this far behind its goal (chosen)."""
 _MERGING_COST = 0.5
-"""Lanelets under the ego whose matching costs differ by less overlap, so they merge (chosen)."""
+"""Lanelets under the ego with a smaller difference of matching costs overlap, so they merge (chosen)."""
 
 
 @dataclass(frozen=True)

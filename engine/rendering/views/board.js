@@ -3,7 +3,7 @@
 const GOOD = "goal_reached";
 const FLIPS = { to_success: ["▲", "reaches the goal here, and not in the first column"], to_failure: ["▼", "fails here, and not in the first column"] };
 const BOARD_KEYS = [
-  ["← → ↑ ↓", "go from run to run"], ["Enter", "open the run in the player"], ["Shift+Enter", "open it beside that of the first column"],
+  ["← → ↑ ↓", "go from run to run"], ["Enter", "open the run in the player"], ["Shift+Enter", "open it next to that of the first column"],
   ["Esc", "back to the board"], ["/", "search"], ["X", "flips only"], ["Z", "failures only"], ["G", "grid, table"], ["R", "show everything again"], ["T", "dark, light"],
 ];
 
@@ -149,7 +149,7 @@ class Board {
     const head = element("tr", {}, element("th", { scope: "col" }, "metric"), element("th", { scope: "col", className: "number" }, "here"), first ? element("th", { scope: "col", className: "number" }, "first column") : null);
     const unit = metric => metric.unit === "1" ? "" : ` ${metric.unit}`;
     const body = lines.map(([metric, value, other]) => element("tr", {}, element("th", { scope: "row" }, metric.words), element("td", { className: "number" }, `${value}${unit(metric)}`), first ? element("td", { className: "number" }, other === null ? "–" : `${other}${unit(metric)}`) : null));
-    const buttons = element("p", {}, element("button", { type: "button", onclick: () => this.open(run, false) }, "Open in the player"), " ", first ? element("button", { type: "button", onclick: () => this.open(run, true) }, "Beside the first column") : null);
+    const buttons = element("p", {}, element("button", { type: "button", onclick: () => this.open(run, false) }, "Open in the player"), " ", first ? element("button", { type: "button", onclick: () => this.open(run, true) }, "Next to the first column") : null);
     this.detail.replaceChildren(element("h2", {}, run.run_id), element("p", {}, outcomeMark(run.outcome), ` ${run.flip ? FLIPS[run.flip][1] : ""}`), element("p", {}, run.ending),
       element("p", { className: "muted" }, `${columns[run.column].title} on ${rows[run.row].title}`), buttons, element("table", {}, element("thead", {}, head), element("tbody", {}, ...body)));
   }
