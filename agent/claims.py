@@ -29,8 +29,8 @@ def claims_work(text: str) -> bool:
 
 
 def written_call(text: str, tools: Collection[str]) -> str:
-    """Return the tool of a call written in a text as JSON, between marks or as a function call; empty if
-    there is none.
+    """Return the tool of a call written in a text as JSON, between marks or as a function call; empty
+    without a call.
     """
     for value in _objects(text):
         name = next((value[key] for key in _NAME_KEYS if isinstance(value.get(key), str)), "")

@@ -27,7 +27,7 @@ LEFT_OUT_MARK = "[Earlier messages were left out for want of room]"
 
 @dataclass(frozen=True)
 class SessionState:
-    """The current ids by kind; empty if there is none yet."""
+    """The current ids by kind; empty if there is no artifact yet."""
 
     scenario: str = ""
     configuration: str = ""

@@ -72,7 +72,7 @@ class JobStore:
         """Return the job for this recipe, and whether it is new; two servers that ask at once get the same job.
 
         The id of a new job counts the attempts (``job_<digest>``, ``job_<digest>_2``, …). Its ``owner`` stays the one
-        that started it, whoever joins it.
+        that started it.
         """
         now = time.time()
         with self._database.writing() as connection:

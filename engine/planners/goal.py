@@ -57,9 +57,7 @@ class _GoalStatus:
 
 @dataclass(frozen=True)
 class _GoalState:
-    """One goal state: first and last step, area, headings in rad and speeds in m/s; None means that any
-    value will do.
-    """
+    """One goal state: first and last step, area, headings in rad and speeds in m/s; None allows any value."""
 
     first: int
     last: int

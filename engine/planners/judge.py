@@ -159,7 +159,7 @@ class Judge:
         return Verdict("timeout", f"ran out of time after {limit}{left}")
 
     def _outcome_of_stays(self) -> Outcome:
-        """Return the outcome of having been in the goal's area without reaching the goal.
+        """Return the outcome for an ego that was in the goal's area but did not reach the goal.
 
         Within the goal's time, the speed or heading was wrong; otherwise only the time was wrong, and the last stay
         counts.

@@ -66,7 +66,9 @@ def _draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded:
 
 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
-    """Draw the driven paths, each with its own colour and dash pattern, later ones thinner so that none is hidden."""
+    """Draw the driven paths, each with its own colour and dash pattern, later ones thinner so that no path
+    is hidden.
+    """
     for number, path in enumerate(paths):
         colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)

@@ -1,6 +1,6 @@
 """Configurations of planners: the available weights and settings, presets, changes, and their files.
 
-``DEFAULT_CONFIGURATION``: The configuration that applies if none is given.
+``DEFAULT_CONFIGURATION``: The configuration that applies by default.
 ``changed_configuration``: Applies a preset's weights (if given) and changes to a base, with remarks.
 ``from_file``: Returns the configuration of a weight file, which keeps the file's comments, order and layout.
 ``differences``: Returns the weights and settings in which two configurations of a planner differ, in order.

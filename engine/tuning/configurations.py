@@ -12,7 +12,7 @@ from .weight_file import WeightFile, to_yaml
 _MOST_NAMED = 3
 """Weights and settings that a configuration's name includes (chosen)."""
 DEFAULT_CONFIGURATION = "frenetix:Default"
-"""The configuration that applies if none is given: the reference's own tuning of Frenetix."""
+"""The default configuration: the reference's own tuning of Frenetix."""
 
 
 def preset_configuration(planner: str, preset: str | None = None) -> PlannerConfiguration:

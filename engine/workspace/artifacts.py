@@ -123,7 +123,7 @@ class Workspace:
         """Keyed by whole rows, which are read each time, so that changes of other servers are visible."""
 
     def limit_room(self, admits: Callable[[int], None]) -> None:
-        """Make ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
+        """Let ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
         error.
         """
         self._admits = admits
@@ -332,7 +332,7 @@ class Workspace:
         return [self._parsed(*row) for row in rows]
 
     def newest_sequence(self) -> int:
-        """Return the number of the newest artifact, or 0 if there is none."""
+        """Return the number of the newest artifact, or 0 without any artifact."""
         row = self.database.connection().execute("SELECT max(sequence) FROM artifacts").fetchone()
         return int(row[0] or 0)
 

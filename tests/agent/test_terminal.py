@@ -84,7 +84,7 @@ def test_the_exit_status_says_how_a_request_ended(tmp_path: Path, reply: Reply, 
     ("others", "told"),
     [
         ({"model": "ollama:none"}, "no model 'none'. Valid: plain:8b, big:70b"),
-        ({"model": "none"}, "'none' names no model"),
+        ({"model": "none"}, "'none' is not a model name"),
         ({"host": "http://127.0.0.1:9"}, "no Ollama answers at http://127.0.0.1:9"),
         ({"server": "/no/such/program"}, "the MCP server cannot be reached"),
         ({"server": "'unclosed"}, "cannot be read"),

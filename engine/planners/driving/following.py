@@ -70,8 +70,8 @@ def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: flo
 def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> FollowedPlan:
     """Return the motion from the vehicle's present state that is as close to a plan as its limits allow.
 
-    ``plan`` contains states of the centre, the present one first. The ego starts with its own steering angle. If it has
-    none (a planning problem gives none for the first step), it starts with the angle that suits the plan.
+    ``plan`` contains states of the centre, the present one first. The ego starts with its own steering angle. If that
+    is unknown (a planning problem does not give it), it starts with the angle that suits the plan.
     """
     count = len(plan.positions)
     if count < 2:

@@ -54,7 +54,7 @@ class RoutePlaces:
         )
 
     def deviations(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:
-        """Return the offsets in m and heading errors in rad of a run's states from its start, both (n,)."""
+        """Return the offsets in m and heading errors in rad of all states of a run, both (n,)."""
         stations, offsets = project_along(self._path, positions, self._start_m)
         return offsets, wrap_angles(headings_rad - self._direction(stations))
 

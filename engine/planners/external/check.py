@@ -34,7 +34,7 @@ class PlannerCheck:
 
     ``breaches``: its breaches of the contract, as text. ``outcome``, ``reason``: how the drive ended, among the
     recorded traffic or on an empty road. ``asked_again``: the number of observations at which a class also planned with
-    each weight and parameter at both ends of its range; ``unmoved``: those that changed none of these plans.
+    each weight and parameter at both ends of its range; ``unmoved``: those that changed no plan.
     ``raised``: the traceback of the planner's exception, or a program's standard error. ``took``: the planning time, as
     text. ``beyond_vehicle``: the vehicle limits that the driven motion exceeds.
     """

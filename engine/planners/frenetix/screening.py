@@ -252,8 +252,8 @@ def _jerk(coefficients: Points, time_s: float) -> Values:
 
 
 def _along(quartic: Points, steps: _Steps, step: PlanningStep) -> tuple[tuple[Points, ...], _Flags]:
-    """Return speed, half acceleration, the path's curvature, its derivative and heading; and if the path is long enough
-    (n,).
+    """Return speed, half acceleration, the path's curvature, its derivative and heading; and whether the path is long
+    enough (n,).
 
     After the end state the speed stays constant.
     """

@@ -194,7 +194,7 @@ class DriverScene:
         return Driven(self.nominal.stations_m[:count], self.nominal.speeds_mps[:count], None, stands=False)
 
     def _has_passed(self, index: int, station: float, speed: float) -> bool:
-        """Return True if the ego has passed ``met``, which does not catch up."""
+        """Return True if the ego has passed ``met``, and ``met`` does not catch up."""
         met = self._met.seen(self.first_step + index, station, self.body, self.step_s)
         return met is not None and met.is_passed and met.along_mps <= speed
 
