@@ -225,9 +225,9 @@ class AgentSession:
         speaks last.
         """
         messages = self._history.messages
-        asked = [call for message in messages for call in message.calls]
+        requested = [call for message in messages for call in message.calls]
         answered = {message.call_id for message in messages if message.role == "tool"}
-        for call in asked:
+        for call in requested:
             if call.call_id not in answered:
                 self._history.append(_tool_message(call, "[not carried out: the turn ended before]"))
         last = self._history.messages[-1]
@@ -271,7 +271,7 @@ class AgentSession:
         if wrong is None:
             self._accept_answer(turn, reply.text)
             return False
-        kind, notice, asked, problem = wrong
+        kind, notice, correction, problem = wrong
         self._keep(reply.text or f"[{notice}]", ())
         if kind in turn.corrections:
             turn.answer = reply.text
@@ -279,7 +279,7 @@ class AgentSession:
             return False
         turn.corrections.add(kind)
         turn.show(Note(f"{notice}; the model gets another try"))
-        self._history.append(Message("user", asked))
+        self._history.append(Message("user", correction))
         return True
 
     def _find_fault(self, turn: _Turn, reply: _Reply) -> tuple[str, str, str, str] | None:
@@ -343,8 +343,8 @@ class AgentSession:
             raise LimitReached(f"the model wrote {turn.malformed} consecutive calls that are not JSON")
         names = ", ".join(call.tool for call in unread if call.tool) or "a tool"
         turn.show(Note(f"a call of {names} could not be read; the model gets another try"))
-        asked = f"[The call of {names} was not made: its arguments are not a JSON object. Make the call again.]"
-        self._history.append(Message("user", asked))
+        correction = f"[The call of {names} was not made: its arguments are not a JSON object. Make the call again.]"
+        self._history.append(Message("user", correction))
 
     async def _ask(self, turn: _Turn) -> _Reply:
         """Request the model's next message."""

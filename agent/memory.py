@@ -148,8 +148,8 @@ async def _summary(model: ChatModel, messages: Sequence[Message], budget_tokens:
     share = budget_tokens * _CHARACTERS_PER_TOKEN // len(messages)
     longest = max(_LEAST_SUMMARISED_CHARACTERS, min(_SUMMARISED_CHARACTERS, share))
     known_text = "\n".join(_transcript_line(message, longest) for message in messages)
-    asked = [Message("system", _SUMMARISE), Message("user", known_text)]
-    parts = [event.text async for event in model.stream(asked, think=False) if isinstance(event, TextPart)]
+    prompt = [Message("system", _SUMMARISE), Message("user", known_text)]
+    parts = [event.text async for event in model.stream(prompt, think=False) if isinstance(event, TextPart)]
     summary = "".join(parts).strip()
     if not summary:
         raise ModelFailure("the model gave no summary")

@@ -113,10 +113,10 @@ def agent_settings(**flags: Any) -> AgentSettings:
     try:
         return AgentSettings(**{name: value for name, value in flags.items() if value is not None})
     except ValidationError as error:
-        told = zip(error.errors(include_url=False), problems_of(AgentSettings, error, "setting"), strict=True)
+        faults = zip(error.errors(include_url=False), problems_of(AgentSettings, error, "setting"), strict=True)
         problems = "; ".join(
             f"{problem} (valid: {', '.join(valid)})" if detail["type"] == "literal_error" else problem
-            for detail, (problem, valid) in told
+            for detail, (problem, valid) in faults
         )
         typer.echo(f"plannerforge: {problems}", err=True)
         raise typer.Exit(2) from None

@@ -41,10 +41,10 @@ def _flat(schema: Mapping[str, Any], definitions: Mapping[str, Any], depth: int)
         flat["items"] = _flat(flat["items"], definitions, depth + 1)
     if isinstance(flat.get("properties"), Mapping):
         flat["properties"] = {name: _flat(part, definitions, depth + 1) for name, part in flat["properties"].items()}
-    told = [words.format(schema[key]) for key, words in _WORDS.items() if schema.get(key) not in (None, "", [])]
-    if told:
+    notes = [words.format(schema[key]) for key, words in _WORDS.items() if schema.get(key) not in (None, "", [])]
+    if notes:
         described = str(flat.get("description", "")).rstrip(". ")
-        flat["description"] = f"{described} ({', '.join(told)})".strip()
+        flat["description"] = f"{described} ({', '.join(notes)})".strip()
     return flat
 
 

@@ -56,8 +56,8 @@ TRIALS = {
 import subprocess
 from pathlib import Path
 import libsumo, sumo
-asked = [Path(sumo.SUMO_HOME, "bin", "netconvert"), "--version"]
-print(subprocess.run(asked, capture_output=True, text=True, check=True).stdout.splitlines()[0])
+command = [Path(sumo.SUMO_HOME, "bin", "netconvert"), "--version"]
+print(subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[0])
 """,
         "pip install --force-reinstall libsumo eclipse-sumo, in the versions that plannerforge-mcp names",
     ),

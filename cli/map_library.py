@@ -59,8 +59,8 @@ def fetch_map(settings: Settings, place: str, *, country: str | None, scenario_t
     with Progress(*columns, console=errors, transient=True) as bars:
         facts, notes = anyio.run(_fetch, settings, place, known_country(country), scenario_type, bars)
     sites = ", ".join(counted(count, f"{kind.replace('_', ' ')} site") for kind, count in sorted(facts.sites.items()))
-    said = f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}"
-    for line in (f"{facts.map_id}: {said}", *notes, facts.attribution):
+    summary = f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}"
+    for line in (f"{facts.map_id}: {summary}", *notes, facts.attribution):
         Console().print(escape(line), highlight=False, soft_wrap=True)
     return 0
 

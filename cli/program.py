@@ -54,23 +54,23 @@ def _main(
 
 def run(program: typer.Typer) -> None:
     """Run a command line; an error of this package ends it with its message and exit code 1, without a traceback."""
-    told: list[str] = []
+    messages: list[str] = []
     try:
         _narrow(program, sys.argv[1:2])()
     except* PlannerForgeError as failures:
-        told = [error.text for error in leaves_of(failures) if isinstance(error, PlannerForgeError)]
-    if told:
-        typer.echo("\n".join(dict.fromkeys(told)), err=True)
+        messages = [error.text for error in leaves_of(failures) if isinstance(error, PlannerForgeError)]
+    if messages:
+        typer.echo("\n".join(dict.fromkeys(messages)), err=True)
         raise SystemExit(1)
 
 
 def _narrow(program: typer.Typer, words: Sequence[str]) -> typer.Typer:
     """Return the program with only the requested command; building the others costs each start 20 ms."""
-    asked = [info for info in program.registered_commands if info.callback and info.callback.__name__ in words]
-    if not asked:
+    commands = [info for info in program.registered_commands if info.callback and info.callback.__name__ in words]
+    if not commands:
         return program
     narrowed = copy(program)
-    narrowed.registered_commands, narrowed.registered_groups = asked, []
+    narrowed.registered_commands, narrowed.registered_groups = commands, []
     return narrowed
 
 

@@ -44,16 +44,16 @@ class SuiteOutputs:
 def test_suite(path: Path, settings: Settings, outputs: SuiteOutputs) -> int:
     """Run a suite, print and write the results, and return the exit code."""
     errors = Console(stderr=True)
-    told: list[str] = []
+    messages: list[str] = []
     report: SuiteReport | None = None
     try:
         report = anyio.run(_carry_out, read_suite(path), path.resolve().parent, settings, errors)
         _write_all(report, outputs)
     except* PlannerForgeError as failures:
-        told = [str(getattr(error, "text", error)) for error in leaves_of(failures)]
-    for text in dict.fromkeys(told):
+        messages = [str(getattr(error, "text", error)) for error in leaves_of(failures)]
+    for text in dict.fromkeys(messages):
         errors.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
-    if report is None or told:
+    if report is None or messages:
         return NOT_CARRIED_OUT
     print_report(report, Console())
     return HOLDS if report.passed else BROKEN

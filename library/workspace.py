@@ -124,8 +124,8 @@ class Workspace:
 
     def generate(self, **arguments: Any) -> Scenarios:
         """Generate scenarios from maps (``generate_scenarios``) and wait until all are stored."""
-        asked = read_arguments(GenerateScenariosArguments, arguments)
-        made = self._wait_for(generate.generate_scenarios, asked)
+        request = read_arguments(GenerateScenariosArguments, arguments)
+        made = self._wait_for(generate.generate_scenarios, request)
         ids = [one.scenario_id for one in made.scenarios]
         if made.plan is not None:
             ids = [one.scenario_id for one in self._caller.call(_scenarios_of_plan, made.plan.plan_id)]
@@ -133,14 +133,14 @@ class Workspace:
 
     def find(self, text: str | None = None, **arguments: Any) -> Scenarios:
         """Search the catalogue (``find_scenarios``)."""
-        asked = arguments if text is None else {"text": text, **arguments}
-        found = self._caller.call(catalog.find_scenarios, read_arguments(FindScenariosArguments, asked))
+        request = arguments if text is None else {"text": text, **arguments}
+        found = self._caller.call(catalog.find_scenarios, read_arguments(FindScenariosArguments, request))
         return Scenarios(found, [self.scenario(match.scenario_id) for match in found.matches])
 
     def import_files(self, path: str | Path, **arguments: Any) -> ImportFilesResult:
         """Import scenarios, maps, weight files and archives (``import_files``) and wait until all are stored."""
-        asked = read_arguments(ImportFilesArguments, {"path": str(path), **arguments})
-        return self._wait_for(importing.import_files, asked)
+        request = read_arguments(ImportFilesArguments, {"path": str(path), **arguments})
+        return self._wait_for(importing.import_files, request)
 
     def scenario(self, scenario_id: str) -> Scenario:
         """Return a stored scenario by id; ``ID#problem`` selects a planning problem other than the first."""
@@ -148,8 +148,8 @@ class Workspace:
 
     def describe(self, scenario: "str | Scenario | Scenarios", **arguments: Any) -> DescribeScenarioResult:
         """Describe a scenario with its facts and ids (``describe_scenario``)."""
-        asked = read_arguments(DescribeScenarioArguments, {"scenario_id": _one_id(scenario), **arguments})
-        return self._caller.call(scenario_work.describe_scenario, asked)
+        request = read_arguments(DescribeScenarioArguments, {"scenario_id": _one_id(scenario), **arguments})
+        return self._caller.call(scenario_work.describe_scenario, request)
 
     def edit(
         self,
@@ -160,12 +160,12 @@ class Workspace:
         """Edit a scenario and store the result (``modify_scenario``); after a ``dry_run`` the answer has no
         scenario.
         """
-        asked = {
+        request = {
             "scenario_id": _one_id(scenario),
             "edits": [edits] if isinstance(edits, Mapping) else list(edits),
             **arguments,
         }
-        made = self._caller.call(modification.modify_scenario, read_arguments(ModifyScenarioArguments, asked))
+        made = self._caller.call(modification.modify_scenario, read_arguments(ModifyScenarioArguments, request))
         return Scenarios(made, [] if made.scenario_id is None else [self.scenario(made.scenario_id)])
 
     def planners(self, **arguments: Any) -> ListPlannersResult:
@@ -174,8 +174,8 @@ class Workspace:
 
     def configure(self, planner: AnyPlanner | None = None, **arguments: Any) -> ConfigurePlannerResult:
         """Store a configuration with changes to a preset (``configure_planner``)."""
-        asked = arguments if planner is None else {"planner": self._register(planner), **arguments}
-        return self._caller.call(planning.configure_planner, read_arguments(ConfigurePlannerArguments, asked))
+        request = arguments if planner is None else {"planner": self._register(planner), **arguments}
+        return self._caller.call(planning.configure_planner, read_arguments(ConfigurePlannerArguments, request))
 
     def run(
         self,
@@ -195,7 +195,7 @@ class Workspace:
         Raises:
             PlannerForgeError: A scenario or a planner does not exist.
         """
-        asked = read_arguments(
+        request = read_arguments(
             RunPlannerArguments,
             {
                 "scenarios": [str(one) for one in _as_list(scenarios)],
@@ -203,15 +203,15 @@ class Workspace:
                 **arguments,
             },
         )
-        made = self._wait_for(planning.run_planner, asked)
+        made = self._wait_for(planning.run_planner, request)
         ids = [line.run_id for line in made.runs]
         if made.batch_id is not None:
             batch = self.stored.get(made.batch_id, "batch").read(BatchRecord)
             ids = list(batch.runs)
             if batch.lost:
-                asked_for = len(batch.lost) + len(ids)
+                requested = len(batch.lost) + len(ids)
                 first = batch.lost[0].error
-                warnings.warn(f"{len(batch.lost)} of {asked_for} runs are lost; the first: {first}", stacklevel=2)
+                warnings.warn(f"{len(batch.lost)} of {requested} runs are lost; the first: {first}", stacklevel=2)
         return Runs(self, made, [Run(self, key) for key in ids])
 
     def add_planner(self, planner: AnyPlanner) -> str:
@@ -235,13 +235,13 @@ class Workspace:
         self, results: "Sequence[str | Runs | Run] | str | Runs | Run", **arguments: Any
     ) -> AnalyzeResultsResult:
         """Return rates, metrics, costs and findings of runs (``analyze_results``)."""
-        asked = read_arguments(AnalyzeResultsArguments, {"results": _ids_of(results), **arguments})
-        return self._caller.call(figures.analyze_results, asked)
+        request = read_arguments(AnalyzeResultsArguments, {"results": _ids_of(results), **arguments})
+        return self._caller.call(figures.analyze_results, request)
 
     def compare(self, *results: "str | Runs | Run", **arguments: Any) -> CompareResultsResult:
         """Compare results with paired tests; the first is the baseline (``compare_results``)."""
-        asked = read_arguments(CompareResultsArguments, {"results": _ids_of(results), **arguments})
-        return self._caller.call(comparison.compare_results, asked)
+        request = read_arguments(CompareResultsArguments, {"results": _ids_of(results), **arguments})
+        return self._caller.call(comparison.compare_results, request)
 
     def optimise(
         self, scenarios: "Sequence[str | Scenario] | str | Scenario", base: AnyPlanner = "current", **arguments: Any
@@ -250,8 +250,8 @@ class Workspace:
         result.
         """
         given = {"scenarios": [str(one) for one in _as_list(scenarios)], "base": self._register(base), **arguments}
-        asked = read_arguments(OptimizePlannerArguments, given)
-        return self._wait_for(optimization.optimize_planner, asked)
+        request = read_arguments(OptimizePlannerArguments, given)
+        return self._wait_for(optimization.optimize_planner, request)
 
     def render(self, *things: "str | Scenario | Run | Runs", **arguments: Any) -> tuple[Picture, ...]:
         """Draw pictures, animations and charts (``render``)."""
@@ -268,8 +268,8 @@ class Workspace:
     ) -> ExportArtifactsResult:
         """Write artifacts, tables, pictures and reports to a folder (``export_artifacts``)."""
         ids = _ids_of(things)
-        asked = read_arguments(ExportArtifactsArguments, {"ids": ids, "folder": str(folder), **arguments})
-        return self._caller.call(exporting.export_artifacts, asked)
+        request = read_arguments(ExportArtifactsArguments, {"ids": ids, "folder": str(folder), **arguments})
+        return self._caller.call(exporting.export_artifacts, request)
 
     def job(self, job_id: str = "latest", **arguments: Any) -> JobResult:
         """Return the state of a job, or wait for its end (``get_job``)."""
@@ -281,19 +281,19 @@ class Workspace:
         """Stop a job; finished parts stay (``cancel_job``)."""
         return self._caller.call(artifact_work.cancel_job, read_arguments(CancelJobArguments, {"job_id": job_id}))
 
-    def _wait_for(self, workflow: Callable[..., Awaitable[_Long]], asked: Arguments) -> _Long:
+    def _wait_for(self, workflow: Callable[..., Awaitable[_Long]], request: Arguments) -> _Long:
         """Wait until the job of a workflow ends, and return the answer, which the same request then finds complete.
 
         If the caller interrupts the wait, the job is cancelled; finished parts stay.
         """
-        answer = self._caller.call(workflow, asked)
+        answer = self._caller.call(workflow, request)
         while answer.state == "running" and answer.job_id:
             try:
                 self.job(answer.job_id, wait_s=_WAIT_S)
             except BaseException:
                 self.cancel_job(answer.job_id)
                 raise
-            answer = self._caller.call(workflow, asked)
+            answer = self._caller.call(workflow, request)
         if answer.state in ("failed", "cancelled") and answer.job_id:
             job = self.job(answer.job_id, wait_s=0)
             raise NotPossible(f"{job.job_id} {job.state}: {job.error or job.message}", next_step=job.next_step)

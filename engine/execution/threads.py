@@ -189,7 +189,7 @@ class ReachableExecutor(ExecutorAround):
             await run_in(own, on_progress, share, message)
 
         async def run() -> Response:
-            told = no_progress if on_progress is no_progress else tell
-            return await self._inner.run(operation, request, on_progress=told)
+            listener = no_progress if on_progress is no_progress else tell
+            return await self._inner.run(operation, request, on_progress=listener)
 
         return await run_in(self._home, run)

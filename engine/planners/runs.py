@@ -144,10 +144,17 @@ class _Start:
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
         """Run a planner in the request's traffic."""
-        asked, scenario = self.request, self.loaded.scenario
-        with open_traffic(asked.traffic, self.loaded, self.problem, self.vehicle, asked.seed) as traffic:
+        request, scenario = self.request, self.loaded.scenario
+        with open_traffic(request.traffic, self.loaded, self.problem, self.vehicle, request.seed) as traffic:
             return simulate(
-                scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic, self.vehicle
+                scenario,
+                self.problem,
+                request.configuration,
+                planner,
+                request.prediction,
+                report,
+                traffic,
+                self.vehicle,
             )
 
 

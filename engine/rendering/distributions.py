@@ -54,8 +54,8 @@ def distributions(runs: RunSet) -> Drawing:
     if len(groups) > 1:
         _legend(figure, [names[config] for config in groups], paired=paired)
     joined = "; lines join runs of the same problem" if paired else ""
-    told = "dots: runs, boxes: middle half, bars: medians; ↑ more is better, ↓ less"
-    write_title(figure, "Metrics of the runs", f"{told}{joined}")
+    explanation = "dots: runs, boxes: middle half, bars: medians; ↑ more is better, ↓ less"
+    write_title(figure, "Metrics of the runs", f"{explanation}{joined}")
     more = len(runs.by_config(runs.valid)) - len(groups)
     notes = (f"{more} more configurations are not shown",) if more else ()
     return Drawing(figure, f"Distributions: {'; '.join(texts)}.", notes)

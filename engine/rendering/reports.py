@@ -169,14 +169,14 @@ def _describe_causes(causes: CollisionCauses | None) -> str:
 
 def _describe_attribution(causes: CollisionCauses) -> str:
     """Return how many collisions are attributed to each cause."""
-    told: dict[LaidTo, str] = {
+    phrases: dict[LaidTo, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
         "prediction": "to the prediction",
         "planning": "to the plan",
         "neither": "to neither side",
     }
-    return f"{', '.join(f'{count} {told[cause]}' for cause, count in causes.laid_to.items())}."
+    return f"{', '.join(f'{count} {phrases[cause]}' for cause, count in causes.laid_to.items())}."
 
 
 def _describe_next_step(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
@@ -221,9 +221,9 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
 def rules_section(result: AnalyzeResultsResult) -> ReportSection:
     """Return how many runs broke each traffic rule, by configuration; lists the rules that applied to no run."""
     several = len({one.config_id for one in result.rule_shares}) > 1
-    asked = [one for one in result.rule_shares if one.violated.of]
+    applicable = [one for one in result.rule_shares if one.violated.of]
     absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares)
-    for one in asked:
+    for one in applicable:
         absent.pop(f"{one.rule} {one.name}", None)
     table = ReportTable(
         caption="Runs that broke a rule, out of the runs to which it applies",
@@ -237,7 +237,7 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
                 "–" if one.worst is None else f"{figure(one.worst)} {one.unit}",
                 one.run_ids[0] if one.run_ids else "–",
             )
-            for one in sorted(asked, key=lambda one: one.rule)
+            for one in sorted(applicable, key=lambda one: one.rule)
         ),
     )
     none = [f"These rules applied to no run: {', '.join(absent)}."] if absent else []
@@ -253,17 +253,17 @@ def run_section(
     record: RunRecord, analysis: AnalyzeResultsResult, measures: Sequence[MeasuredValue] = ()
 ) -> ReportSection:
     """Return one run in detail: outcome, nearness to others, largest motions, and broken traffic rules."""
-    review, told = analysis.review, list[str]()
+    review, sentences = analysis.review, list[str]()
     if review is not None:
         near = [review.nearness_in_words()] if review.contact is None and review.closest is not None else []
-        told = [*near, review.motion_in_words()]
+        sentences = [*near, review.motion_in_words()]
     broken = [verdict.in_words() for verdict in analysis.rules if verdict.violated]
-    told += [f"Traffic rules broken: {'; '.join(broken)}."] if broken else []
-    told += [f"Also: {excesses_in_words(record.beyond_vehicle)}."] if record.beyond_vehicle else []
+    sentences += [f"Traffic rules broken: {'; '.join(broken)}."] if broken else []
+    sentences += [f"Also: {excesses_in_words(record.beyond_vehicle)}."] if record.beyond_vehicle else []
     return ReportSection(
         title=f"One run in detail: {record.run_id}",
         asked=f"{record.config_name} on {record.scenario_id}",
-        text=(f"Ending: {ending(record.outcome, record.reason, review)}.", *filter(None, told)),
+        text=(f"Ending: {ending(record.outcome, record.reason, review)}.", *filter(None, sentences)),
         tables=(_measured(measures),) if measures else (),
     )
 

@@ -86,5 +86,5 @@ def _effects(figure: "Figure", study: StudyRecord) -> Drawing:
     axes.set_xlabel("μ*, with its 95 % interval" if study.method == "morris" else "total index, with its 95 % interval")
     subtitle = f"{study.method}, {' + '.join(study.objective)}, {study.training_scenarios} scenarios"
     write_title(figure, "Sensitivity", subtitle)
-    told = "; ".join(f"{one.name} {one.effect:.3g} ({one.verdict})" for one in study.effects)
-    return Drawing(figure, f"Sensitivity: {subtitle}: {told}")
+    effects = "; ".join(f"{one.name} {one.effect:.3g} ({one.verdict})" for one in study.effects)
+    return Drawing(figure, f"Sensitivity: {subtitle}: {effects}")

@@ -138,9 +138,9 @@ def _configuration(
     same = [entry.name for entry in known if entry.weights == weights]
     origin = same[0] if same else preset
     usual = tuning_of(planner).presets[origin].weights if origin in tuning_of(planner).presets else {}
-    told = {"vehicle": settings.vehicle} if stated.pop("vehicle_stated", False) else {}
+    vehicle = {"vehicle": settings.vehicle} if stated.pop("vehicle_stated", False) else {}
     changed = (
-        {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | told | stated
+        {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | vehicle | stated
     )
     parts = [f"{key}={value:g}" for key, value in changed.items()]
     more = f" and {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""

@@ -170,20 +170,20 @@ def propose(request: ProposeRequest, report: ProgressReporter) -> Proposals:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(directions=["maximize"] * request.objectives, sampler=_sampler(request))
     space = {name: optuna.distributions.FloatDistribution(0.0, 1.0) for name in request.names}
-    for told in request.enqueued:
-        params = dict(zip(request.names, told.point, strict=True))
-        study.add_trial(optuna.trial.create_trial(params=params, distributions=dict(space), values=list(told.values)))
-    for number, told_round in enumerate(request.rounds):
-        trials = [study.ask(dict(space)) for _ in told_round]
-        for trial, told in zip(trials, told_round, strict=True):
+    for result in request.enqueued:
+        params = dict(zip(request.names, result.point, strict=True))
+        study.add_trial(optuna.trial.create_trial(params=params, distributions=dict(space), values=list(result.values)))
+    for number, results in enumerate(request.rounds):
+        trials = [study.ask(dict(space)) for _ in results]
+        for trial, result in zip(trials, results, strict=True):
             if any(
-                abs(trial.params[name] - place) > 1e-9 for name, place in zip(request.names, told.point, strict=True)
+                abs(trial.params[name] - place) > 1e-9 for name, place in zip(request.names, result.point, strict=True)
             ):
                 raise UnexpectedFailure("propose", f"round {number} of the search gave other points before")
-            study.tell(trial, list(told.values))
+            study.tell(trial, list(result.values))
         report(0.9 * (number + 1) / len(request.rounds), "replaying the search")
-    asked = [study.ask(dict(space)) for _ in range(request.count)]
-    return Proposals(points=tuple(tuple(float(one.params[name]) for name in request.names) for one in asked))
+    drawn = [study.ask(dict(space)) for _ in range(request.count)]
+    return Proposals(points=tuple(tuple(float(one.params[name]) for name in request.names) for one in drawn))
 
 
 def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":

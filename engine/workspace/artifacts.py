@@ -241,12 +241,12 @@ class Workspace:
 
     def imported_of(self, artifact_ids: Iterable[str]) -> list[str]:
         """Return the given ids that came in an archive, in order."""
-        asked = list(artifact_ids)
-        if not asked:
+        wanted = list(artifact_ids)
+        if not wanted:
             return []
         query = "SELECT artifact_id FROM imported WHERE artifact_id IN (SELECT value FROM json_each(?))"
-        marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(asked),))}
-        return [artifact_id for artifact_id in asked if artifact_id in marked]
+        marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(wanted),))}
+        return [artifact_id for artifact_id in wanted if artifact_id in marked]
 
     def take_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
         """Move an artifact out of the workspace, with its files and its row as JSON, to a new folder.

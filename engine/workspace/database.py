@@ -156,8 +156,8 @@ class Database:
 
     def damage(self) -> str:
         """Return the damage that SQLite finds in the file; empty if it is intact."""
-        said = str(self.connection().execute("PRAGMA quick_check").fetchone()[0])
-        return "" if said == "ok" else said
+        result = str(self.connection().execute("PRAGMA quick_check").fetchone()[0])
+        return "" if result == "ok" else result
 
     def kept(self, make: Callable[[], Kept]) -> Kept:
         """Return the in-memory object of a factory, which all threads share; it is created on first use."""

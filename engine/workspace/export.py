@@ -134,19 +134,19 @@ def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None
         partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
 
 
-def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any_asked: bool) -> list[str]:
+def _formats(workspace: Workspace, artifact: Artifact, requested: Sequence[str], any_requested: bool) -> list[str]:
     folder = workspace.folder(artifact.kind, artifact.artifact_id)
     stored = [form for form, name in _STORED.items() if (folder / name).is_file()]
     available = [*stored, *_WRITTEN, *_MADE.get(artifact.kind, ())]
     if artifact.record.get("outcome") == "invalid":  # an invalid run has no trajectory
         available = [form for form in available if form not in ("solution", "csv", "parquet")]
-    missing = [form for form in asked if form not in available]
+    missing = [form for form in requested if form not in available]
     if missing:
-        kept = [form for form in asked if form in available]
+        kept = [form for form in requested if form in available]
         raise InvalidRequest(
             f"{artifact.artifact_id} has no {', '.join(missing)}",
             valid=available,
             remedies=[with_values(formats=kept or available[:1])],
         )
-    wanted = [form for one in asked for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
-    return list(dict.fromkeys(wanted)) if any_asked else [*stored, *_WRITTEN]
+    wanted = [form for one in requested for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
+    return list(dict.fromkeys(wanted)) if any_requested else [*stored, *_WRITTEN]

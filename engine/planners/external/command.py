@@ -32,7 +32,7 @@ def command_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) 
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _AnswerKey:
     """Identifies the input of an answer; a run that is retried on another reference path reuses the answer."""
 
     problem_id: int
@@ -48,7 +48,7 @@ class CommandDriver:
 
     def __init__(self, name: str, declared: CommandPlanner, scenario: ScenarioFile) -> None:
         self._name, self._declared, self._scenario = name, declared, scenario
-        self._asked: _Asked | None = None
+        self._answer_key: _AnswerKey | None = None
         self.log = ""
 
     def reset(self, task: PlanningTask) -> None:
@@ -64,19 +64,19 @@ class CommandDriver:
         """
         ego = observation.ego
         task = self._task
-        asked = _Asked(
+        key = _AnswerKey(
             int(task.problem.planning_problem_id),
             task.configuration.config_id,
             EgoState.of(task.problem.initial_state).step,
         )
-        if asked != self._asked:
+        if key != self._answer_key:
             self._answer = self._ask(ego)
             self._trajectory = self._checked(self._answer, ego)
-            self._asked = asked
+            self._answer_key = key
         rejected, candidates = self._answer.rejected, self._answer.candidates
         if self._trajectory is None:
             return Plan(None, rejected=rejected or {"no_trajectory": 1}, candidates=candidates)
-        begin = ego.step - asked.first_step
+        begin = ego.step - key.first_step
         left = self._trajectory.since(begin)
         if len(left.positions) < 2:
             return Plan(None, rejected={"trajectory_ended": 1}, candidates=candidates)
@@ -125,9 +125,9 @@ class CommandDriver:
     def _read(self, answered: bytes, request: CommandRequest) -> CommandAnswer:
         answer = read_message(CommandAnswer, answered, self._failure)
         if (answer.scenario_id, answer.problem_id) != (request.scenario_id, request.problem_id):
-            told = f"{shown_name(answer.scenario_id)} #{answer.problem_id}"
+            given = f"{shown_name(answer.scenario_id)} #{answer.problem_id}"
             raise self._failure(
-                "wrong_scenario", f"answered for {told} instead of {request.scenario_id} #{request.problem_id}"
+                "wrong_scenario", f"answered for {given} instead of {request.scenario_id} #{request.problem_id}"
             )
         return answer
 

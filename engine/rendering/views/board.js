@@ -72,8 +72,8 @@ class Board {
   matches(run) {
     const { text, outcome } = this.filter, row = this.data.rows[run.row];
     if (outcome && run.outcome !== outcome) return false;
-    const said = `${row.title} ${row.about} ${run.run_id} ${words(run.outcome)} ${run.ending} ${this.data.columns[run.column].title}`.toLowerCase();
-    return text.toLowerCase().split(/\s+/).every(word => said.includes(word));
+    const searched = `${row.title} ${row.about} ${run.run_id} ${words(run.outcome)} ${run.ending} ${this.data.columns[run.column].title}`.toLowerCase();
+    return text.toLowerCase().split(/\s+/).every(word => searched.includes(word));
   }
 
   /* The rows with a matching run, each with all its runs; only rows with flips or failures if selected. */
@@ -172,7 +172,7 @@ class Board {
     this.current = run.run_id;
     this.mark();
     const first = beside ? this.firstOf(run) : undefined, shown = [first, run].filter(Boolean);
-    const data = this.playerOf(shown) ?? await this.asked(shown);
+    const data = this.playerOf(shown) ?? await this.requestPlayer(shown);
     if (!data) return;
     this.player?.destroy();
     this.scrolled = scrollY;
@@ -192,7 +192,7 @@ class Board {
     return { kind: "player", title: runs.map(run => run.run_id).join(" | "), scenes: [scene], panes, notes: [] };
   }
 
-  async asked(runs) {
+  async requestPlayer(runs) {
     const ids = runs.map(run => run.run_id);
     if (this.host) {
       try { return await this.host.read(`plannerforge://view/${ids.join("+")}`); } catch (error) { this.detail.prepend(element("p", {}, `Cannot read the run: ${error.message}`)); return null; }

@@ -88,7 +88,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         rows=tuple(_row(key, problem, known[key], alone=several[key] == 1) for key, problem in problems),
         metrics=tuple(BoardMetric(words=metric_words(one.name), unit=one.unit, better=one.better) for one in METRICS),
         runs=runs,
-        lost=tuple(one_line(told, LONGEST_SENTENCE) for told in lost),
+        lost=tuple(one_line(text, LONGEST_SENTENCE) for text in lost),
         scenes=held.scenes,
         drives=held.drives,
         notes=held.notes,
@@ -117,7 +117,7 @@ def _problem(record: RunRecord) -> tuple[str, int]:
 
 def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
     """Return a column with a title from its configuration and from what distinguishes it from the others."""
-    told = [runs.records[0].config_name]
+    parts = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),
         ("traffic", f"{side.traffic} traffic"),
@@ -125,10 +125,10 @@ def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
         ("batch_id", side.batch_id),
     ):
         if len({getattr(one, name) for one in sides}) > 1:
-            told.append(words)
+            parts.append(words)
     counts = Counter(record.outcome for record in runs.records)
     return BoardColumn(
-        title=one_line(", ".join(filter(None, told))),
+        title=one_line(", ".join(filter(None, parts))),
         success=_rate_words(runs.rate(runs.valid)),
         outcomes=dict(sorted(counts.items(), key=lambda item: (-item[1], item[0]))),
     )

@@ -37,8 +37,8 @@ class Host {
     this.capabilities = answer.hostCapabilities ?? {};
     this.adopt(answer.hostContext ?? {});
     this.send({ method: "ui/notifications/initialized" });
-    const told = () => this.send({ method: "ui/notifications/size-changed", params: { width: document.documentElement.scrollWidth, height: Math.ceil(document.body.getBoundingClientRect().height) } });
-    new ResizeObserver(told).observe(document.body);
+    const reportSize = () => this.send({ method: "ui/notifications/size-changed", params: { width: document.documentElement.scrollWidth, height: Math.ceil(document.body.getBoundingClientRect().height) } });
+    new ResizeObserver(reportSize).observe(document.body);
   }
 
   /* In full screen the page fills its window; otherwise the window takes the height of the page, so nothing may depend on it. */

@@ -84,9 +84,9 @@ def player_view(request: ViewRequest) -> PlayerView:
         panes.append(PaneView(title=pane_title(pane), scenario_id=one_line(key), drive=drive))
     scenes = []
     for key, content in contents.items():
-        scene, told = scene_view(content, paths[key])
+        scene, scene_notes = scene_view(content, paths[key])
         scenes.append(scene)
-        notes += told
+        notes += scene_notes
     return PlayerView(title=one_line(request.title), scenes=tuple(scenes), panes=tuple(panes), notes=tuple(notes))
 
 
