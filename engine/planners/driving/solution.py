@@ -34,8 +34,8 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
     vehicle = commonroad_vehicle(settings, "car" if settings.states_vehicle else driven)
     if vehicle is None and commonroad_vehicle(settings) is not None:
         raise NotPossible(
-            f"a solution file needs one of CommonRoad's vehicles, and no such vehicle is a {driven}: its size and "
-            "limits would be checked as another vehicle's",
+            f"a solution file needs one of CommonRoad's vehicles, and they include no {driven}; its size and limits "
+            "would be checked as another vehicle's",
             valid=["a run with a car as the ego", "a run of a configuration with a vehicle, such as vehicle=2"],
             next_step="export the trajectory as csv, or run again with vehicle=2",
             reason="no_such_vehicle",

@@ -103,7 +103,7 @@ def test_an_unknown_name_names_those_of_others_too(installed: Install) -> None:
         ("leaving", "raise SystemExit('no licence')", "no licence"),
         ("number", "PLANNER = 3", "int, not OwnPlanner"),
         ("empty", "", "no attribute 'PLANNER'"),
-        ("outside", STRAIGHT.replace("default=0.0", "default=9.0"), "default 9 is outside 0 to 4"),
+        ("outside", STRAIGHT.replace("default=0.0", "default=9.0"), "outside 0 to 4"),
         ("no_class", STRAIGHT.replace("    Straight,\n", "    3,\n"), "make is int, neither a class nor a function"),
     ],
 )
