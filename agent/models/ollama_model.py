@@ -36,7 +36,7 @@ own default is 4,096, which the tools alone fill.
 _MISREAD_CALL = re.compile(r"error parsing tool call", re.IGNORECASE)
 """Ollama's message if a model wrote a call that is not JSON."""
 _RAISED = (ollama.ResponseError, ConnectionError, httpx.HTTPError, ValidationError, ValueError)
-"""All exceptions of the client; a ``ValueError`` is a line that is not JSON."""
+"""All exceptions that the client raises; ``ValueError`` means a line that is not JSON."""
 _NOT_FOUND = 404
 _UNITS = {"K": 1e-6, "M": 1e-3, "B": 1.0, "T": 1e3}
 
