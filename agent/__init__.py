@@ -1,1 +1,1 @@
-"""Clients of the server that come with it: the demo."""
+"""Clients of the server that are part of this package: the agent, its chat, and the demo."""

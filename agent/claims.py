@@ -1,4 +1,4 @@
-"""Texts that stand for calls that were not made: a call written as text, or work that is said to be done."""
+"""Detects texts that replace calls: a call written as text, or a claim of work without a call."""
 
 import json
 import re
@@ -24,12 +24,14 @@ _NAME_KEYS, _ARGUMENT_KEYS = ("name", "tool", "function"), ("arguments", "parame
 
 
 def claims_work(text: str) -> bool:
-    """Whether a text says of something that it was done (generated, modified, run …)."""
+    """Return True if a text claims that something was done (generated, modified, run …)."""
     return bool(_CLAIM.search(text))
 
 
 def written_call(text: str, tools: Collection[str]) -> str:
-    """The tool of a call that stands in a text as JSON, between marks or as a function's call; empty if none does."""
+    """Return the tool of a call written in a text as JSON, between marks or as a function call; empty
+    without a call.
+    """
     for value in _objects(text):
         name = next((value[key] for key in _NAME_KEYS if isinstance(value.get(key), str)), "")
         if name in tools and (len(value) == 1 or any(key in value for key in _ARGUMENT_KEYS)):

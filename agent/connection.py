@@ -1,7 +1,6 @@
-"""The MCP server that an agent works with: its tools as a model sees them, and calls of them.
+"""The agent's connection to an MCP server: its tools in a form for models, and calls of them.
 
-The connection lives in a task of its own: a call that is interrupted leaves it as it is, and a server that ended is
-started again.
+The connection runs in its own task, so an interrupted call does not affect it, and a server that ended is restarted.
 """
 
 import base64
@@ -30,18 +29,18 @@ from .tool_schemas import flattened
 
 ToolSet = Literal["all", "essential"]
 Server = StdioServerParameters | MCPServer | str
-"""A program to start, a server in this process, or the address of one (streamable HTTP)."""
+"""A program to start, a server in this process, or the address of a server (streamable HTTP)."""
 OnProgress = Callable[[float | None, str], None]
-"""Is told the share that is done, 0 to 1 (None: unknown), and what is being done."""
+"""Receives the completed share, 0 to 1 (None if unknown), and the current activity."""
 _CLOSED = -32000
-"""The code of a closed connection; ``mcp_types.CONNECTION_CLOSED``."""
+"""The code of a closed connection, ``mcp_types.CONNECTION_CLOSED``."""
 _MOST_PAGES = 50
-"""Pages of a list of tools that are read (chosen): a server with endless pages must not hold up the agent."""
+"""Most pages of a list of tools (chosen: a server with endless pages must not block the agent)."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of an answer; ``link`` is where the server keeps it, if it says so."""
+    """A picture of an answer; ``link`` is its address on the server, if given."""
 
     data: bytes
     mime_type: str
@@ -49,7 +48,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class ToolAnswer:
-    """What came back of a call: text for the model, the same as a structure, pictures and links for the user."""
+    """The result of a call: text for the model, the same as a structure, pictures and links for the user."""
 
     text: str
     structured: Mapping[str, Any]
@@ -59,33 +58,33 @@ class ToolAnswer:
 
 
 class ToolSource(Protocol):
-    """Whatever has tools: an MCP server, or what stands for one."""
+    """A source of tools: an MCP server, or a replacement for one."""
 
     @property
     def tools(self) -> tuple[ToolDefinition, ...]:
-        """The tools, as the model sees them."""
+        """The tools in the model's form."""
 
     @property
     def instructions(self) -> str:
-        """What the server says about its tools together."""
+        """The server's instructions for its tools."""
 
     async def ready(self) -> bool:
-        """See to it that calls can be made; returns whether it had to be started anew.
+        """Make sure that calls are possible; return True if the server had to be restarted.
 
         Raises:
-            ToolServerGone: it cannot be started.
+            ToolServerGone: The server cannot be started.
         """
 
     async def call(self, tool: str, arguments: Mapping[str, Any], on_progress: OnProgress) -> ToolAnswer:
-        """Make a call and wait for its answer; a refusal is an answer.
+        """Make a call and wait for its answer; a refusal is also an answer.
 
         Raises:
-            ToolServerGone: the server ended before it answered.
+            ToolServerGone: The server ended before it answered.
         """
 
 
 def own_server(*, workspace: str = "", tools: ToolSet = "all") -> StdioServerParameters:
-    """This package's server as a child process, with the settings of this process's environment."""
+    """Return this package's server as a child process, with the settings in this process's environment."""
     arguments = ["-P", "-m", "plannerforge", "serve", "--tools", tools]
     arguments += ["--workspace", workspace] if workspace else []
     handed_on = ("PLANNERFORGE_", "PYTHON")
@@ -94,10 +93,10 @@ def own_server(*, workspace: str = "", tools: ToolSet = "all") -> StdioServerPar
 
 
 def server_of_command(command: str) -> StdioServerParameters:
-    """A server that a command line starts, with the environment of this process.
+    """Return the server that a command line starts, with the environment of this process.
 
     Raises:
-        SettingsFault: the command is empty or its quotes do not close.
+        SettingsFault: The command is empty, or has an unclosed quote.
     """
     try:
         program, *arguments = shlex.split(command)
@@ -107,7 +106,7 @@ def server_of_command(command: str) -> StdioServerParameters:
 
 
 class ToolConnection:
-    """A connection to an MCP server (``open``); starts it again where it has ended."""
+    """A connection to an MCP server (``open``), which restarts the server if it has ended."""
 
     def __init__(self, server: Server, tasks: TaskGroup, log: Path | None = None) -> None:
         self._server, self._tasks, self._log = server, tasks, log
@@ -119,13 +118,13 @@ class ToolConnection:
     @classmethod
     @asynccontextmanager
     async def open(cls, server: Server, log: Path | None = None) -> AsyncIterator["ToolConnection"]:
-        """Connect to a server; it is closed when the block is left.
+        """Connect to a server for the duration of the block.
 
         Args:
-            log: a file for what a program writes to its standard error; without it, that goes to our own.
+            log: A file for the standard error of a server program; by default it goes to our own.
 
         Raises:
-            ToolServerGone: it cannot be started, or nothing answers at its address.
+            ToolServerGone: The server cannot be started, or nothing answers at its address.
         """
         async with anyio.create_task_group() as tasks:
             connection = cls(server, tasks, log)
@@ -133,7 +132,7 @@ class ToolConnection:
             try:
                 await connection.ready()
                 yield connection
-            except Exception as error:  # noqa: BLE001 - raised below: a task group would wrap it
+            except Exception as error:  # noqa: BLE001 - raised below, since a task group would wrap it
                 failure = error
             finally:
                 connection._leave.set()
@@ -147,17 +146,17 @@ class ToolConnection:
 
     @property
     def instructions(self) -> str:
-        """The server's own words on its tools."""
+        """The server's own instructions for its tools."""
         return self._instructions
 
     async def ready(self) -> bool:
-        """Start the server where it is not there; see ``ToolSource``."""
+        """Start the server if it does not run; see ``ToolSource``."""
         if self._client is not None:
             return False
         self._leave = anyio.Event()
         problem = await self._tasks.start(self._keep, self._leave)
         if problem:
-            step = f"see that its command or address is right{f', and the log {self._log}' if self._log else ''}"
+            step = f"check that its command or address is right{f', and the log {self._log}' if self._log else ''}"
             raise ToolServerGone(f"the MCP server cannot be reached: {problem}", next_step=step)
         return True
 
@@ -186,7 +185,9 @@ class ToolConnection:
         return ToolServerGone(f"the MCP server ended while it worked on {tool}")
 
     async def _keep(self, leave: anyio.Event, *, task_status: TaskStatus[str]) -> None:
-        """Hold a connection open until it is to be left; reports an empty word, or why there is none."""
+        """Keep a connection open until ``leave`` is set; report an empty text, or the reason why there is no
+        connection.
+        """
         started = False
         stack = ExitStack()
         try:
@@ -196,7 +197,7 @@ class ToolConnection:
                 self._client, started = client, True
                 task_status.started("")
                 await leave.wait()
-        except Exception as error:  # noqa: BLE001 - the boundary of the connection: it becomes the error of a turn
+        except Exception as error:  # noqa: BLE001 - the boundary of the connection: the exception becomes a turn's error
             if not started:
                 task_status.started(_first_words(error))
         finally:
@@ -205,7 +206,7 @@ class ToolConnection:
                 self._client = None
 
     def _transport(self, stack: ExitStack) -> Server | Transport:
-        """The server, or where there is a log, a transport that writes to it; the file is closed with the stack."""
+        """Return the server or, with a log, a transport that writes to it; the stack closes the file."""
         if self._log is None or not isinstance(self._server, StdioServerParameters):
             return self._server
         self._log.parent.mkdir(parents=True, exist_ok=True)
@@ -253,12 +254,12 @@ def _answer(result: CallToolResult) -> ToolAnswer:
 
 
 def shown_to_model(answer: ToolAnswer, most_characters: int) -> str:
-    """What the model is given of an answer: its text, cut with the count where it is longer, and what the user sees."""
+    """Return the answer's text for the model, cut if it is too long, with a note on pictures shown to the user."""
     text = answer.text or "(an empty answer)"
     if len(text) > most_characters:
         kept = text[:most_characters]
         text = (
-            f"{kept}\n[cut: {len(kept):,} of {len(text):,} characters are shown; ask for less at once, with a limit, a "
+            f"{kept}\n[cut: {len(kept):,} of {len(text):,} characters are shown; request less at once, with a limit, a "
             "filter or less detail]"
         )
     if answer.pictures:

@@ -1,7 +1,7 @@
 """``plannerforge demo``: a real MCP client takes a scenario through every stage of testing a planner.
 
-The server is a process of its own and is spoken to over stdio, as any client does. Nothing is prepared: what is asked
-depends on what came back before, and every figure on the answers.
+The server is a separate process that communicates over stdio, as with any client. Nothing is prepared: each request
+depends on earlier answers, and every figure comes from an answer.
 """
 
 import json
@@ -24,18 +24,18 @@ from ..server.tool_calls import answer_text
 
 _BASE_CONFIG, _OTHER_PRESET = "frenetix:Default", "Safety-Conservative"
 _SHOWN_LINES = 12
-"""Lines of an answer that are printed; chosen."""
+"""Most printed lines of an answer (chosen)."""
 _MOST_TRIES = 12
-"""Dry runs at most to find an edit of one kind; chosen."""
+"""Most dry runs to find an edit of one kind (chosen)."""
 _MOST_WAITS = 20
-"""Looks at the job of the runs, of 20 s each; chosen."""
+"""Most checks of the runs' job, of 20 s each (chosen)."""
 _KEPT_DEMOS = 100
-"""Numbered folders beside the wanted one; chosen."""
+"""Most numbered folders next to the requested one (chosen)."""
 
 
 @dataclass(frozen=True)
 class _Answer:
-    """What came back of a call."""
+    """The answer to a call."""
 
     text: str
     structured: dict[str, Any]
@@ -43,7 +43,7 @@ class _Answer:
 
 
 class _DemoSession:
-    """Calls tools through a real client; prints stages, questions and answers in plain words."""
+    """Calls tools through a real client, and prints stages, requests and answers."""
 
     def __init__(self, client: Client, console: Console) -> None:
         self._client, self._console = client, console
@@ -51,18 +51,18 @@ class _DemoSession:
         self.seconds = 0.0
 
     def stage(self, title: str, sentence: str) -> None:
-        """Begin a stage of the work."""
+        """Start a stage of the work."""
         self._stages += 1
         self._console.print()
         self._console.rule(f"[bold]{self._stages}  {escape(title)}[/bold]", align="left")
         self._console.print(escape(sentence))
 
     def says(self, sentence: str) -> None:
-        """A sentence of the demo's own."""
+        """Print a sentence of the demo itself."""
         _say(self._console, sentence)
 
     async def ask(self, tool: str, arguments: dict[str, Any], *, quiet: bool = False) -> _Answer:
-        """Make a call, and show it with what came back, where not ``quiet``; a refusal is an answer too."""
+        """Make a call, and print it with its answer unless ``quiet``; a refusal is also an answer."""
         if not quiet:
             shown = json.dumps(arguments, ensure_ascii=False)
             self._console.print(Text.assemble(("  ask   ", "bold cyan"), (tool, "cyan"), f" {shown}"))
@@ -77,14 +77,14 @@ class _DemoSession:
         return answer
 
     async def must(self, tool: str, arguments: dict[str, Any]) -> dict[str, Any]:
-        """Make a call that the rest of the demo needs; returns the structured answer.
+        """Make a call that the rest of the demo needs, and return the structured answer.
 
         Raises:
-            NotPossible: it was refused.
+            NotPossible: The call was refused.
         """
         answer = await self.ask(tool, arguments)
         if answer.refused:
-            raise NotPossible(f"the demo cannot go on: {answer.text}")
+            raise NotPossible(f"the demo cannot continue: {answer.text}")
         return answer.structured
 
     def _show(self, answer: _Answer, seconds: float) -> None:
@@ -102,7 +102,7 @@ def _say(console: Console, sentence: str) -> None:
 def run_demo(*, scenario: Path | None, map_file: Path | None, folder: Path) -> int:
     """Run the demo, from a CommonRoad file, an OpenStreetMap extract, or neither (the built-in maps).
 
-    Returns the exit status: 0, 1 where a stage that the rest needs was refused, or 2 where a given file is missing.
+    Returns the exit status: 0, 1 if a necessary stage was refused, or 2 if a given file is missing.
     """
     console = Console(highlight=False, width=min(Console().width, 118))
     for given in (scenario, map_file):
@@ -118,7 +118,7 @@ def run_demo(*, scenario: Path | None, map_file: Path | None, folder: Path) -> i
 
 
 def _free_folder(wanted: Path) -> Path:
-    """The folder, or one beside it with a number: an earlier demo is never overwritten."""
+    """Return the folder, or one with a number next to it, so that an earlier demo is never overwritten."""
     numbered = (wanted.with_name(f"{wanted.name}-{number}") for number in range(2, _KEPT_DEMOS))
     free = (folder for folder in (wanted, *numbered) if not folder.exists())
     return next(free, wanted.with_name(f"{wanted.name}-{time.time_ns()}"))
@@ -141,10 +141,10 @@ async def _demo(scenario: Path | None, map_file: Path | None, folder: Path, cons
         await _stages(session, scenario, map_file, folder)
         console.print()
         console.rule("[bold]Done[/bold]", align="left")
-        console.print(Text(f"{session.calls} calls took {session.seconds:.1f} s in all."))
+        console.print(Text(f"{session.calls} calls took {session.seconds:.1f} s in total."))
         console.print(Text(f"Report:    {folder / 'report.html'}"))
         console.print(Text(f"Pictures, animation and scenarios: {folder}"))
-        console.print(Text(f"All that was made is kept in {workspace}; go on with it:"))
+        console.print(Text(f"All artifacts are in {workspace}; continue with:"))
         console.print(Text(f"  plannerforge call list_artifacts --workspace {workspace}"))
 
 
@@ -159,27 +159,27 @@ async def _stages(session: _DemoSession, scenario: Path | None, map_file: Path |
 
 
 async def _begin(session: _DemoSession, scenario: Path | None, map_file: Path | None) -> str:
-    """Get a scenario: from the given file, from the given map, or from a built-in map. Returns its id."""
+    """Import or generate a scenario from the given file, the given map, or a built-in map, and return its id."""
     if scenario is not None:
-        session.stage("Import", f"Take in the CommonRoad file {scenario.name}.")
+        session.stage("Import", f"Import the CommonRoad file {scenario.name}.")
         imported = await session.must("import_files", {"path": str(scenario.resolve())})
         return str(imported["items"][0]["artifact_id"])
     wanted: dict[str, Any] = {"scenario_type": "signalised_intersection", "density": "medium"}
-    sentence = "Cut a signalised crossing out of a built-in map and fill it with traffic, two trucks among it."
+    sentence = "Cut a signalised crossing out of a built-in map and fill it with traffic, including two trucks."
     if map_file is not None:
-        session.stage("Import", f"Take in the OpenStreetMap extract {map_file.name}.")
+        session.stage("Import", f"Import the OpenStreetMap extract {map_file.name}.")
         imported = await session.must("import_files", {"path": str(map_file.resolve())})
         wanted = {"place": imported["items"][0]["artifact_id"], "density": "medium"}
-        sentence = "Find a site on that map and fill it with traffic, two trucks among it."
+        sentence = "Find a site on that map and fill it with traffic, including two trucks."
     session.stage("Generate", sentence)
     made = await session.must("generate_scenarios", {**wanted, "vehicles": ["truck=2"], "seed": 7})
     return str(made["scenarios"][0]["scenario_id"])
 
 
 async def _choose(session: _DemoSession) -> None:
-    """Search the catalogue, by facts and by text."""
+    """Search the catalogue by facts and by text."""
     session.stage(
-        "Select", "Search the catalogue: at least one truck, best match first for a text (loads the embedding model)."
+        "Select", "Search the catalogue: at least one truck, best match for a text first (loads the embedding model)."
     )
     await session.ask("describe_catalog", {})
     await session.ask(
@@ -188,29 +188,29 @@ async def _choose(session: _DemoSession) -> None:
 
 
 async def _describe(session: _DemoSession, scenario_id: str) -> dict[str, Any]:
-    """Look at a scenario; returns the structured answer."""
-    session.stage("Describe", "What is in the scenario, in words and in ids that an edit can use?")
+    """Describe a scenario, and return the structured answer."""
+    session.stage("Describe", "The content of the scenario, with the ids that edits need.")
     return await session.must("describe_scenario", {"scenario_id": scenario_id, "detail": "vehicles"})
 
 
 async def _modify(session: _DemoSession, described: dict[str, Any]) -> str | None:
-    """Make one edit of each kind (trajectory, behaviour, population, goal); returns the new scenario's id."""
+    """Make one edit of each kind (trajectory, behaviour, population, goal), and return the new scenario's id."""
     session.stage("Modify", "One edit of each kind: a new route, an aggressive driver, an added vehicle, another goal.")
     edits = await _one_edit_of_each_kind(session, described)
     if not edits:
-        session.says("No edit is possible here; the runs go on with the scenario as it is.")
+        session.says("No edit is possible here; the runs use the unchanged scenario.")
         return None
     step = await session.ask("modify_scenario", {"scenario_id": described["scenario_id"], "edits": edits})
     return None if step.refused else str(step.structured["scenario_id"])
 
 
 async def _one_edit_of_each_kind(session: _DemoSession, described: dict[str, Any]) -> list[dict[str, Any]]:
-    """Edits T, B, P and G of which each, and all together, pass a dry run; fewer where the scenario allows fewer."""
+    """Return edits T, B, P and G that pass a dry run separately and together; fewer if the scenario allows fewer."""
     accepted: list[dict[str, Any]] = []
     for kind, candidates in _candidates(described).items():
         edit = await _first_possible(session, described["scenario_id"], accepted, candidates)
         if edit is None:
-            session.says(f"No {kind} is possible here after {min(len(candidates), _MOST_TRIES)} tries.")
+            session.says(f"No {kind} is possible here, after {min(len(candidates), _MOST_TRIES)} tries.")
         else:
             accepted.append(edit)
     return accepted
@@ -229,13 +229,13 @@ async def _first_possible(
             break
         refusals.append(f"{json.dumps(candidate)}: {step.text}")
     if refusals:
-        more = f" ({len(refusals)} such tries in all)" if len(refusals) > 1 else ""
+        more = f" ({len(refusals)} refused tries in total)" if len(refusals) > 1 else ""
         session.says(f"Refused in a dry run: {refusals[0]}{more}")
     return possible
 
 
 def _candidates(described: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """What may be tried, kind by kind, the best first."""
+    """Return candidate edits by kind, best first."""
     description = described["description"]
     moving = [str(vehicle["vehicle_id"]) for vehicle in description["vehicles"] if vehicle["moves"]]
     ego = description["ego"] or {"goal_lanelets": [], "route": []}
@@ -269,7 +269,7 @@ def _candidates(described: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 async def _configure_and_run(session: _DemoSession, scenarios: list[str]) -> tuple[str, str]:
-    """Run two configurations on every scenario; returns the batch's id and that of the run worth an animation."""
+    """Run two configurations on every scenario; return the id of the batch, and of the run for the animation."""
     session.stage("Run", f"Frenetix's default against its {_OTHER_PRESET} preset, on {len(scenarios)} scenarios.")
     made = await session.must("configure_planner", {"preset": _OTHER_PRESET})
     grid = {"scenarios": scenarios, "configs": [_BASE_CONFIG, made["config_id"]], "wait_s": 20}
@@ -284,19 +284,19 @@ async def _configure_and_run(session: _DemoSession, scenarios: list[str]) -> tup
 
 
 async def _compare(session: _DemoSession, batch_id: str, shown_run: str) -> None:
-    """Ask what got better, and what the figures say."""
-    session.stage("Compare and analyse", "What got better, what got worse, and what is the evidence?")
+    """Compare the configurations, and analyse the figures."""
+    session.stage("Compare and analyse", "What improved, what got worse, and what is the evidence?")
     await session.ask("compare_results", {"results": [batch_id]})
     analysed = await session.ask("analyze_results", {"results": [batch_id]})
     if trivial := analysed.structured.get("trivial"):
-        session.says(f"Goals met without driving say nothing of a planner: {', '.join(trivial['run_ids'])}.")
+        session.says(f"Goals reached without driving say nothing about a planner: {', '.join(trivial['run_ids'])}.")
     await session.ask("analyze_results", {"results": [shown_run], "detail": "timeline"})
 
 
 async def _draw_and_export(
     session: _DemoSession, folder: Path, scenarios: list[str], batch_id: str, shown_run: str
 ) -> None:
-    """Draw the scenarios and a run, and write everything into the user's folder."""
+    """Draw the scenarios and a run, and write everything to the user's folder."""
     session.stage("Draw and report", f"Pictures, an animation, and a report, written to {folder}.")
     await session.ask("render", {"ids": scenarios})
     await session.ask("render", {"ids": [shown_run], "kind": "animation"})

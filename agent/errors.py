@@ -1,17 +1,17 @@
-"""What ends a turn of the agent, and what to do about it.
+"""Errors that end a turn of the agent, and the user's next step.
 
     AgentError
-    ├── SettingsFault        a model, host or server that was named wrongly     (before anything is asked)
+    ├── SettingsFault        invalid model, host or server     (before any request)
     ├── ModelFailure         the model gives no answer
     │   ├── ModelUnreachable no server answers at the host
     │   ├── UnknownModel     the server has no such model
     │   ├── ModelRefused     the server answers with an error
-    │   ├── ModelSilent      nothing came for as long as may be waited
-    │   └── StreamCut        the answer broke off or cannot be read
+    │   ├── ModelSilent      no data arrived within the time limit
+    │   └── StreamCut        the answer was interrupted or cannot be read
     ├── ToolServerGone       the MCP server cannot be started or has ended
-    └── LimitReached         the turn took more rounds, tokens, time or repeated calls than it may
+    └── LimitReached         the turn exceeded its rounds, tokens, time or repeated calls
 
-The conversation outlives all of them: what was said and called before stands in the history.
+The conversation survives all of them: its history keeps all earlier messages and calls.
 """
 
 from collections.abc import Iterable
@@ -23,15 +23,15 @@ _SHOWN_VALUES = 12
 
 
 class AgentError(Exception):
-    """Base of all that ends a turn.
+    """Base of all errors that end a turn.
 
     Args:
-        message: what was wrong, naming what was given.
-        valid: what there is instead, the nearest first (at most twelve are told).
-        next_step: what to do next; by default what usually helps (``usual_step`` of the class).
+        message: The problem, including the given value.
+        valid: The valid alternatives, nearest first (at most twelve are shown).
+        next_step: The next step; by default the class's ``usual_step``.
     """
 
-    usual_step: ClassVar[str] = "say it again; the conversation is kept"
+    usual_step: ClassVar[str] = "repeat the request; the conversation is kept"
 
     def __init__(self, message: str, *, valid: Iterable[str] = (), next_step: str = "") -> None:
         self.message = one_line(message, 1000)
@@ -41,17 +41,17 @@ class AgentError(Exception):
 
     @property
     def text(self) -> str:
-        """The whole error in a line: what was wrong, what there is, what to do next."""
+        """The whole error in one line: the problem, the valid values, the next step."""
         more = len(self.valid) - _SHOWN_VALUES
         shown = ", ".join(self.valid[:_SHOWN_VALUES]) + (f" and {more} more" if more > 0 else "")
-        valid = f" There are: {shown}." if self.valid else ""
+        valid = f" Valid: {shown}." if self.valid else ""
         return f"{self.message.rstrip('.')}.{valid} Next: {self.next_step.rstrip('.')}."
 
 
 class SettingsFault(AgentError):
-    """A model, a server or a limit that was named wrongly."""
+    """An invalid model, server or limit."""
 
-    usual_step = "correct what is named and start again"
+    usual_step = "correct the setting and start again"
 
 
 class ModelFailure(AgentError):
@@ -61,38 +61,38 @@ class ModelFailure(AgentError):
 class ModelUnreachable(ModelFailure):
     """No model server answers at the host."""
 
-    usual_step = "start the model server, or name its address"
+    usual_step = "start the model server, or give its address"
 
 
 class UnknownModel(ModelFailure):
-    """The model server has no such model; ``valid`` names those that it has."""
+    """The model server has no such model; ``valid`` lists its models."""
 
-    usual_step = "take a model that there is"
+    usual_step = "choose an available model"
 
 
 class ModelRefused(ModelFailure):
     """The model server answered with an error."""
 
-    usual_step = "see what the server says; a smaller model or a shorter context may help"
+    usual_step = "read the server's message; a smaller model or a shorter context may help"
 
 
 class ModelSilent(ModelFailure):
-    """Nothing came of the model for as long as may be waited."""
+    """The model sent nothing within the time limit."""
 
-    usual_step = "say it again, or raise silence_s: a large model takes long to load"
+    usual_step = "repeat the request, or raise silence_s, since a large model takes long to load"
 
 
 class StreamCut(ModelFailure):
-    """The model's answer broke off, or cannot be read."""
+    """The model's answer was interrupted, or cannot be read."""
 
 
 class ToolServerGone(AgentError):
-    """The MCP server cannot be started, or has ended; it is started again with the next turn."""
+    """The MCP server cannot be started, or has ended; it restarts with the next turn."""
 
-    usual_step = "say it again: the server is started anew, and what was made is in its workspace"
+    usual_step = "repeat the request; the server restarts, and its workspace keeps all results"
 
 
 class LimitReached(AgentError):
-    """The turn took more rounds, tokens, time or repeated calls than it may."""
+    """The turn exceeded its rounds, tokens, time or repeated calls."""
 
-    usual_step = "say how to go on, or ask for less at once; the conversation is kept"
+    usual_step = "say how to continue, or request less at once; the conversation is kept"

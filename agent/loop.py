@@ -1,6 +1,6 @@
-"""The agent: a model that thinks, calls tools and looks at what comes back, until it answers.
+"""The agent: a model that thinks, calls tools and reads their answers, until it answers the user.
 
-Whatever goes wrong with a model, a call or the server ends the turn in words; the conversation goes on.
+Any failure of a model, a call or the server ends the turn with a message; the conversation continues.
 """
 
 import json
@@ -23,22 +23,22 @@ from .memory import History, SessionState, message_tokens
 from .models.interface import CallPart, ChatModel, Message, ModelFacts, RequestedCall, StreamEnd, TextPart, ThinkingPart
 
 Ending = Literal["answered", "asked", "refused", "failed", "interrupted"]
-"""How a turn ended: with an answer, a question back, a refusal of the model's own, broken off, or by the user."""
+"""How a turn ended: with an answer, a question, a refusal by the model, a failure, or an interruption by the user."""
 _RESERVED_SHARE = 0.25
-"""Of a model's context, kept free for its answer and for what tokenizers count otherwise; chosen."""
+"""Share of a model's context reserved for its answer and for differences between tokenizers (chosen)."""
 _LEAST_BUDGET_TOKENS = 1000
 _RUNAWAY_CHARACTERS = 8
-"""For each token that an answer may have: a server that does not keep to the bound is left there; chosen."""
+"""Characters per allowed token of an answer, after which a server that ignores the limit is cut off (chosen)."""
 _MOST_MALFORMED = 3
-"""Calls that cannot be read, one after the other; chosen."""
+"""Most consecutive unreadable calls (chosen)."""
 _MOST_REPEATS_REFUSED = 3
 _UNFINISHED = {"running", "queued", "pending", "waiting"}
-"""States of work that goes on: to look at it again and again is right."""
+"""States of unfinished work, which may be checked repeatedly."""
 
 
 @dataclass(frozen=True)
 class TurnLimits:
-    """What a turn may take; ``repeats``: how often the same call may give the same answer."""
+    """The limits of a turn; ``repeats``: how often the same call may give the same answer."""
 
     rounds: int = 24
     tokens: int = 500_000
@@ -51,14 +51,14 @@ class TurnLimits:
 
 @dataclass(frozen=True)
 class CallStarted:
-    """A call is being made."""
+    """A call has started."""
 
     call: RequestedCall
 
 
 @dataclass(frozen=True)
 class CallProgress:
-    """How far a call is: the share that is done, 0 to 1 (None: unknown), and what is being done."""
+    """Progress of a call: the completed share, 0 to 1 (None if unknown), and the current activity."""
 
     call: RequestedCall
     share: float | None
@@ -76,7 +76,7 @@ class CompletedCall:
 
 @dataclass(frozen=True)
 class Note:
-    """Something that the user should know of how the turn goes."""
+    """A message to the user about the progress of the turn."""
 
     text: str
 
@@ -87,10 +87,10 @@ Show = Callable[[AgentEvent], None]
 
 @dataclass(frozen=True)
 class TurnResult:
-    """What came of a turn.
+    """The result of a turn.
 
-    ``answer`` is the last text of the model, ``problem`` what went wrong in words for the user; tokens as the model's
-    server counted them, or estimated where it does not.
+    ``answer`` is the model's last text, ``problem`` describes a failure for the user; tokens are counted by the model's
+    server, or estimated.
     """
 
     answer: str
@@ -145,16 +145,16 @@ class _Turn:
         )
 
 
-def _unseen(event: AgentEvent) -> None:
+def _ignore_event(event: AgentEvent) -> None:
     del event
 
 
 class AgentSession:
-    """A conversation with a model that has tools; one turn at a time.
+    """A conversation with a model that has tools, one turn at a time.
 
     Args:
-        instructions: the system message in place of the agent's own, such as a prompt condition of the evaluation.
-        short: ask for short answers.
+        instructions: A system message that replaces the agent's own, such as a prompt condition of the evaluation.
+        short: True to request short answers.
     """
 
     def __init__(
@@ -181,25 +181,25 @@ class AgentSession:
 
     @property
     def history_tokens(self) -> int:
-        """What the conversation costs, in o200k_base tokens."""
+        """The cost of the conversation in o200k_base tokens."""
         return self._history.tokens
 
     def clear(self) -> None:
-        """Begin anew: forget the conversation and what was being worked on."""
+        """Start anew: forget the conversation and the current ids."""
         self._history.clear()
         self.state = SessionState()
 
     def interrupt(self) -> None:
-        """End the turn in progress, if there is one; what was said and called in it is kept."""
+        """End the turn in progress, if there is one; its messages and calls are kept."""
         if self._scope is not None:
             self._interrupted = True
             self._scope.cancel()
 
-    async def take_turn(self, text: str, show: Show = _unseen) -> TurnResult:
-        """Carry out what the user says; whatever goes wrong is in the result, and the conversation can go on.
+    async def take_turn(self, text: str, show: Show = _ignore_event) -> TurnResult:
+        """Fulfil the user's request; any failure is in the result, and the conversation can continue.
 
         Args:
-            show: is told of everything as it happens.
+            show: Receives every event as it happens.
         """
         turn = _Turn(show)
         self._history.begin_turn()
@@ -207,9 +207,9 @@ class AgentSession:
         self._interrupted = False
         try:
             with anyio.move_on_after(self._limits.turn_s) as self._scope:
-                await self._carry_out(turn)
+                await self._run_turn(turn)
             if self._interrupted:
-                turn.fail("Interrupted; what was done so far is kept.", "interrupted")
+                turn.fail("Interrupted; all work so far is kept.", "interrupted")
             elif self._scope.cancelled_caught:
                 limit = f"the turn took longer than {self._limits.turn_s:g} s"
                 turn.fail(LimitReached(limit).text)
@@ -221,11 +221,13 @@ class AgentSession:
         return turn.result()
 
     def _settle(self, turn: _Turn) -> None:
-        """Leave the history such that a model can go on from it: every call answered, the last word the assistant's."""
+        """Complete the history so that a model can continue: every call has an answer, and the assistant
+        speaks last.
+        """
         messages = self._history.messages
-        asked = [call for message in messages for call in message.calls]
+        requested = [call for message in messages for call in message.calls]
         answered = {message.call_id for message in messages if message.role == "tool"}
-        for call in asked:
+        for call in requested:
             if call.call_id not in answered:
                 self._history.append(_tool_message(call, "[not carried out: the turn ended before]"))
         last = self._history.messages[-1]
@@ -234,13 +236,13 @@ class AgentSession:
                 Message("assistant", f"[The turn ended without an answer: {turn.problem or 'broken off'}]")
             )
 
-    async def _carry_out(self, turn: _Turn) -> None:
+    async def _run_turn(self, turn: _Turn) -> None:
         if await self._tools.ready():
-            turn.show(Note("the MCP server was started again"))
+            turn.show(Note("the MCP server was restarted"))
         facts = await self._model.facts()
         while True:
             if turn.counted_rounds >= self._limits.rounds:
-                raise LimitReached(f"the model was asked {turn.counted_rounds} times without an answer to the end")
+                raise LimitReached(f"the model was called {turn.counted_rounds} times without reaching an answer")
             fitted = await self._history.fit(self._model, self._budget_tokens(facts))
             if fitted:
                 turn.show(Note(fitted))
@@ -248,47 +250,49 @@ class AgentSession:
             if turn.prompt_tokens + turn.completion_tokens > self._limits.tokens:
                 self._keep(reply.text, ())
                 raise LimitReached(f"the turn took more than {self._limits.tokens:,} tokens")
-            if not await self._went_on(turn, reply):
+            if not await self._process_reply(turn, reply):
                 return
 
-    async def _went_on(self, turn: _Turn, reply: _Reply) -> bool:
-        """Take a reply: make its calls, or ask for what is wrong with it; False where it was the answer."""
+    async def _process_reply(self, turn: _Turn, reply: _Reply) -> bool:
+        """Process a reply: make its calls, or ask for a correction; return False if it was the answer."""
         readable = tuple(call for call in reply.calls if call.arguments is not None)
         if reply.calls:
             unread = [call for call in reply.calls if call.arguments is None]
             self._keep(reply.text or "\n".join(call.written for call in unread)[:1000], readable)
             turn.malformed = turn.malformed + 1 if unread and not readable else 0
-            unfinished = [await self._called(turn, call) for call in readable]
+            unfinished = [await self._make_call(turn, call) for call in readable]
             if unread:
                 self._correct_malformed(turn, unread)
             turn.counted_rounds += not (unfinished and all(unfinished))
             return True
         turn.counted_rounds += 1
         turn.malformed = 0
-        wrong = self._what_is_wrong(turn, reply)
+        wrong = self._find_fault(turn, reply)
         if wrong is None:
-            self._answered(turn, reply.text)
+            self._accept_answer(turn, reply.text)
             return False
-        kind, told, asked, problem = wrong
-        self._keep(reply.text or f"[{told}]", ())
+        kind, notice, correction, problem = wrong
+        self._keep(reply.text or f"[{notice}]", ())
         if kind in turn.corrections:
             turn.answer = reply.text
             turn.fail(problem)
             return False
         turn.corrections.add(kind)
-        turn.show(Note(f"{told}; the model is asked once more"))
-        self._history.append(Message("user", asked))
+        turn.show(Note(f"{notice}; the model gets another try"))
+        self._history.append(Message("user", correction))
         return True
 
-    def _what_is_wrong(self, turn: _Turn, reply: _Reply) -> tuple[str, str, str, str] | None:
-        """Of a reply without calls: kind of fault, what user and model are told, how it ends if it stays; or None."""
-        again = "say it in other words, or take another model"
+    def _find_fault(self, turn: _Turn, reply: _Reply) -> tuple[str, str, str, str] | None:
+        """Check a reply without calls: return the kind of fault, the texts for user and model, and the final error; or
+        None.
+        """
+        again = "rephrase the request, or use another model"
         if reply.runaway:
             return (
                 "runaway",
-                "the answer came to no end and was left",
+                "the answer did not end and was cut",
                 "[That came to no end and was cut. Do not think long: make the next call, or answer briefly.]",
-                f"The model came to no end, twice. Next: {again}, or --think off.",
+                f"The model's answer did not end, twice. Next: {again}, or --think off.",
             )
         if not reply.text.strip():
             return (
@@ -301,32 +305,32 @@ class AgentSession:
         if tool:
             return (
                 "written call",
-                f"a call of {tool} was written as text and not made",
+                f"a call of {tool} was only written as text",
                 f"[That was text: no tool was called. Call {tool} as a tool call, not as text.]",
-                f"The model writes the call of {tool} as text and does not make it: nothing was done. Next: {again}.",
+                f"The model only wrote the call of {tool} as text, so nothing was done. Next: {again}.",
             )
         made = any(not done.answer.is_error for done in turn.calls)
         if not made and claims_work(reply.text) and "claim" not in turn.corrections:
             return (
                 "claim",
-                "the answer says that something was done, but no tool was called",
+                "the answer claims work, but no tool was called",
                 "[No tool was called in this turn: nothing was done. Make the call, or say that it was done before.]",
                 "",
             )
         return None
 
-    def _answered(self, turn: _Turn, text: str) -> None:
+    def _accept_answer(self, turn: _Turn, text: str) -> None:
         self._keep(text, ())
         turn.answer = text
         if text.lstrip("*_# ").lower().startswith(OUT_OF_SCOPE.lower()):
             turn.ending = "refused"
         elif text.rstrip("*_ \n").endswith("?") and not self._changed_something(turn):
-            turn.ending = "asked"  # and not the offer that follows upon work that is done
+            turn.ending = "asked"  # not an offer that follows completed work
         made = any(not done.answer.is_error for done in turn.calls)
         if not made and claims_work(text):
-            problem = "The answer says that something was done, but no tool was called in this turn: nothing was done."
+            problem = "The answer claims work, but no tool was called in this turn, so nothing was done."
             earlier = any(message.role == "tool" for message in self._history.messages)
-            turn.problem = f"{problem} Next: ask for it again, or take another model."
+            turn.problem = f"{problem} Next: repeat the request, or use another model."
             if not earlier:
                 turn.ending = "failed"
 
@@ -336,14 +340,14 @@ class AgentSession:
 
     def _correct_malformed(self, turn: _Turn, unread: Sequence[RequestedCall]) -> None:
         if turn.malformed >= _MOST_MALFORMED:
-            raise LimitReached(f"the model wrote {turn.malformed} calls one after the other that are no JSON")
+            raise LimitReached(f"the model wrote {turn.malformed} consecutive calls that are not JSON")
         names = ", ".join(call.tool for call in unread if call.tool) or "a tool"
-        turn.show(Note(f"a call of {names} could not be read; the model is asked to write it again"))
-        asked = f"[The call of {names} was not made: its arguments are no JSON object. Make the call again.]"
-        self._history.append(Message("user", asked))
+        turn.show(Note(f"a call of {names} could not be read; the model gets another try"))
+        correction = f"[The call of {names} was not made: its arguments are not a JSON object. Make the call again.]"
+        self._history.append(Message("user", correction))
 
     async def _ask(self, turn: _Turn) -> _Reply:
-        """Ask the model for its next message."""
+        """Request the model's next message."""
         prompt = Message("system", system_prompt(self._tools.instructions, short=self._short, given=self._instructions))
         messages = [prompt, *self._history.messages]
         think = False if "runaway" in turn.corrections else None
@@ -371,14 +375,14 @@ class AgentSession:
             raise
         text = "".join(texts)
         self._count(turn, messages, text, end)
-        numbered = tuple(self._own(call, number) for number, call in enumerate(calls))
+        numbered = tuple(self._normalise_call(call, number) for number, call in enumerate(calls))
         cut = characters > most_characters or (end is not None and end.cut)
         return _Reply(text, numbered, runaway=cut and not calls)
 
-    def _own(self, call: RequestedCall, number: int) -> RequestedCall:
-        """The call with an id that no other of the conversation has, and without what stands before a tool's name.
+    def _normalise_call(self, call: RequestedCall, number: int) -> RequestedCall:
+        """Return the call with an id that is unique in the conversation, and without a prefix of the tool's name.
 
-        Models write ``functions.render`` for ``render``, as some were taught: no other tool can be meant.
+        Some models were trained to write ``functions.render`` for ``render``; the tool is unambiguous.
         """
         call_id = f"{call.call_id}_{len(self._history.messages)}_{number}"
         last = re.split(r"[.:/]", call.tool)[-1]
@@ -397,7 +401,9 @@ class AgentSession:
         self._history.append(Message("assistant", text, calls))
 
     def _budget_tokens(self, facts: ModelFacts) -> int:
-        """What the history may cost: the setting, or what system message, tools and the answer leave of the context."""
+        """Return the token budget of the history: the setting, or what system message, tools and answer leave of the
+        context.
+        """
         if facts.context_tokens is None:
             return self._limits.history_tokens
         prompt = system_prompt(self._tools.instructions, short=self._short, given=self._instructions)
@@ -405,8 +411,8 @@ class AgentSession:
         left = int(facts.context_tokens * (1 - _RESERVED_SHARE)) - fixed
         return min(self._limits.history_tokens, max(left, _LEAST_BUDGET_TOKENS))
 
-    async def _called(self, turn: _Turn, call: RequestedCall) -> bool:
-        """Make a call and keep its answer; returns whether the answer is that work goes on."""
+    async def _make_call(self, turn: _Turn, call: RequestedCall) -> bool:
+        """Make a call and keep its answer; return True if the work is unfinished."""
         arguments = dict(call.arguments or {})
         known = [tool.name for tool in self._tools.tools]
         key = f"{call.tool} {json.dumps(arguments, sort_keys=True, ensure_ascii=False)}"
@@ -416,15 +422,15 @@ class AgentSession:
         started = time.perf_counter()
         if call.tool not in known:
             near = ", ".join(closest(call.tool, known)[:5])
-            told = f"There is no tool {quoted(call.tool)}. The nearest: {near}. Next: call a tool that there is."
-            answer = ToolAnswer(told, {}, is_error=True)
+            notice = f"There is no tool {quoted(call.tool)}. Nearest: {near}. Next: call an existing tool."
+            answer = ToolAnswer(notice, {}, is_error=True)
         elif repeated:
             turn.refused_repeats += 1
-            told = (
-                f"This call was made {len(before)} times with the same answer and is not made again. Next: use the "
+            notice = (
+                f"This call was made {len(before)} times with the same answer and is not repeated. Next: use the "
                 "answer, or call with other arguments."
             )
-            answer = ToolAnswer(told, {}, is_error=True)
+            answer = ToolAnswer(notice, {}, is_error=True)
         else:
             answer = await self._tools.call(
                 call.tool, arguments, lambda share, message: turn.show(CallProgress(call, share, message))
@@ -439,7 +445,7 @@ class AgentSession:
         if not answer.is_error:
             self.state = self.state.after(answer.structured)
         if turn.refused_repeats >= _MOST_REPEATS_REFUSED:
-            raise LimitReached(f"the model makes the same call again and again: {key[:200]}")
+            raise LimitReached(f"the model keeps repeating the same call: {key[:200]}")
         return unfinished
 
 

@@ -1,4 +1,4 @@
-"""What an agent keeps of a conversation: its messages within a budget of tokens, and what is being worked on."""
+"""The agent's memory of a conversation: its messages within a token budget, and the current ids."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -10,13 +10,13 @@ from .errors import ModelFailure
 from .models.interface import ChatModel, Message, RequestedCall, TextPart
 
 _MESSAGE_OVERHEAD = 6
-"""Tokens of the marks around a message; chosen, chat templates have 4 to 8."""
+"""Tokens of the marks around a message (chosen: chat templates have 4 to 8)."""
 _SUMMARISED_CHARACTERS, _LEAST_SUMMARISED_CHARACTERS = 3000, 200
-"""Of each message that is summarised, at most and at least; chosen: the ids and figures of an answer come first."""
+"""Most and least characters of each summarised message (chosen: ids and figures come first in an answer)."""
 _CHARACTERS_PER_TOKEN = 3
-"""Of text with ids and figures; chosen, o200k_base has about 3.3."""
+"""Characters per token of text with ids and figures (chosen: o200k_base has about 3.3)."""
 _SHORTENED_CHARACTERS = 400
-"""That are kept of an answer that has to make room; chosen."""
+"""Characters of a shortened answer (chosen)."""
 _SUMMARISE = (
     "Summarise the conversation below for yourself, in at most 300 words: what the user wants, what was made (with all "
     "ids exactly as written), the figures that matter, what was refused, what is still open. Write the summary only."
@@ -27,7 +27,7 @@ LEFT_OUT_MARK = "[Earlier messages were left out for want of room]"
 
 @dataclass(frozen=True)
 class SessionState:
-    """The ids that are being worked on, by what they are; empty where there is none yet."""
+    """The current ids by kind; empty if there is no artifact yet."""
 
     scenario: str = ""
     configuration: str = ""
@@ -37,7 +37,7 @@ class SessionState:
     job: str = ""
 
     def after(self, structured: Mapping[str, Any]) -> "SessionState":
-        """The state after an answer of a tool, from the ids in its structure."""
+        """Return the state after a tool's answer, from the ids in its structure."""
         found = {
             "scenario": structured.get("scenario_id") or _first_of(structured.get("scenarios"), "scenario_id"),
             "configuration": structured.get("config_id"),
@@ -50,10 +50,10 @@ class SessionState:
 
     @property
     def line(self) -> str:
-        """The state in a line for the model; empty where nothing is known yet."""
+        """The state in one line for the model; empty if nothing is known yet."""
         known = {field.name: getattr(self, field.name) for field in fields(self)}
-        told = ", ".join(f"{name} {value}" for name, value in known.items() if value)
-        return f"[Being worked on: {told}]" if told else ""
+        known_text = ", ".join(f"{name} {value}" for name, value in known.items() if value)
+        return f"[Being worked on: {known_text}]" if known_text else ""
 
 
 def _first_of(items: Any, key: str) -> Any:
@@ -62,7 +62,7 @@ def _first_of(items: Any, key: str) -> Any:
 
 
 class History:
-    """The messages of a conversation behind its system message, and what each costs in tokens."""
+    """The messages of a conversation after its system message, and the token cost of each."""
 
     def __init__(self, messages: Sequence[Message] = ()) -> None:
         self._messages: list[Message] = []
@@ -73,16 +73,16 @@ class History:
 
     @property
     def messages(self) -> tuple[Message, ...]:
-        """All messages, the oldest first."""
+        """All messages, oldest first."""
         return tuple(self._messages)
 
     @property
     def tokens(self) -> int:
-        """What the messages cost together, in o200k_base tokens."""
+        """The total cost of the messages in o200k_base tokens."""
         return sum(self._tokens)
 
     def begin_turn(self) -> None:
-        """From here on, messages belong to the user's new turn, which is never summarised before it ends."""
+        """Start the user's new turn; its messages are never summarised before it ends."""
         self._turn_start = len(self._messages)
 
     def append(self, message: Message) -> None:
@@ -91,14 +91,14 @@ class History:
         self._tokens.append(message_tokens(message))
 
     def clear(self) -> None:
-        """Forget all."""
+        """Forget all messages."""
         self._messages, self._tokens, self._turn_start = [], [], 0
 
     async def fit(self, model: ChatModel, budget_tokens: int) -> str:
-        """Make the messages fit a budget; returns what was done, in a sentence for the user, or nothing.
+        """Make the messages fit a budget; return a sentence for the user on what was done, or an empty text.
 
-        What was before the turn is summarised by the model; where it cannot, it is left out. Where the turn alone is
-        too long, its older answers of tools are shortened.
+        The model summarises what precedes the turn; if it cannot, that part is dropped. If the turn alone is too long,
+        its older tool answers are shortened.
         """
         done = []
         if self.tokens > budget_tokens and self._turn_start:
@@ -108,13 +108,13 @@ class History:
                 summary = f"{SUMMARY_MARK}\n{await _summary(model, before, budget_tokens)}"
                 what = "summarised"
             except ModelFailure:
-                summary, what = LEFT_OUT_MARK, "left out, since the model gave no summary"
+                summary, what = LEFT_OUT_MARK, "dropped, since the model gave no summary"
             kept = [Message("user", summary), Message("assistant", "Understood.")]
             self._replace([*kept, *turn], turn_start=len(kept))
-            done.append(f"the conversation before was {what} ({old_tokens:,} tokens became {self.tokens:,})")
+            done.append(f"the earlier conversation was {what} ({old_tokens:,} tokens became {self.tokens:,})")
         if self.tokens > budget_tokens:
             shortened = self._shorten_answers(budget_tokens)
-            done += [f"{shortened} older answers of tools were shortened to make room"] if shortened else []
+            done += [f"{shortened} older tool answers were shortened to save space"] if shortened else []
         return "; ".join(done)
 
     def _replace(self, messages: Sequence[Message], *, turn_start: int) -> None:
@@ -136,7 +136,7 @@ class History:
 
 
 def message_tokens(message: Message) -> int:
-    """What a message costs, in o200k_base tokens, the marks around it included (an estimate for other tokenizers)."""
+    """Return the cost of a message in o200k_base tokens, including its marks (an estimate for other tokenizers)."""
     calls = "".join(
         f"{call.tool}{json.dumps(dict(call.arguments or {}), ensure_ascii=False)}" for call in message.calls
     )
@@ -144,30 +144,30 @@ def message_tokens(message: Message) -> int:
 
 
 async def _summary(model: ChatModel, messages: Sequence[Message], budget_tokens: int) -> str:
-    """What the model says of the messages, of each of which it is shown so much that all fit the budget."""
+    """Return the model's summary of the messages, each cut so that all fit the budget."""
     share = budget_tokens * _CHARACTERS_PER_TOKEN // len(messages)
     longest = max(_LEAST_SUMMARISED_CHARACTERS, min(_SUMMARISED_CHARACTERS, share))
-    told = "\n".join(_told(message, longest) for message in messages)
-    asked = [Message("system", _SUMMARISE), Message("user", told)]
-    parts = [event.text async for event in model.stream(asked, think=False) if isinstance(event, TextPart)]
+    known_text = "\n".join(_transcript_line(message, longest) for message in messages)
+    prompt = [Message("system", _SUMMARISE), Message("user", known_text)]
+    parts = [event.text async for event in model.stream(prompt, think=False) if isinstance(event, TextPart)]
     summary = "".join(parts).strip()
     if not summary:
         raise ModelFailure("the model gave no summary")
     return summary
 
 
-def _told(message: Message, longest: int) -> str:
-    calls = "".join(f" [calls {_called(call)}]" for call in message.calls)
+def _transcript_line(message: Message, longest: int) -> str:
+    calls = "".join(f" [calls {_format_call(call)}]" for call in message.calls)
     speaker = f"answer of {message.tool}" if message.role == "tool" else message.role
     return f"{speaker}: {message.text[:longest]}{calls}"
 
 
-def _called(call: RequestedCall) -> str:
+def _format_call(call: RequestedCall) -> str:
     return f"{call.tool} {json.dumps(dict(call.arguments or {}), ensure_ascii=False)}"
 
 
 def as_json(message: Message) -> str:
-    """A message as a line of JSON, for a file."""
+    """Return a message as a line of JSON for a file."""
     record: dict[str, Any] = {"role": message.role, "text": message.text}
     if message.calls:
         record["calls"] = [
@@ -180,10 +180,10 @@ def as_json(message: Message) -> str:
 
 
 def from_json(line: str) -> Message:
-    """The message of such a line.
+    """Return the message in such a line.
 
     Raises:
-        ValueError: it is none.
+        ValueError: The line is not a message.
     """
     try:
         record = json.loads(line)
@@ -192,4 +192,4 @@ def from_json(line: str) -> Message:
         )
         return Message(record["role"], record["text"], calls, record.get("call_id", ""), record.get("tool", ""))
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"no message: {error!r}") from error
+        raise ValueError(f"not a message: {error!r}") from error

@@ -1,4 +1,4 @@
-"""Conversations in the workspace: one folder each, with the messages as JSON lines and the pictures beside them."""
+"""Stores conversations in the workspace: one folder each, with the messages as JSON lines and the pictures."""
 
 import json
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _ENDINGS = {"image/png": ".png", "image/gif": ".gif", "image/jpeg": ".jpg", "ima
 
 
 def server_log(workspace: Path) -> Path | None:
-    """The file for what a server writes to its standard error, in a folder that is made; None where it cannot be."""
+    """Return the file for a server's standard error, and create its folder; None if that is impossible."""
     try:
         make_private(workspace / _FOLDER)
     except ResourceFailure:
@@ -26,14 +26,14 @@ def server_log(workspace: Path) -> Path | None:
 
 
 class ChatRecord:
-    """A conversation's folder; made when something is first written."""
+    """A conversation's folder, which is created at the first write."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
     @classmethod
     def begin(cls, workspace: Path, now: datetime) -> "ChatRecord":
-        """A new conversation, named after the time at which it begins."""
+        """Return a new conversation, with its start time as its name."""
         chats = workspace / _FOLDER
         name = f"{now:%Y-%m-%d-%H%M%S}"
         names = (name, *(f"{name}-{number}" for number in range(2, 100)))
@@ -41,28 +41,28 @@ class ChatRecord:
 
     @classmethod
     def newest(cls, workspace: Path) -> "ChatRecord":
-        """The conversation that was begun last.
+        """Return the latest conversation.
 
         Raises:
-            SettingsFault: there is none.
+            SettingsFault: There is no earlier conversation.
         """
         found = sorted(workspace.glob(f"{_FOLDER}/*/{_FILE}"))
         if not found:
-            raise SettingsFault(f"there is no earlier chat in {workspace / _FOLDER}", next_step="begin one anew")
+            raise SettingsFault(f"there is no earlier chat in {workspace / _FOLDER}", next_step="start a new one")
         return cls(found[-1].parent)
 
     def save(self, messages: Sequence[Message], state: SessionState) -> None:
-        """Write the conversation down as it stands, whole or not at all."""
+        """Write the current conversation to its file, either completely or not at all."""
         self._make_folder()
         lines = [json.dumps({"state": asdict(state)}), *(as_json(message) for message in messages)]
         text = "".join(f"{line}\n" for line in lines)
         write_whole(self.folder / _FILE, lambda path: path.write_text(text, encoding="utf-8"))
 
     def load(self) -> tuple[tuple[Message, ...], SessionState]:
-        """The messages and what was being worked on.
+        """Return the messages and the current ids.
 
         Raises:
-            SettingsFault: the file cannot be read.
+            SettingsFault: The file cannot be read.
         """
         path = self.folder / _FILE
         try:
@@ -70,10 +70,10 @@ class ChatRecord:
             state = SessionState(**{name: str(value) for name, value in json.loads(first)["state"].items()})
             return tuple(from_json(line) for line in lines), state
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise SettingsFault(f"the chat {path} cannot be read: {error}", next_step="begin one anew") from error
+            raise SettingsFault(f"the chat {path} cannot be read: {error}", next_step="start a new one") from error
 
     def save_picture(self, data: bytes, mime_type: str) -> Path:
-        """Write a picture down; returns its file, numbered in the order of the conversation."""
+        """Write a picture and return its file, numbered in the order of the conversation."""
         self._make_folder()
         number = 1 + len(list(self.folder.glob("picture-*")))
         path = self.folder / f"picture-{number}{_ENDINGS.get(mime_type, '.bin')}"

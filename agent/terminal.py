@@ -28,25 +28,27 @@ from .records import ChatRecord, server_log
 from .settings import AgentSettings
 
 _SHOWN_LINES, _SHOWN_CHARACTERS = 6, 200
-"""Of an answer of a tool, and of a line of it or of arguments; chosen: the model tells the rest."""
+"""Shown lines of a tool's answer, and shown characters of a line or of arguments (chosen: the model reports
+the rest).
+"""
 _FILE_WIDTH, _INDENT = 118, 10
-"""Lines of answers are cut at the width of the terminal, or at this where there is none; chosen."""
+"""Answers' lines are cut at the width of the terminal, or at this width without a terminal (chosen)."""
 _EXIT_STATUS: dict[Ending, int] = {"answered": 0, "failed": 1, "refused": 3, "asked": 4, "interrupted": 130}
 CANNOT_BEGIN = 2
-"""Exit status where the model or the server cannot be had."""
+"""Exit status if the model or the server is unavailable."""
 _HELP = """\
 /help     this list
-/history  what was said and called so far
-/state    what is being worked on, and what the conversation costs
-/clear    begin anew
+/history  earlier messages and calls
+/state    current ids, and the size of the conversation
+/clear    start anew
 /quit     leave (also Ctrl-D)
-Ctrl-C ends the answer in progress; what was said and done is kept."""
+Ctrl-C ends the current answer; messages and work so far are kept."""
 ReadLine = Callable[[str], str]
-"""Asks for a line; raises EOFError at the end and KeyboardInterrupt where the user breaks off."""
+"""Requests a line; raises EOFError at the end, and KeyboardInterrupt if the user interrupts."""
 
 
 class TurnView:
-    """Shows a turn as it happens: text as it comes, calls with their progress, pictures as files."""
+    """Shows a turn as it happens: streamed text, calls with their progress, pictures as files."""
 
     def __init__(self, console: Console, record: ChatRecord, *, show_thinking: bool = False) -> None:
         self._console, self._show_thinking = console, show_thinking
@@ -76,11 +78,11 @@ class TurnView:
             self._line(Text(f"  note: {event.text}", style="yellow"))
 
     def begin(self) -> None:
-        """The model has been asked."""
+        """Show that the model has been called."""
         self._wait("waiting for the model")
 
     def end(self, result: TurnResult) -> None:
-        """The turn has ended; says what went wrong, if something did, and what it took."""
+        """Show the problem, if there is one, and the cost of an ended turn."""
         self._line(None)
         if result.problem:
             style = "yellow" if result.ending in ("answered", "interrupted") else "bold red"
@@ -104,22 +106,22 @@ class TurnView:
             try:
                 path = self.record.save_picture(picture.data, picture.mime_type)
             except (PlannerForgeError, OSError) as error:
-                self._line(Text(f"    the picture cannot be written to {self.record.folder}: {error}", style="yellow"))
+                self._line(Text(f"    cannot write the picture to {self.record.folder}: {error}", style="yellow"))
                 continue
             self._line(Text.assemble("    picture: ", (str(path), f"link {path.as_uri()}")))
         self._wait("waiting for the model")
 
     def _progress(self, event: CallProgress) -> None:
         share = f"{event.share:.0%} " if event.share is not None else ""
-        told = one_line(f"{share}{event.message}") or "working"
+        shown = one_line(f"{share}{event.message}") or "working"
         if self._console.is_terminal:
-            self._wait(f"{event.call.tool}: {told}")
+            self._wait(f"{event.call.tool}: {shown}")
         elif event.message and event.message != self._last_progress:
             self._last_progress = event.message
-            self._line(Text(f"    {told}", style="dim"))
+            self._line(Text(f"    {shown}", style="dim"))
 
     def _wait(self, what: str) -> None:
-        """Show that something is being done; on a terminal only."""
+        """Show the current activity; only on a terminal."""
         if self._in_text or not self._console.is_terminal:
             return
         if self._status is None:
@@ -134,7 +136,7 @@ class TurnView:
         self._console.print(text, end="", soft_wrap=True)
 
     def _line(self, text: Text | None) -> None:
-        """A line of its own, below a text that was being streamed."""
+        """Print a separate line, below any streamed text."""
         self._stop_waiting()
         if self._in_text:
             self._console.print()
@@ -149,7 +151,7 @@ class TurnView:
 
 
 @dataclass(frozen=True)
-class _Opened:
+class _OpenSession:
     session: AgentSession
     greeting: str
 
@@ -157,15 +159,15 @@ class _Opened:
 def run_request(
     settings: AgentSettings, request: str, *, workspace: Path, console: Console, show_thinking: bool = False
 ) -> int:
-    """Carry out one request and print what happens.
+    """Fulfil one request and print the steps.
 
-    Returns the exit status: 0 answered, 1 failed, 2 the model or the server cannot be had, 3 refused as out of scope,
-    4 asked back, 130 interrupted.
+    Returns the exit status: 0 answered, 1 failed, 2 the model or the server is unavailable, 3 refused as out of scope,
+    4 asked a question, 130 interrupted.
     """
 
     async def carry_out() -> int:
         record = ChatRecord.begin(workspace, _now())
-        async with _opened(settings, workspace) as opened:
+        async with _open_session(settings, workspace) as opened:
             console.print(Text(opened.greeting, style="dim"), soft_wrap=True)
             result = await _turn(opened.session, request, TurnView(console, record, show_thinking=show_thinking))
             return _EXIT_STATUS[result.ending]
@@ -182,24 +184,24 @@ def run_chat(
     show_thinking: bool = False,
     read_line: ReadLine | None = None,
 ) -> int:
-    """Talk with the agent until the user leaves; the conversation is kept in the workspace.
+    """Chat with the agent until the user leaves; the conversation is stored in the workspace.
 
-    Returns the exit status: 0, or 2 where the model or the server cannot be had.
+    Returns the exit status: 0, or 2 if the model or the server is unavailable.
     """
     ask = read_line or _line_reader(console)
 
     async def talk() -> int:
         record = ChatRecord.newest(workspace) if resume else ChatRecord.begin(workspace, _now())
         view = TurnView(console, record, show_thinking=show_thinking)
-        async with _opened(settings, workspace, record if resume else None) as opened:
+        async with _open_session(settings, workspace, record if resume else None) as opened:
             console.print(Text(opened.greeting, style="dim"), soft_wrap=True)
             if resume:
-                before = f"Going on with {record.folder.name}: {len(opened.session.messages)} messages."
+                before = f"Continuing {record.folder.name}: {len(opened.session.messages)} messages."
                 console.print(Text(f"{before} {opened.session.state.line.strip('[]')}", style="dim"), soft_wrap=True)
-            console.print(Text("Say what you need; /help lists what else there is.", style="dim"))
+            console.print(Text("Say what you need; /help lists the commands.", style="dim"))
             await _conversation(opened.session, view, console, ask)
         if view.record.folder.exists():
-            console.print(Text(f"The conversation is kept in {view.record.folder}.", style="dim"), soft_wrap=True)
+            console.print(Text(f"The conversation is stored in {view.record.folder}.", style="dim"), soft_wrap=True)
         return 0
 
     return _run(talk, console)
@@ -229,35 +231,35 @@ def _save(session: AgentSession, record: ChatRecord, console: Console) -> None:
     try:
         record.save(session.messages, session.state)
     except (PlannerForgeError, OSError) as error:
-        told = f"The conversation cannot be kept in {record.folder}: {error}"
-        console.print(Text(told, style="yellow"), soft_wrap=True)
+        shown = f"The conversation cannot be stored in {record.folder}: {error}"
+        console.print(Text(shown, style="yellow"), soft_wrap=True)
 
 
 def _command(line: str, session: AgentSession, view: TurnView, console: Console) -> None:
     if line == "/help":
         console.print(Text(_HELP))
     elif line == "/history":
-        told = [_told(message) for message in session.messages]
-        console.print(Text("\n".join(told) or "Nothing was said yet."), soft_wrap=True)
+        shown = [_format_message(message) for message in session.messages]
+        console.print(Text("\n".join(shown) or "No messages yet."), soft_wrap=True)
     elif line == "/state":
-        console.print(Text(session.state.line.strip("[]") or "Nothing is being worked on yet."), soft_wrap=True)
+        console.print(Text(session.state.line.strip("[]") or "No current ids yet."), soft_wrap=True)
         console.print(Text(f"The conversation has {session.history_tokens:,} tokens."))
     elif line == "/clear":
         session.clear()
         view.record = ChatRecord.begin(view.record.folder.parent.parent, _now())
-        console.print(Text("Begun anew; the conversation before stays in its folder."))
+        console.print(Text("Started anew; the earlier conversation stays in its folder."))
     else:
-        console.print(Text(f"There is no {one_line(line)}.\n{_HELP}"))
+        console.print(Text(f"There is no command {one_line(line)}.\n{_HELP}"))
 
 
-def _told(message: Message) -> str:
+def _format_message(message: Message) -> str:
     calls = [f"{call.tool} {json.dumps(dict(call.arguments or {}), ensure_ascii=False)}" for call in message.calls]
     speaker = f"  answer of {message.tool}" if message.role == "tool" else message.role
     return one_line("; ".join(filter(None, [f"{speaker}: {message.text}".rstrip(), *calls])), _SHOWN_CHARACTERS)
 
 
 async def _turn(session: AgentSession, text: str, view: TurnView) -> TurnResult:
-    """A turn that Ctrl-C ends."""
+    """Run a turn that Ctrl-C can end."""
     loop = asyncio.get_running_loop()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -273,7 +275,7 @@ async def _turn(session: AgentSession, text: str, view: TurnView) -> TurnResult:
 
 @contextmanager
 def _on_interrupt(handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """What Ctrl-C does in the block; else it would cancel the whole program's task."""
+    """Set the effect of Ctrl-C for the block, which would otherwise cancel the whole program's task."""
     before = signal.signal(signal.SIGINT, handler)
     try:
         yield
@@ -282,10 +284,10 @@ def _on_interrupt(handler: Callable[[int, FrameType | None], object]) -> Iterato
 
 
 @asynccontextmanager
-async def _opened(
+async def _open_session(
     settings: AgentSettings, workspace: Path, resumed: ChatRecord | None = None
-) -> AsyncIterator[_Opened]:
-    """A session with the model and the server of the settings."""
+) -> AsyncIterator[_OpenSession]:
+    """Yield a session with the model and the server of the settings."""
     model = open_model(settings.model, settings.for_model())
     try:
         facts = await model.facts()
@@ -303,7 +305,7 @@ async def _opened(
                 history=messages,
             )
             session.state = state or session.state
-            yield _Opened(session, _greeting(settings, model.name, small, len(connection.tools)))
+            yield _OpenSession(session, _greeting(settings, model.name, small, len(connection.tools)))
     finally:
         await model.close()
 
@@ -328,7 +330,7 @@ def _greeting(settings: AgentSettings, model: str, small: str, tool_count: int) 
 
 
 def _line_reader(console: Console) -> ReadLine:
-    """Reads lines of standard input; with history and editing on a terminal, echoed where it is none."""
+    """Return a reader of standard input, with history and editing on a terminal, and with an echo otherwise."""
     if not sys.stdin.isatty():
 
         def read_and_echo(prompt: str) -> str:
@@ -349,7 +351,7 @@ def _now() -> datetime:
 
 
 def _run(work: Callable[[], Awaitable[int]], console: Console) -> int:
-    """Run to the end; what keeps it from beginning is printed."""
+    """Run to the end, and print an error that prevents the start."""
     try:
         return anyio.run(work)
     except AgentError as error:

@@ -1,7 +1,7 @@
-"""Schemas of tools for small models: flat, without references, with bounds and defaults in words.
+"""Schemas of tools for small models: flat, without references, with bounds and defaults in descriptions.
 
-Model servers pass on the type, the items, the description and the choices of a property and drop the rest, so what a
-model has to know of it stands in the description.
+Model servers forward only the type, the items, the description and the choices of a property, so everything that a
+model must know about it belongs in the description.
 """
 
 from collections.abc import Mapping
@@ -21,11 +21,11 @@ _WORDS = {
 }
 _KEPT = ("type", "description", "enum", "items", "properties", "required", "additionalProperties")
 _DEEPEST = 8
-"""Nesting of references at most: a schema may refer to itself; chosen."""
+"""Deepest nesting of references, since a schema may refer to itself (chosen)."""
 
 
 def flattened(schema: Mapping[str, Any]) -> dict[str, Any]:
-    """The schema of an object with references inlined, null arms dropped, bounds and defaults told in descriptions."""
+    """Return an object's schema with references inlined, null arms dropped, and bounds and defaults in descriptions."""
     definitions = schema.get("$defs", {})
     flat = _flat(schema, definitions, 0)
     flat.pop("description", None)
@@ -41,10 +41,10 @@ def _flat(schema: Mapping[str, Any], definitions: Mapping[str, Any], depth: int)
         flat["items"] = _flat(flat["items"], definitions, depth + 1)
     if isinstance(flat.get("properties"), Mapping):
         flat["properties"] = {name: _flat(part, definitions, depth + 1) for name, part in flat["properties"].items()}
-    told = [words.format(schema[key]) for key, words in _WORDS.items() if schema.get(key) not in (None, "", [])]
-    if told:
+    notes = [words.format(schema[key]) for key, words in _WORDS.items() if schema.get(key) not in (None, "", [])]
+    if notes:
         described = str(flat.get("description", "")).rstrip(". ")
-        flat["description"] = f"{described} ({', '.join(told)})".strip()
+        flat["description"] = f"{described} ({', '.join(notes)})".strip()
     return flat
 
 
@@ -58,22 +58,22 @@ def _resolved(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapp
     name = str(schema.get("$ref", "")).rpartition("/")[2]
     if not name:
         return schema
-    beside = {key: value for key, value in schema.items() if key != "$ref"}
-    return {**definitions.get(name, {}), **beside}
+    others = {key: value for key, value in schema.items() if key != "$ref"}
+    return {**definitions.get(name, {}), **others}
 
 
 def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A schema with ``anyOf`` as one: the single arm that is not null, or the types of all arms together."""
+    """Merge a schema's ``anyOf``: the single arm that is not null, or the types of all arms together."""
     arms = [_resolved(arm, definitions) for arm in schema.get("anyOf", schema.get("oneOf", ()))]
     arms = [_with_choices(arm) for arm in arms if arm.get("type") != "null"]
-    beside = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
-    if isinstance(beside.get("type"), list):
-        types = [kind for kind in beside["type"] if kind != "null"]
-        beside["type"] = types[0] if len(types) == 1 else types
+    others = {key: value for key, value in schema.items() if key not in ("anyOf", "oneOf")}
+    if isinstance(others.get("type"), list):
+        types = [kind for kind in others["type"] if kind != "null"]
+        others["type"] = types[0] if len(types) == 1 else types
     if not arms:
-        return beside
+        return others
     if len(arms) == 1:
-        return {**arms[0], **beside}
+        return {**arms[0], **others}
     together = dict(arms[0])
     types = list(dict.fromkeys(str(arm["type"]) for arm in arms if "type" in arm))
     choices = [choice for arm in arms for choice in arm.get("enum", ())]
@@ -83,4 +83,4 @@ def _without_null(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> 
         together.pop("enum", None)
     if types:
         together["type"] = types[0] if len(types) == 1 else types
-    return {**together, **beside}
+    return {**together, **others}

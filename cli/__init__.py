@@ -1,1 +1,1 @@
-"""The command line: what each command does, and the flags that they share."""
+"""The command line: the commands and the flags that they share."""

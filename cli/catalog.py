@@ -1,4 +1,4 @@
-"""``plannerforge catalog add | fetch``: filling the catalogue from a folder or from an archive on the internet."""
+"""``plannerforge catalog add | fetch``: adds scenarios to the catalogue from a folder or a downloaded archive."""
 
 import json
 from pathlib import Path
@@ -13,22 +13,24 @@ catalog = typer.Typer(name="catalog", help="Fill the catalogue with CommonRoad s
 
 @catalog.command()
 def add(
-    folder: Annotated[Path, typer.Argument(help="A CommonRoad file, or a folder with files in any depth.")],
+    folder: Annotated[Path, typer.Argument(help="A CommonRoad file, or a folder that is searched recursively.")],
     workspace: Workspace = None,
     workers: Workers = None,
 ) -> None:
-    """Take in CommonRoad files; what is refused is named, the rest goes in. Again: only what is new or changed."""
+    """Import CommonRoad files. Reports the files that it refuses and imports the rest; a repeated call imports only
+    changes.
+    """
     raise typer.Exit(_import(folder, workspace, workers))
 
 
 @catalog.command()
 def fetch(
-    url: Annotated[str, typer.Argument(help="http(s) address of a .zip with CommonRoad files, or of one .xml file.")],
+    url: Annotated[str, typer.Argument(help="http(s) address of a .zip of CommonRoad files, or of one .xml file.")],
     sha256: Annotated[str, typer.Option(help="SHA-256 that the download must have, in hexadecimal.")],
     workspace: Workspace = None,
     workers: Workers = None,
 ) -> None:
-    """Download an archive, check its hash, and take in its scenarios."""
+    """Download an archive, check its hash, and import its scenarios."""
     from rich.console import Console
     from rich.progress import Progress
 

@@ -1,4 +1,4 @@
-"""``plannerforge check FILE…``: run the rules for road networks on CommonRoad files."""
+"""``plannerforge check FILE…``: checks CommonRoad files against the rules for road networks."""
 
 import json
 import sys
@@ -11,11 +11,11 @@ from rich.table import Column, Table
 from ..schemas.scenarios import CheckedFile
 
 _SHOWN_IDS = 4
-"""Ids that a line lists of one finding; chosen."""
+"""Ids that a line lists per finding (chosen)."""
 
 
 def check_files(paths: Sequence[Path], *, as_json: bool) -> int:
-    """Check every file and print what was found; 0 where no rule found an error, otherwise 1."""
+    """Check every file and print the findings; return 0 if no rule found an error, otherwise 1."""
     from ..engine.network import check_file
 
     checked = [check_file(path) for path in paths]
@@ -62,7 +62,7 @@ def _ids(elements: tuple[int, ...]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text of a file, which must not be taken for rich's markup."""
+    """Escape text of a file, which must not be read as rich's markup."""
     from rich.markup import escape
 
     return escape(text)

@@ -1,4 +1,4 @@
-"""The commands of clients: the demo, and the agent with its chat; the entry point is in ``cli/main.py``."""
+"""The client commands: the demo, the agent and its chat. The entry point is in ``cli/main.py``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,18 +12,18 @@ __all__ = ["application"]
 
 
 Model = Annotated[str | None, typer.Option(help="ollama:MODEL, or openai:MODEL@URL.")]
-Host = Annotated[str | None, typer.Option(help="Ollama's address; default: OLLAMA_HOST, or this machine.")]
-Think = Annotated[str | None, typer.Option(help="Thinking before answers: auto, on or off.")]
-ContextTokens = Annotated[int | None, typer.Option(help="Context that the model is asked with.")]
-Tools = Annotated[str | None, typer.Option(help="Tools of the own server: auto, all or essential.")]
+Host = Annotated[str | None, typer.Option(help="Ollama's address; default: OLLAMA_HOST or this machine.")]
+Think = Annotated[str | None, typer.Option(help="Whether the model thinks before it answers: auto, on or off.")]
+ContextTokens = Annotated[int | None, typer.Option(help="Size of the model's context, in tokens.")]
+Tools = Annotated[str | None, typer.Option(help="Tools of PlannerForge's own server: auto, all or essential.")]
 OtherServer = Annotated[str | None, typer.Option("--server", help="Command that starts another MCP server.")]
 Url = Annotated[str | None, typer.Option(help="Address of an MCP server (streamable HTTP).")]
-ShowThinking = Annotated[bool, typer.Option("--show-thinking", help="Print what the model thinks.")]
+ShowThinking = Annotated[bool, typer.Option("--show-thinking", help="Print the model's thinking.")]
 
 
 @application.command()
 def agent(
-    request: Annotated[str, typer.Argument(help="What is to be done, in plain words.")],
+    request: Annotated[str, typer.Argument(help="The task, in plain language.")],
     model: Model = None,
     host: Host = None,
     think: Think = None,
@@ -34,9 +34,9 @@ def agent(
     workspace: Workspace = None,
     show_thinking: ShowThinking = False,
 ) -> None:
-    """Have a language model carry out one request with the tools, and print what it does.
+    """Let a language model carry out one request with the tools, and print its steps.
 
-    Exit code 0: answered, 1: failed, 2: no model or server, 3: out of scope, 4: asked back, 130: interrupted.
+    Exit code 0: answered, 1: failed, 2: no model or server, 3: out of scope, 4: asked a question, 130: interrupted.
     """
     from rich.console import Console
 
@@ -60,10 +60,10 @@ def chat(
     server: OtherServer = None,
     url: Url = None,
     workspace: Workspace = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with the chat that was begun last.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the latest chat.")] = False,
     show_thinking: ShowThinking = False,
 ) -> None:
-    """Talk with a language model that has the tools; Ctrl-C ends an answer, /quit leaves."""
+    """Chat with a language model that has the tools; Ctrl-C stops an answer, /quit leaves."""
     from rich.console import Console
 
     from ..agent.settings import agent_settings
@@ -78,11 +78,11 @@ def chat(
 
 @application.command()
 def demo(
-    scenario: Annotated[Path | None, typer.Option(help="A CommonRoad file to begin with.")] = None,
+    scenario: Annotated[Path | None, typer.Option(help="The CommonRoad file to start with.")] = None,
     map_file: Annotated[
-        Path | None, typer.Option("--map", help="An OpenStreetMap extract (.osm) to begin with.")
+        Path | None, typer.Option("--map", help="The OpenStreetMap extract (.osm) to start with.")
     ] = None,
-    folder: Annotated[Path, typer.Option(help="Where the report, pictures and scenarios go.")] = Path("demo-output"),
+    folder: Annotated[Path, typer.Option(help="Folder for the report, pictures and scenarios.")] = Path("demo-output"),
 ) -> None:
     """Take a scenario through every stage with a real MCP client, and write a report."""
     from ..agent.demo import run_demo

@@ -1,6 +1,6 @@
-"""What a shell completes at a TAB: hosts, tools, and what the workspace holds. Only what is quick is looked at.
+"""Shell completion for hosts, tools and the artifacts of the workspace; it looks only at what is quick to read.
 
-Each function gives all there is with a word on it; typer keeps what begins as was typed.
+Each function returns all candidates with a short description; typer keeps those that match the typed prefix.
 """
 
 from pathlib import Path
@@ -11,25 +11,27 @@ from ..schemas.errors import PlannerForgeError
 from .flags import settings_from
 
 _MOST_IDS = 50
-"""The newest of each kind that are offered; chosen: more than a screen shows do not help."""
+"""Newest artifacts of each kind that are offered (chosen: more than fit on a screen do not help)."""
 
 
 def hosts() -> list[tuple[str, str]]:
-    """The hosts with their titles."""
+    """Return the hosts with their titles."""
     from .hosts import HOSTS
 
     return [(name, host.title) for name, host in HOSTS.items()]
 
 
 def tools() -> list[tuple[str, str]]:
-    """The tools with their titles."""
+    """Return the tools with their titles."""
     from ..tools.registry import TOOLS
 
     return [(spec.name, spec.title) for spec in TOOLS]
 
 
 def viewed(context: typer.Context) -> list[tuple[str, str]]:
-    """What ``view`` shows of the workspace that is meant, newest first of each kind; a workspace is not made."""
+    """Return the workspace's artifacts that ``view`` shows, newest first per kind; a missing workspace is
+    not created.
+    """
     from ..engine.workspace import VIEWED_KINDS, Workspace
 
     named = context.params.get("workspace")
@@ -38,7 +40,7 @@ def viewed(context: typer.Context) -> list[tuple[str, str]]:
         return []
     try:
         workspace = Workspace(root)
-    except PlannerForgeError:  # a TAB has no place for the reason; the command itself gives it
+    except PlannerForgeError:  # completion cannot show the reason; the command itself does
         return []
     try:
         found = [each for kind in VIEWED_KINDS for each in workspace.newest(kind=kind, limit=_MOST_IDS)]

@@ -1,6 +1,6 @@
-"""``plannerforge doctor``: whether everything is there that the server needs, and how to mend what is not.
+"""``plannerforge doctor``: checks everything that the server needs, and says how to repair what is broken.
 
-What is heavy or may crash (SUMO, the planners' cores, the embedding model) is tried in a process of its own.
+Checks of heavy or crash-prone parts (SUMO, the planners' cores, the embedding model) run in a separate process.
 """
 
 import json
@@ -31,20 +31,20 @@ from .hosts import HOSTS, Host, address_of, has_server, mend_program
 
 State = Literal["ok", "note", "fault"]
 _TRY_LIMIT_S = 120.0
-"""Longest that a library may take to be imported; chosen: a cold disk takes half a minute for PyTorch."""
+"""Time limit for importing a library (chosen: from a cold disk, PyTorch takes half a minute)."""
 _ASK_LIMIT_S = 5.0
-"""Longest that a host of a map service may take to accept a connection; chosen."""
+"""Time limit for a map service to accept a connection (chosen)."""
 _OWN_LIMIT_S = 0.5
-"""The same for a server of this machine; chosen."""
+"""Time limit for a server on this machine (chosen)."""
 _LEAST_FREE_MB = 2000
-"""Free disk below which long batches may fill it; chosen: a batch of 500 runs takes 300 MB."""
+"""Free disk below which long batches may fill it (chosen: a batch of 500 runs takes 300 MB)."""
 _OWN_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 _SIGNS = {"ok": "[green]✓[/green]", "note": "[yellow]●[/yellow]", "fault": "[red]✗[/red]"}
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A program that prints what it found, for a process of its own, and what mends it where it fails."""
+    """A program that prints its findings in a separate process, and the remedy if it fails."""
 
     program: str
     mend: str
@@ -56,8 +56,8 @@ TRIALS = {
 import subprocess
 from pathlib import Path
 import libsumo, sumo
-asked = [Path(sumo.SUMO_HOME, "bin", "netconvert"), "--version"]
-print(subprocess.run(asked, capture_output=True, text=True, check=True).stdout.splitlines()[0])
+command = [Path(sumo.SUMO_HOME, "bin", "netconvert"), "--version"]
+print(subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[0])
 """,
         "pip install --force-reinstall libsumo eclipse-sumo, in the versions that plannerforge-mcp names",
     ),
@@ -80,7 +80,7 @@ except ResourceFailure as failure:
     sys.exit(str(failure))
 """,
         f"pip install '{EMBEDDINGS_EXTRA}' for a model that is not packaged, or correct the setting embedding_model; "
-        "searches without text work meanwhile",
+        "searches without text still work",
     ),
     "text index": Trial(
         """
@@ -102,7 +102,7 @@ print(*damaged_parts(Path(sys.argv[1])), sep="\\n")
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was looked at, how it stands, what was found, and what mends it."""
+    """One check: its name, its state, the finding, and the remedy."""
 
     name: str
     state: State
@@ -111,8 +111,8 @@ class Diagnosis:
 
 
 def run_doctor(settings: Settings, *, as_json: bool, fix: bool, home: Path) -> int:
-    """Look at everything, print what was found, and mend what is safe to where ``fix``; 1 where a fault is left."""
-    mended = list(_mended(settings, home)) if fix else []
+    """Run all checks, apply safe repairs if ``fix`` is set, and print the results; return 1 if a fault remains."""
+    mended = list(_repair(settings, home)) if fix else []
     found = list(diagnoses(settings, home))
     if as_json:
         sys.stderr.write("".join(f"{words}\n" for words in mended))
@@ -123,12 +123,12 @@ def run_doctor(settings: Settings, *, as_json: bool, fix: bool, home: Path) -> i
 
 
 def diagnoses(settings: Settings, home: Path) -> Iterator[Diagnosis]:
-    """One after the other, what is looked at first stands first."""
+    """Yield the diagnoses in the order of the checks."""
     yield Diagnosis("version", "ok", f"plannerforge {__version__}, Python {sys.version.split()[0]} ({sys.executable})")
     yield _settings_file()
     yield _compiler()
     for name, trial in TRIALS.items():
-        yield _tried(name, trial, settings.embedding_model)
+        yield _run_trial(name, trial, settings.embedding_model)
     yield from _workspace(settings)
     yield from _index(settings)
     yield from _folders(settings)
@@ -138,31 +138,34 @@ def diagnoses(settings: Settings, home: Path) -> Iterator[Diagnosis]:
 
 def _settings_file() -> Diagnosis:
     path = settings_file()
-    return Diagnosis("settings", "ok", f"{path}" if path.is_file() else f"defaults; {path} would be read")
+    return Diagnosis("settings", "ok", f"{path}" if path.is_file() else f"defaults; {path} is read if it exists")
 
 
 def _compiler() -> Diagnosis:
     header = Path(sysconfig.get_paths()["include"]) / "Python.h"
     compiler = next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), "")
     if compiler and header.is_file():
-        return Diagnosis("compiler", "ok", f"{compiler}, Python's headers (for installing alone)")
+        return Diagnosis("compiler", "ok", f"{compiler}, Python's headers (only installation needs them)")
     lacks = " and ".join(["a C compiler"] * (not compiler) + ["Python's headers"] * (not header.is_file()))
     return Diagnosis(
-        "compiler", "note", f"{lacks} not found: needed for installing Polygon3 alone", "apt install gcc python3-dev"
+        "compiler",
+        "note",
+        f"{lacks} not found; only the installation of Polygon3 needs it",
+        "apt install gcc python3-dev",
     )
 
 
-def _tried(name: str, trial: Trial, model: str) -> Diagnosis:
+def _run_trial(name: str, trial: Trial, model: str) -> Diagnosis:
     done = _run(trial.program, model)
     if done is None:
         return Diagnosis(name, "fault", f"no answer in {_TRY_LIMIT_S:g} s", trial.mend)
     if done.returncode:
-        return Diagnosis(name, "fault", _last_words(done), trial.mend)
+        return Diagnosis(name, "fault", _last_line(done), trial.mend)
     return Diagnosis(name, "ok", done.stdout.strip())
 
 
 def _run(program: str, argument: str) -> subprocess.CompletedProcess[str] | None:
-    """What a program did in a process of its own; None where it took too long."""
+    """Run a program in a separate process; return None if it took too long."""
     try:
         return subprocess.run(
             [sys.executable, "-P", "-c", program, argument],
@@ -176,7 +179,7 @@ def _run(program: str, argument: str) -> subprocess.CompletedProcess[str] | None
         return None
 
 
-def _last_words(done: subprocess.CompletedProcess[str]) -> str:
+def _last_line(done: subprocess.CompletedProcess[str]) -> str:
     lines = done.stderr.strip().splitlines()
     ending = f"signal {-done.returncode}" if done.returncode < 0 else f"status {done.returncode}"
     return lines[-1] if lines else f"ended with {ending}"
@@ -188,7 +191,10 @@ def _workspace(settings: Settings) -> Iterator[Diagnosis]:
         above = _lowest_above(root)
         where = "" if above == root.parent else f", and the folders above it from {above} on"
         yield Diagnosis(
-            "workspace", "note", f"{root} is not there yet; the first start makes it", f"--fix makes it now{where}"
+            "workspace",
+            "note",
+            f"{root} does not exist yet; the first start creates it",
+            f"--fix creates it now{where}",
         )
         return
     free_mb = shutil.disk_usage(root).free // 1024**2
@@ -216,10 +222,10 @@ def _records(root: Path) -> Diagnosis:
     if lost:
         more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
         words = f"{lost[0].where}: {lost[0].what}{more}"
-        return Diagnosis("records", "fault", words, "restore the workspace from a copy; make what is lost again")
+        return Diagnosis("records", "fault", words, "restore the workspace from a copy; create what is lost again")
     if found:
-        return Diagnosis("records", "note", f"{len(found)} folders belong to no record", "plannerforge workspace gc")
-    return Diagnosis("records", "ok", "intact, and their files are there")
+        return Diagnosis("records", "note", f"{len(found)} folders without a record", "plannerforge workspace gc")
+    return Diagnosis("records", "ok", "intact, with all their files")
 
 
 def _index(settings: Settings) -> Iterator[Diagnosis]:
@@ -227,14 +233,14 @@ def _index(settings: Settings) -> Iterator[Diagnosis]:
     if not root.is_dir():
         return
     damaged, reason = _damaged_parts(root)
-    mend = "--fix removes what is damaged; the next search by text makes it anew"
+    mend = "--fix removes the damaged parts; the next text search rebuilds them"
     if reason:
-        yield Diagnosis("index files", "note", f"not looked at: {reason}", "mend the text index, above, first")
+        yield Diagnosis("index files", "note", f"not checked: {reason}", "repair the text index (above) first")
     elif damaged:
         names = ", ".join(str(part.relative_to(root.parent)) for part in damaged)
         yield Diagnosis("index files", "fault", f"damaged: {names}", mend)
     else:
-        yield Diagnosis("index files", "ok", f"{root} can be read")
+        yield Diagnosis("index files", "ok", f"{root} is readable")
 
 
 def _index_folder(settings: Settings) -> Path:
@@ -242,15 +248,15 @@ def _index_folder(settings: Settings) -> Path:
 
 
 def _damaged_parts(root: Path) -> tuple[list[Path], str]:
-    """What of the text index cannot be read, or why that is not known.
+    """Return the unreadable parts of the text index, or the reason that they are unknown.
 
-    Where looking ends the process that looks by a signal, each generation is taken for damaged.
+    If a signal ends the checking process, every generation counts as damaged.
     """
     done = _run(LOOK_AT_INDEX, str(root))
     if done is None:
         return [], f"no answer in {_TRY_LIMIT_S:g} s"
     if done.returncode > 0:
-        return [], _last_words(done)
+        return [], _last_line(done)
     if done.returncode < 0:
         return sorted(path for path in root.iterdir() if path.is_dir()), ""
     return [Path(line) for line in done.stdout.splitlines() if line], ""
@@ -260,31 +266,31 @@ def _folders(settings: Settings) -> Iterator[Diagnosis]:
     for name, folders in (("roots", settings.roots), ("map folders", settings.map_folders)):
         missing = [folder.expanduser() for folder in folders if not folder.expanduser().is_dir()]
         if missing:
-            told = "; ".join(f"{folder} (nearest: {_nearest(folder.resolve())})" for folder in missing)
-            mend = f"correct the setting {name.replace(' ', '_')}, or make what you meant: --fix makes none of these"
-            yield Diagnosis(name, "note", f"not there: {told}", mend)
+            text = "; ".join(f"{folder} (nearest: {_nearest(folder.resolve())})" for folder in missing)
+            mend = f"correct the setting {name.replace(' ', '_')}, or create the folder; --fix does not create it"
+            yield Diagnosis(name, "note", f"not there: {text}", mend)
         elif folders:
             yield Diagnosis(name, "ok", ", ".join(map(str, folders)))
 
 
 def _lowest_above(folder: Path) -> Path:
-    """The lowest folder above that is there."""
+    """Return the lowest existing folder above."""
     return next(parent for parent in folder.parents if parent.is_dir())
 
 
 def _nearest(folder: Path) -> Path:
-    """What a folder that is not there may stand for: one that is called nearly so, else the lowest above it."""
+    """Return a replacement for a missing folder: a sibling with a similar name, or the lowest folder above it."""
     above = _lowest_above(folder)
     missing = folder.relative_to(above).parts[0]
-    beside = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
-    like = get_close_matches(missing, beside, n=1)
+    siblings = [path.name for path in above.iterdir() if path.is_dir()] if os.access(above, os.R_OK | os.X_OK) else []
+    like = get_close_matches(missing, siblings, n=1)
     return above / like[0] if like else above
 
 
 def _services(settings: Settings) -> Iterator[Diagnosis]:
     services = settings.map_services()
     if services.mode != "online":
-        yield Diagnosis("map services", "ok", f"not asked (maps_online is {services.mode})")
+        yield Diagnosis("map services", "ok", f"not checked (maps_online is {services.mode})")
         return
     addresses = dict.fromkeys((services.nominatim_url, *services.overpass_urls))
     reached = [address for address in addresses if _accepts(address)]
@@ -294,7 +300,10 @@ def _services(settings: Settings) -> Iterator[Diagnosis]:
     else:
         words = f"{len(reached)} of {len(addresses)} accept connections; not {', '.join(lost)}"
         yield Diagnosis(
-            "map services", "note", words, "built-in and own maps work without; maps_online=offline asks nobody"
+            "map services",
+            "note",
+            words,
+            "built-in and own maps work without them; maps_online=offline skips this check",
         )
 
 
@@ -321,32 +330,32 @@ def _hosts(home: Path) -> Iterator[Diagnosis]:
         if address_of(entry):
             yield _by_http(host, path, entry, mend)
         elif shutil.which(command) is None:
-            yield Diagnosis(host.title, "fault", f"{path}: '{command}' is no program", mend)
+            yield Diagnosis(host.title, "fault", f"{path}: '{command}' is not a program", mend)
         else:
             yield Diagnosis(host.title, "ok", f"{path}")
 
 
 def _by_http(host: Host, path: Path, entry: Mapping[str, Any], mend: str) -> Diagnosis:
-    """How an entry stands that has an address; only a server of this machine is asked whether it is there."""
+    """Return the diagnosis of an entry with an address; only a server on this machine is contacted."""
     try:
         parts = urlsplit(address_of(entry))
         is_address = parts.scheme in {"http", "https"} and bool(parts.hostname) and parts.port != 0
     except ValueError:
         is_address = False
     if not is_address:
-        return Diagnosis(host.title, "fault", f"{path}: '{address_of(entry)}' is no address by HTTP", mend)
+        return Diagnosis(host.title, "fault", f"{path}: '{address_of(entry)}' is not an HTTP address", mend)
     if "command" in entry:
-        return Diagnosis(host.title, "fault", f"{path}: an address and a program in one entry", mend)
-    told = f"{path}: by HTTP at {parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
+        return Diagnosis(host.title, "fault", f"{path}: the entry has both an address and a program", mend)
+    text = f"{path}: HTTP at {parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
     if parts.hostname in _OWN_NAMES and not _accepts(address_of(entry), _OWN_LIMIT_S):
-        return Diagnosis(host.title, "note", f"{told}; nothing answers there", "plannerforge serve --http")
-    return Diagnosis(host.title, "ok", told)
+        return Diagnosis(host.title, "note", f"{text}; nothing listens there", "plannerforge serve --http")
+    return Diagnosis(host.title, "ok", text)
 
 
-def _mended(settings: Settings, home: Path) -> Iterator[str]:
-    """Mend what is safe to: make the workspace's folder, remove a damaged text index, name programs that are gone anew.
+def _repair(settings: Settings, home: Path) -> Iterator[str]:
+    """Create the workspace folder, remove a damaged text index, and update entries with a missing program.
 
-    Folders of the user's are not made: one that is missing may be mistyped.
+    Missing user folders are not created, since the setting may be mistyped.
     """
     from ..engine.catalog import remove_damaged
     from ..engine.workspace import make_private
@@ -354,21 +363,21 @@ def _mended(settings: Settings, home: Path) -> Iterator[str]:
     root = settings.workspace.expanduser().resolve()
     if not root.is_dir():
         make_private(root)
-        yield f"made {root}"
+        yield f"created {root}"
     index = _index_folder(settings)
     damaged, _ = _damaged_parts(index) if index.is_dir() else ([], "")
     if damaged:
         remove_damaged(index, damaged)
-        yield f"removed {', '.join(map(str, damaged))}: the next search by text makes it anew"
+        yield f"removed {', '.join(map(str, damaged))}: the next text search rebuilds it"
     for host in HOSTS.values():
         try:
             written = mend_program(host, home=home)
         except PlannerForgeError as error:
-            yield f"{host.title} is left as it is: {error.message}"
+            yield f"{host.title} is left unchanged: {error.message}"
             continue
         if written is not None:
             path, backup = written
-            yield f"{host.title}: {path} names this program now (as it was: {backup})"
+            yield f"{host.title}: {path} now starts this program (backup: {backup})"
 
 
 def _print(found: list[Diagnosis], mended: list[str]) -> None:
@@ -381,4 +390,4 @@ def _print(found: list[Diagnosis], mended: list[str]) -> None:
     console.print(table)
     faults = sum(each.state == "fault" for each in found)
     notes = sum(each.state == "note" for each in found)
-    console.print(f"{len(found)} looked at: {faults} fault(s), {notes} note(s)", highlight=False)
+    console.print(f"{len(found)} checks: {faults} fault(s), {notes} note(s)", highlight=False)

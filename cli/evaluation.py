@@ -1,4 +1,4 @@
-"""``plannerforge eval`` and ``plannerforge corpus``: measure an agent on requests whose answers are known."""
+"""``plannerforge eval`` and ``plannerforge corpus``: evaluates agents on requests with known answers."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,36 +7,41 @@ import typer
 
 from .flags import Workspace, settings_from
 
-evaluation = typer.Typer(name="eval", no_args_is_help=True, help="Measure agents on requests whose answers are known.")
-corpus = typer.Typer(name="corpus", no_args_is_help=True, help="Requests with ground truth, made from what is at hand.")
+evaluation = typer.Typer(name="eval", no_args_is_help=True, help="Evaluate agents on requests with known answers.")
+corpus = typer.Typer(
+    name="corpus", no_args_is_help=True, help="Create requests with ground truth from your scenarios and maps."
+)
 
-Agent = Annotated[str, typer.Option(help="ollama:MODEL, openai:MODEL@URL, or one without a model such as oracle.")]
+Agent = Annotated[
+    str, typer.Option(help="ollama:MODEL, openai:MODEL@URL, or an agent without a model, such as oracle.")
+]
 ConditionName = Annotated[
     str, typer.Option("--condition", help="The paper's prompt: baseline, cp, cp_cot, cp_icl or cp_icl_cot.")
 ]
-Corpus = Annotated[Path | None, typer.Option(help="A corpus file or a folder of them; default: the package's own.")]
+Corpus = Annotated[Path | None, typer.Option(help="A corpus file, or a folder of them; default: the packaged corpora.")]
 Out = Annotated[
-    Path | None, typer.Option(help="Folder of rows, tables and report; default: evaluations/AGENT-CONDITION.")
+    Path | None, typer.Option(help="Folder for rows, tables and report; default: evaluations/AGENT-CONDITION.")
 ]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first requests of each corpus.")]
-AtOnce = Annotated[int, typer.Option("--workers", min=1, max=64, help="Requests at a time, each with a server.")]
-Seed = Annotated[int, typer.Option(help="For what an agent, or the making of a corpus, draws.")]
+AtOnce = Annotated[int, typer.Option("--workers", min=1, max=64, help="Parallel requests, each with its own server.")]
+Seed = Annotated[int, typer.Option(help="Seed for the agent, or for creating a corpus.")]
 Scenarios = Annotated[
-    Path | None, typer.Option(help="Folder of the CommonRoad files of the corpus; default: the starter catalogue.")
+    Path | None, typer.Option(help="Folder with the corpus's CommonRoad files; default: the starter catalogue.")
 ]
-Maps = Annotated[Path | None, typer.Option(help="Folder of the maps of the corpus; default: the built-in maps.")]
+Maps = Annotated[Path | None, typer.Option(help="Folder with the corpus's maps; default: the built-in maps.")]
 Base = Annotated[
     Path | None,
-    typer.Option("--workspace", help="Workspace that the server works on a copy of, as `corpus make` read it."),
+    typer.Option("--workspace", help="The workspace that `corpus make` read; the server uses a copy of it."),
 ]
 Conversations = Annotated[
-    int | None, typer.Option("--conversations", min=1, help="e2e: make as many conversations instead of reading any.")
+    int | None,
+    typer.Option("--conversations", min=1, help="e2e: create this many conversations instead of reading them."),
 ]
 TASK_NAMES = ("generation", "selection", "modification", "routing", "tuning", "e2e", "all")
 
 
 def _add_task(task: str) -> None:
-    """The command of a task; all of them have the same options."""
+    """Add the command of a task; all tasks have the same options."""
 
     def run(
         agent: Agent = "oracle",
@@ -70,7 +75,9 @@ def _add_task(task: str) -> None:
         raise typer.Exit(run_evaluation(order))
 
     what = "conversations, stage by stage" if task == "e2e" else "requests of all tasks" if task == "all" else task
-    evaluation.command(task, help=f"Evaluate an agent on {what}; broken off, the same command goes on.")(run)
+    evaluation.command(task, help=f"Evaluate an agent on {what}; after an interruption, the same command continues.")(
+        run
+    )
 
 
 for _task in TASK_NAMES:
@@ -80,9 +87,9 @@ for _task in TASK_NAMES:
 @evaluation.command()
 def compare(
     first: Annotated[Path, typer.Argument(help="Folder of an evaluation, or a file of rows.")],
-    second: Annotated[Path, typer.Argument(help="Another one of the same requests.")],
+    second: Annotated[Path, typer.Argument(help="Another evaluation of the same requests.")],
 ) -> None:
-    """Compare two evaluations request by request: shares, an exact test, what was gained and lost."""
+    """Compare two evaluations request by request: shares, an exact test, gains and losses."""
     from ..evals.running import print_comparison
 
     raise typer.Exit(print_comparison(first, second))
@@ -90,7 +97,7 @@ def compare(
 
 @evaluation.command()
 def report(folder: Annotated[Path, typer.Argument(help="Folder of an evaluation.", exists=True)]) -> None:
-    """Print the tables of an evaluation, and write them and the report anew."""
+    """Print the tables of an evaluation, and rewrite them and the report."""
     from ..evals.running import print_results
 
     raise typer.Exit(print_results(folder))
@@ -102,12 +109,12 @@ def requests(
     corpus: Corpus = None,
     limit: Limit = None,
     marks: Annotated[
-        Path | None, typer.Option(help="Ask one after the other, and note in this file when each begins and ends.")
+        Path | None, typer.Option(help="Pose requests in turn, and record in this file when each starts and ends.")
     ] = None,
 ) -> None:
-    """Print what to ask another MCP client, without the answers.
+    """Print the requests for another MCP client, without the answers.
 
-    With --marks each request waits for Enter; --agent journal:JOURNAL@MARKS scores the calls made between them.
+    With --marks, each request waits for Enter; --agent journal:JOURNAL@MARKS then scores the calls between the marks.
     """
     from ..evals.running import print_requests
 
@@ -116,14 +123,14 @@ def requests(
 
 @corpus.command()
 def make(
-    out: Annotated[Path, typer.Option(help="Folder of the corpora.")],
+    out: Annotated[Path, typer.Option(help="Folder for the corpora.")],
     workspace: Workspace = None,
     task: Annotated[list[str] | None, typer.Option(help="A task; repeatable. Default: all.")] = None,
-    count: Annotated[int, typer.Option(min=1, max=10_000, help="Requests of each corpus, at most.")] = 24,
+    count: Annotated[int, typer.Option(min=1, max=10_000, help="Most requests per corpus.")] = 24,
     seed: Seed = 1,
     whole: Annotated[bool, typer.Option("--whole", help="Do not split by scenario into dev and test.")] = False,
 ) -> None:
-    """Make requests with ground truth from the scenarios and maps of a workspace."""
+    """Create requests with ground truth from the scenarios and maps of a workspace."""
     from ..evals.running import make_own_corpora
 
     folder = settings_from(workspace=workspace).workspace.expanduser().resolve()

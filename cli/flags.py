@@ -1,4 +1,4 @@
-"""Flags that several commands share, those that ``serve`` has for every setting, and the settings that they make."""
+"""Flags that several commands share, the flags of ``serve`` for every setting, and the settings that they produce."""
 
 import inspect
 import os
@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from pydantic import ValidationError
     from pydantic.fields import FieldInfo
 
-Workspace = Annotated[Path | None, typer.Option(help="Folder for everything that is made.")]
-Roots = Annotated[list[Path] | None, typer.Option("--roots", help="Folder that may be read and written; repeatable.")]
+Workspace = Annotated[Path | None, typer.Option(help="Folder for all stored artifacts.")]
+Roots = Annotated[
+    list[Path] | None, typer.Option("--roots", help="Folder that the server may read and write; repeatable.")
+]
 MapFolders = Annotated[list[Path] | None, typer.Option("--map-folders", help="Folder with .osm maps; repeatable.")]
 Workers = Annotated[int | None, typer.Option(help="Worker processes for simulation and planning.")]
 SECRET = frozenset({"http_tokens"})
-"""Settings without a flag: others on the machine see the flags of a process, and shells keep them."""
+"""Settings without a flag, since other users can see a process's flags and shells record them."""
 PANELS: Mapping[str, tuple[str, ...]] = types.MappingProxyType(
     {
         "Files": ("workspace", "workspace_mb", "roots", "map_folders", "starter", "file_mb"),
@@ -50,7 +52,7 @@ PANELS: Mapping[str, tuple[str, ...]] = types.MappingProxyType(
         ),
     }
 )
-"""Under which heading ``serve --help`` has the flag of a setting."""
+"""Maps each heading of ``serve --help`` to the settings below it."""
 _SHORT_FLAGS = {"http_host": "--host", "http_port": "--port", "http_token_file": "--token-file"}
 _GIVEN = "settings of this command"
 
@@ -63,7 +65,7 @@ class SettingsCommand(TyperCommand):
         self.params.extend(get_command(_all_flags()).params)
 
     def invoke(self, ctx: Any) -> Any:
-        """Call the command, after the flags of settings were put aside for ``settings_of``."""
+        """Set the flags of settings aside for ``settings_of``, and call the command."""
         names = [name for name in Settings.model_fields if name in ctx.params]
         given = {name: ctx.params.pop(name) for name in names}
         ctx.meta[_GIVEN] = {name: value for name, value in given.items() if value not in (None, (), [])}
@@ -71,12 +73,12 @@ class SettingsCommand(TyperCommand):
 
 
 def settings_of(context: typer.Context) -> Settings:
-    """The settings of a ``SettingsCommand``; a wrong one ends the program with one line."""
+    """Return the settings of a ``SettingsCommand``; an invalid one ends the program with one line."""
     return settings_from(**context.meta[_GIVEN])
 
 
 def _all_flags() -> typer.Typer:
-    """A command that has a flag for every setting and does nothing."""
+    """Return a command that has a flag for every setting and does nothing."""
 
     def flags(**given: Any) -> None:
         del given
@@ -98,21 +100,21 @@ def _all_flags() -> typer.Typer:
 
 
 def _flag(name: str, setting: "FieldInfo", panel: str) -> Any:
-    """The option of a setting, as the annotation of a parameter that is None where the flag is not given."""
+    """Return the option of a setting as a parameter annotation; the value is None if the flag is not given."""
     spelled = f"--{name.replace('_', '-')}"
     names = [f"{spelled}/--no-{spelled[2:]}"] if setting.annotation is bool else [spelled]
     names += [_SHORT_FLAGS[name]] if name in _SHORT_FLAGS else []
-    told = f"{setting.description}; repeatable" if get_origin(setting.annotation) is tuple else str(setting.description)
-    default = _told(setting.default)
-    told += f" [default: {default}]" if default else ""
+    text = f"{setting.description}; repeatable" if get_origin(setting.annotation) is tuple else str(setting.description)
+    default = _format_default(setting.default)
+    text += f" [default: {default}]" if default else ""
     option = typer.Option(
-        *names, help=told.replace("[", "\\["), rich_help_panel=panel, metavar=_form(setting.annotation)
+        *names, help=text.replace("[", "\\["), rich_help_panel=panel, metavar=_form(setting.annotation)
     )
     return Annotated[Union[_type(setting.annotation), None], option]  # noqa: UP007 - a type that is known at run time only
 
 
 def _type(kind: Any) -> Any:
-    """What the command line reads for a setting; what it means, and its bounds, are checked with all others."""
+    """Return the type that the command line reads for a setting; the settings' own validation checks the value."""
     if get_origin(kind) is tuple:
         return list[Path] if get_args(kind)[0] is Path else list[str]
     if Path in (kind, *get_args(kind)):
@@ -121,7 +123,7 @@ def _type(kind: Any) -> Any:
 
 
 def _form(kind: Any) -> str | None:
-    """What stands for the value in the help, where its type does not say it."""
+    """Return the placeholder for the value in the help, or None if the type provides it."""
     words = get_args(kind)
     if get_origin(kind) is tuple:
         return "<path>" if words[0] is Path else "<str>"
@@ -130,8 +132,8 @@ def _form(kind: Any) -> str | None:
     return "JSON" if get_origin(kind) is dict else None
 
 
-def _told(default: Any) -> str:
-    """A default in the help; empty where its description says it, or there is none."""
+def _format_default(default: Any) -> str:
+    """Return a default for the help; empty if the description states it, or if there is no default."""
     if isinstance(default, bool):
         return "yes" if default else "no"
     if isinstance(default, tuple):
@@ -140,7 +142,7 @@ def _told(default: Any) -> str:
 
 
 def settings_from(**flags: Any) -> Settings:
-    """Settings with the flags that were given; a wrong one ends the program with one line."""
+    """Return settings with the given flags; an invalid one ends the program with one line."""
     from pydantic import ValidationError
     from pydantic_settings import SettingsError
 
@@ -158,21 +160,21 @@ def settings_from(**flags: Any) -> Settings:
 
 
 def _problems(error: "ValidationError", flags: dict[str, Any]) -> str:
-    """What is wrong with the settings, each with where it stands and what is valid."""
+    """Return the problems of the settings, each with its source and the valid values."""
     from ..schemas.base import problems_of
 
-    told = []
+    text = []
     problems = problems_of(Settings, error, "setting")
     for detail, (problem, valid) in zip(error.errors(include_url=False), problems, strict=True):
         name = str(detail["loc"][0])
         shown = {"extra_forbidden": valid[:3], "literal_error": valid}.get(detail["type"], [])
         names = ", ".join(shown)
-        told.append(f"{_place(name, flags)}: {problem}" + (f" (valid: {names})" if names else ""))
-    return "; ".join(told)
+        text.append(f"{_place(name, flags)}: {problem}" + (f" (valid: {names})" if names else ""))
+    return "; ".join(text)
 
 
 def _place(name: str, flags: dict[str, Any]) -> str:
-    """Where a setting was given: a flag wins over a variable, a variable over the file."""
+    """Return the source of a setting: a flag overrides a variable, which overrides the file."""
     if flags.get(name) is not None:
         return f"--{name.replace('_', '-')}"
     variable = f"PLANNERFORGE_{name.upper()}"

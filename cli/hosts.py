@@ -1,7 +1,7 @@
-"""``plannerforge install HOST``: write, or print, the settings by which a host starts this server.
+"""``plannerforge install HOST``: writes or prints the settings with which an MCP host starts this server.
 
-A host's file is written with a backup beside it, keeps all else that is in it, and is left alone where it has the
-entry already. A file that is not plain JSON (comments, trailing commas) is not touched: what belongs there is printed.
+Writing keeps a backup and all other content, and does nothing if the file already has the entry. A file that is not
+plain JSON (comments, trailing commas) stays untouched; the entry is printed instead.
 """
 
 import json
@@ -23,20 +23,20 @@ from ..schemas.errors import InvalidRequest, ResourceFailure, UnknownName, close
 
 NAME = "plannerforge"
 PACKAGE = "plannerforge-mcp"
-"""The package, and the one of its programs that ``uvx`` starts by the package's name alone."""
+"""The package, which has a program of the same name, so ``uvx`` starts it by this name."""
 _ADDRESSES = ("url", "serverUrl", "httpUrl")
-"""What hosts call the address of a server that they reach by HTTP and do not start."""
+"""The hosts' names for the address of a server that they reach over HTTP."""
 _OWN_MODULE = ("-P", "-m", NAME)
 BACKUP = ".before-plannerforge"
-"""Ending of the copy of a host's file as it was before."""
+"""Suffix of the backup of a host's file."""
 
 
 @dataclass(frozen=True)
 class Host:
-    """Where a host keeps its MCP servers, and how it writes one down.
+    """Describes where a host keeps its MCP servers, and the form of an entry.
 
-    ``path``: of its settings file from the home folder; ``mac``: there, where it is another one; ``key``: the table of
-    servers in it; ``extra``: what its entries hold beside command and arguments; ``then``: what makes it read the file.
+    ``path``: its settings file, relative to the home folder; ``mac``: the same on macOS, if different; ``key``: the
+    table of servers in the file; ``extra``: further fields of an entry; ``then``: what makes the host read the file.
     """
 
     title: str
@@ -47,11 +47,11 @@ class Host:
     then: str = "restart it"
 
     def file(self, home: Path, platform: str) -> Path:
-        """Its settings file, for a home folder and a platform as ``sys.platform`` has it."""
+        """Return its settings file for a home folder and a ``sys.platform`` value."""
         return home / (self.mac if self.mac and platform == "darwin" else self.path)
 
     def entry(self, command: Sequence[str]) -> dict[str, Any]:
-        """The server as this host writes it."""
+        """Return the server's entry in this host's form."""
         return {**dict(self.extra), "command": command[0], "args": list(command[1:])}
 
 
@@ -82,10 +82,10 @@ HOSTS: dict[str, Host] = {
 
 
 def named_host(name: str) -> Host:
-    """The host of that name, whatever its case.
+    """Return a host by name, ignoring case.
 
     Raises:
-        UnknownName: no such host.
+        UnknownName: No host has this name.
     """
     folded = name.strip().lower().replace(" ", "-").replace("_", "-")
     if folded not in HOSTS:
@@ -94,11 +94,11 @@ def named_host(name: str) -> Host:
 
 
 def start_command(arguments: Sequence[str], environment: Path | None = None) -> tuple[str, ...]:
-    """Program and arguments that start this server from anywhere: absolute, since hosts have a PATH of their own.
+    """Return the program and arguments that start this server; the path is absolute, since hosts have their own PATH.
 
     Args:
-        arguments: flags of ``serve``.
-        environment: the folder of the environment that the program runs in; None for this one.
+        arguments: Flags of ``serve``.
+        environment: The folder of the environment that the program runs in; None means this one.
     """
     if may_vanish(environment or Path(sys.prefix)):
         return (*_by_uvx(), "serve", *arguments)
@@ -108,7 +108,7 @@ def start_command(arguments: Sequence[str], environment: Path | None = None) -> 
 
 
 def may_vanish(environment: Path) -> bool:
-    """Whether an environment lies in uv's cache, where ``uvx`` makes it and ``uv cache clean`` removes it."""
+    """Return True if an environment is in uv's cache, where ``uvx`` creates it and ``uv cache clean`` removes it."""
     return any(
         re.fullmatch(r"(archive|environments)-v\d+", folder.name) and (folder.parent / "CACHEDIR.TAG").is_file()
         for folder in environment.resolve().parents
@@ -116,90 +116,90 @@ def may_vanish(environment: Path) -> bool:
 
 
 def _by_uvx() -> tuple[str, ...]:
-    """How uv makes such an environment again: from the index, or from where this one was installed from."""
+    """Return the command with which uv recreates this environment, from the index or from its original source."""
     source = _installed_from()
     return (shutil.which("uvx") or "uvx", *(("--from", source) if source else ()), PACKAGE)
 
 
 def _installed_from() -> str:
-    """The file or address that the package was installed from (PEP 610); empty for a package index."""
+    """Return the file or address that the package was installed from (PEP 610); empty for a package index."""
     try:
         text = distribution(PACKAGE).read_text("direct_url.json")
     except PackageNotFoundError:
         return ""
     if not text:
         return ""
-    told = json.loads(text)
-    address = urlsplit(told["url"])
-    if "vcs_info" in told:
-        return f"{PACKAGE} @ {told['vcs_info']['vcs']}+{told['url']}@{told['vcs_info']['commit_id']}"
-    return unquote(address.path) if address.scheme == "file" else str(told["url"])
+    record = json.loads(text)
+    address = urlsplit(record["url"])
+    if "vcs_info" in record:
+        return f"{PACKAGE} @ {record['vcs_info']['vcs']}+{record['url']}@{record['vcs_info']['commit_id']}"
+    return unquote(address.path) if address.scheme == "file" else str(record["url"])
 
 
 def address_of(entry: Mapping[str, Any]) -> str:
-    """Where a host reaches the server by HTTP; empty where it starts a program."""
+    """Return the HTTP address of an entry; empty if the entry starts a program."""
     return next((str(entry[name]) for name in _ADDRESSES if entry.get(name)), "")
 
 
 def install(host: Host, command: Sequence[str], *, home: Path, print_only: bool = False) -> int:
-    """Write the server into a host's settings, or print what belongs there; 0 where nothing is left to do by hand.
+    """Write the server into a host's settings, or print the entry; return 0 if the user has nothing left to do.
 
     Raises:
-        ResourceFailure: the file cannot be read or written.
-        InvalidRequest: it holds something else where the servers belong.
+        ResourceFailure: The file cannot be read or written.
+        InvalidRequest: The file has something else in place of the servers.
     """
     path = host.file(home, sys.platform)
-    text = _text(path)
+    text = _read_text(path)
     entry = host.entry(command)
     snippet = _toml(host, entry) if path.suffix == ".toml" else json.dumps({host.key: {NAME: entry}}, indent=2)
     if print_only:
         typer.echo(snippet)
         return 0
-    known, readable = _known(host, path, text)
+    known, readable = _read_entry(host, path, text)
     if not readable:
-        typer.echo(f"{path} is no plain {path.suffix[1:].upper()} and is left alone; put this into it:", err=True)
+        typer.echo(f"{path} is not plain {path.suffix[1:].upper()} and stays unchanged; add this to it:", err=True)
         typer.echo(snippet)
         return 1
-    if known is not None and not address_of(known) and _holds(known, entry):
-        typer.echo(f"{host.title} has plannerforge already ({path}).")
+    if known is not None and not address_of(known) and _has_entry(known, entry):
+        typer.echo(f"{host.title} already has plannerforge ({path}).")
         return 0
     if known is not None and path.suffix == ".toml":
         raise InvalidRequest(
-            f"{path} has a section [{host.key}.{NAME}] that says otherwise",
+            f"{path} has a section [{host.key}.{NAME}] with other values",
             valid=[line for line in snippet.splitlines() if line],
-            next_step="put these lines in its place",
+            next_step="replace it with these lines",
         )
-    backup = _written(path, _with_entry(host, path, text, entry, known))
-    typer.echo(f"{host.title}: plannerforge is in {path} now" + (f" (as it was: {backup})" if backup else ""))
+    backup = _write(path, _with_entry(host, path, text, entry, known))
+    typer.echo(f"{host.title}: added plannerforge to {path}" + (f" (backup: {backup})" if backup else ""))
     typer.echo(f"Next: {host.then}.")
     return 0
 
 
 def mend_program(host: Host, *, home: Path) -> tuple[Path, Path | None] | None:
-    """Where a host's entry starts this package by a program that is gone, name the one that runs now in its place.
+    """Update a host's entry that starts this package by a missing program, so that it starts the current one.
 
-    An entry of another form (a container, a script of the user's) is left alone, and so are flags and variables.
+    Entries of another form (a container, the user's script) stay unchanged, and so do flags and variables.
 
     Returns:
-        The file and the copy of what it was before; None where nothing was to be mended.
+        The file and its backup, or None if the entry needs no repair.
 
     Raises:
-        ResourceFailure: the file cannot be read or written.
-        InvalidRequest: it holds something else where the servers belong.
+        ResourceFailure: The file cannot be read or written.
+        InvalidRequest: The file has something else in place of the servers.
     """
     path = host.file(home, sys.platform)
-    text = _text(path)
-    known, _ = _known(host, path, text)
+    text = _read_text(path)
+    known, _ = _read_entry(host, path, text)
     if known is None or address_of(known) or shutil.which(str(known.get("command", ""))) or path.suffix == ".toml":
         return None
     flags = _own_flags(known)
     if flags is None:
         return None
-    return path, _written(path, _with_entry(host, path, text, host.entry(start_command(flags)), known))
+    return path, _write(path, _with_entry(host, path, text, host.entry(start_command(flags)), known))
 
 
 def _own_flags(entry: Mapping[str, Any]) -> list[str] | None:
-    """The flags of ``serve`` in an entry as ``install`` writes it; None for one of another form."""
+    """Return the ``serve`` flags of an entry that ``install`` wrote, or None for an entry of another form."""
     arguments = entry.get("args")
     if not isinstance(arguments, list) or "serve" not in arguments:
         return None
@@ -210,25 +210,25 @@ def _own_flags(entry: Mapping[str, Any]) -> list[str] | None:
 
 
 def has_server(host: Host, home: Path) -> tuple[Path, dict[str, Any] | None]:
-    """A host's settings file, and the entry of this server in it; None where there is none.
+    """Return a host's settings file and this server's entry in it, or None if it has no entry.
 
     Raises:
-        ResourceFailure: the file cannot be read.
+        ResourceFailure: The file cannot be read.
     """
     path = host.file(home, sys.platform)
-    known, _ = _known(host, path, _text(path))
+    known, _ = _read_entry(host, path, _read_text(path))
     return path, known
 
 
-def _text(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8") if path.is_file() else ""
     except (OSError, UnicodeDecodeError) as error:
         raise ResourceFailure(f"{path} cannot be read: {error}", next_step="use --print") from error
 
 
-def _known(host: Host, path: Path, text: str) -> tuple[dict[str, Any] | None, bool]:
-    """The entry that a file has, and whether the file can be read at all."""
+def _read_entry(host: Host, path: Path, text: str) -> tuple[dict[str, Any] | None, bool]:
+    """Return a file's entry, and whether the file is readable."""
     try:
         whole = tomllib.loads(text) if path.suffix == ".toml" else json.loads(text or "{}")
     except (tomllib.TOMLDecodeError, json.JSONDecodeError):
@@ -236,18 +236,18 @@ def _known(host: Host, path: Path, text: str) -> tuple[dict[str, Any] | None, bo
     servers = whole.get(host.key, {}) if isinstance(whole, dict) else None
     if not isinstance(servers, dict):
         raise InvalidRequest(
-            f"{path} holds no table of servers under '{host.key}'", next_step="mend it, or use --print"
+            f"{path} has no table of servers under '{host.key}'", next_step="correct it, or use --print"
         )
     known = servers.get(NAME)
     return (known if isinstance(known, dict) else None), True
 
 
-def _holds(known: Mapping[str, Any], entry: Mapping[str, Any]) -> bool:
+def _has_entry(known: Mapping[str, Any], entry: Mapping[str, Any]) -> bool:
     return all(known.get(name) == value for name, value in entry.items())
 
 
 def _with_entry(host: Host, path: Path, text: str, entry: dict[str, Any], known: dict[str, Any] | None) -> str:
-    """The file's text with the entry; what an entry of before holds beside it stays, unless that was by HTTP."""
+    """Return the file's text with the entry; further fields of an old entry stay, unless it had an HTTP address."""
     if path.suffix == ".toml":
         return f"{text.rstrip()}\n\n{_toml(host, entry)}" if text.strip() else _toml(host, entry)
     whole = json.loads(text or "{}")
@@ -257,14 +257,14 @@ def _with_entry(host: Host, path: Path, text: str, entry: dict[str, Any], known:
 
 
 def _toml(host: Host, entry: dict[str, Any]) -> str:
-    """A section; JSON's strings and lists of strings are TOML's too."""
+    """Return the entry as a TOML section; JSON strings and lists of strings are valid TOML."""
     lines = [f"{name} = {json.dumps(value)}" for name, value in entry.items()]
     return "\n".join([f"[{host.key}.{NAME}]", *lines, "startup_timeout_sec = 30", "tool_timeout_sec = 120", ""])
 
 
-def _written(path: Path, text: str) -> Path | None:
-    """Write a file whole; the path of the copy of what was there before, if anything was."""
-    backup = _free(path.with_name(path.name + BACKUP)) if path.is_file() else None
+def _write(path: Path, text: str) -> Path | None:
+    """Write a file as a whole, and return the path of its backup, if it existed."""
+    backup = _free_name(path.with_name(path.name + BACKUP)) if path.is_file() else None
     target = path.resolve()  # dotfiles are often links into a folder under version control
     partial = target.with_name(f"{target.name}.{NAME}-partial")
     try:
@@ -283,7 +283,7 @@ def _written(path: Path, text: str) -> Path | None:
     return backup
 
 
-def _free(backup: Path) -> Path:
-    """A name that no earlier copy has: none of them is overwritten."""
+def _free_name(backup: Path) -> Path:
+    """Return a backup name that is not taken, so that no earlier backup is overwritten."""
     numbered = (backup.with_name(f"{backup.name}-{number}") for number in count(2))
     return next(path for path in chain((backup,), numbered) if not path.exists())

@@ -1,4 +1,4 @@
-"""The whole command line: what the server offers, its clients in ``agent``, and the evaluation of agents."""
+"""The whole command line: the server's commands, its clients in ``agent``, and the evaluation of agents."""
 
 from .clients import application
 from .evaluation import corpus, evaluation
@@ -9,7 +9,7 @@ application.add_typer(corpus)
 
 
 def main() -> None:
-    """Entry point of the ``plannerforge`` command."""
+    """Run the ``plannerforge`` command."""
     run(application)
 
 

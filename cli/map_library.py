@@ -1,4 +1,4 @@
-"""The library of maps from the command line: taking maps in, fetching them, and listing what is there."""
+"""The commands that add maps to the library, fetch them, and list them."""
 
 import math
 from collections.abc import AsyncIterator, Sequence
@@ -23,16 +23,16 @@ from ..workflows.generation.online import fetch_to_keep
 from ..workflows.maps import MapInventory, import_map, known_country, maps_at_hand
 
 _SHOWN_STREETS = 3
-"""Streets that a row lists; chosen."""
+"""Streets that a row lists (chosen)."""
 
 
 def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, country: str | None) -> int:
-    """Take map files in; 0, or 1 where one was refused."""
+    """Import map files; return 0, or 1 if one was refused."""
     refused = 0
     try:
         code = known_country(country)
     except InvalidRequest as error:
-        _complain(error.text)
+        _print_error(error.text)
         return 2
     for path, item in anyio.run(_add, settings, paths, place, code):
         if isinstance(item, ImportedItem):
@@ -40,18 +40,18 @@ def add_maps(settings: Settings, paths: Sequence[Path], *, place: str | None, co
             Console().print(escape(line), highlight=False, soft_wrap=True)
         else:
             refused += 1
-            _complain(f"{path.name}: {item.text}")
+            _print_error(f"{path.name}: {item.text}")
     return 1 if refused else 0
 
 
 def fetch_map(settings: Settings, place: str, *, country: str | None, scenario_type: ScenarioType) -> int:
-    """Fetch a place's map into the library, with its progress on stderr; 0, or 1 where settings forbid it.
+    """Fetch a place's map into the library and show the progress on stderr; return 0, or 1 if the settings forbid it.
 
     Raises:
-        PlannerForgeError: it cannot be had, alone or in a group of the tasks that it ended.
+        PlannerForgeError: The map is not available; it may be inside an exception group of the tasks that it ended.
     """
     if settings.maps_online == "offline":
-        _complain("maps_online is offline: nothing is fetched; set it to online")
+        _print_error("maps_online is offline, so nothing is fetched; set it to online")
         return 1
     errors = Console(stderr=True)
     errors.print(f"Asks {', '.join(settings.map_services().hosts)}", style="dim", highlight=False)
@@ -59,17 +59,17 @@ def fetch_map(settings: Settings, place: str, *, country: str | None, scenario_t
     with Progress(*columns, console=errors, transient=True) as bars:
         facts, notes = anyio.run(_fetch, settings, place, known_country(country), scenario_type, bars)
     sites = ", ".join(counted(count, f"{kind.replace('_', ' ')} site") for kind, count in sorted(facts.sites.items()))
-    said = f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}"
-    for line in (f"{facts.map_id}: {said}", *notes, facts.attribution):
+    summary = f"{facts.place} ({facts.country or 'country unknown'}): {facts.road_km:.1f} km of roads, {sites}"
+    for line in (f"{facts.map_id}: {summary}", *notes, facts.attribution):
         Console().print(escape(line), highlight=False, soft_wrap=True)
     return 0
 
 
 def list_maps(settings: Settings) -> int:
-    """A table of all maps at hand: where they lie and what sites they hold."""
+    """Print a table of all available maps with their places and sites."""
     at_hand = anyio.run(_all, settings)
     longest = max((len(entry.facts.map_id) for entry in at_hand.entries), default=0)
-    identity = Column("id", no_wrap=True, min_width=longest)  # never cut: it is what other commands are given
+    identity = Column("id", no_wrap=True, min_width=longest)  # never truncated, since other commands take it
     table = Table(identity, "place", "country", "south, west, north, east", "road km", "sites", "streets", title="Maps")
     for facts in (entry.facts for entry in at_hand.entries):
         box = ", ".join(f"{value:.4f}" for value in (facts.south, facts.west, facts.north, facts.east))
@@ -79,7 +79,7 @@ def list_maps(settings: Settings) -> int:
         table.add_row(*(escape(cell) for cell in cells))
     Console().print(table)
     for note in at_hand.notes:
-        _complain(note)
+        _print_error(note)
     return 0
 
 
@@ -100,10 +100,10 @@ async def _add(
 
         async with _services(settings) as services:
             call = WorkflowContext(services, show)
-            return [(path, await _added(call, path, place, country)) for path in paths]
+            return [(path, await _add_one(call, path, place, country)) for path in paths]
 
 
-async def _added(
+async def _add_one(
     call: WorkflowContext, path: Path, place: str | None, country: str | None
 ) -> ImportedItem | PlannerForgeError:
     try:
@@ -112,7 +112,9 @@ async def _added(
         return error
     if isinstance(added, ImportedItem):
         return added
-    return UnsafeInput(added.error or f"the job {added.job_id} was {added.state}", next_step="add it again to go on")
+    return UnsafeInput(
+        added.error or f"the job {added.job_id} was {added.state}", next_step="add the map again to continue"
+    )
 
 
 async def _fetch(
@@ -132,5 +134,5 @@ async def _all(settings: Settings) -> MapInventory:
         return await maps_at_hand(WorkflowContext(services))
 
 
-def _complain(text: str) -> None:
+def _print_error(text: str) -> None:
     Console(stderr=True).print(escape(text), style="red", highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""One tool call from a shell or a script: through a real client session, in this process."""
+"""One tool call from a shell or script, made through a real client session in this process."""
 
 import json
 import re
@@ -19,19 +19,19 @@ from ..workflows.rendering import FOLDER
 
 
 def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, to_the_end: bool = False) -> int:
-    """Make the call, show its progress on stderr and its answer on stdout; 0, or 1 where it was refused.
+    """Make the call, show its progress on stderr and its answer on stdout; return 0, or 1 if it was refused.
 
     Args:
-        to_the_end: where the answer names a job that still runs, wait for its end and show that instead.
+        to_the_end: If the answer gives a running job, wait for its end and show that instead.
     """
     errors = Console(stderr=True)
     try:
         parsed = json.loads(arguments)
     except json.JSONDecodeError as error:
-        errors.print(f"The arguments are no JSON: {error}", style="red", highlight=False)
+        errors.print(f"The arguments are not JSON: {error}", style="red", highlight=False)
         return 2
     if not isinstance(parsed, dict):
-        errors.print("The arguments are a JSON object, such as {}", style="red", highlight=False, markup=False)
+        errors.print("The arguments must be a JSON object, such as {}", style="red", highlight=False, markup=False)
         return 2
     result = anyio.run(_call, settings, tool, parsed, errors, to_the_end)
     if as_json and not result.is_error:
@@ -43,7 +43,7 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, t
 
 
 def _with_paths(text: str, pictures: Path) -> str:
-    """The text with the paths of pictures in place of links, which a shell cannot open."""
+    """Replace links to pictures, which a shell cannot open, by their paths."""
     return re.sub(rf"{re.escape(SCHEME)}picture/([\w.\-]+)", lambda link: str(pictures / link[1]), text)
 
 

@@ -1,8 +1,7 @@
 """The server's part of the command line: ``plannerforge serve | call | view | tools | prompts | maps | planner | …``.
 
-Clients join it in ``cli/clients.py``, evaluations in ``cli/evaluation.py``; ``cli/main.py`` puts them together.
-
-Commands import what they need when they run, so that ``serve`` answers fast.
+``cli/clients.py`` has the clients and ``cli/evaluation.py`` the evaluations; ``cli/main.py`` combines them. Commands
+import what they need when they run, so that ``serve`` starts fast.
 """
 
 import gc
@@ -38,7 +37,7 @@ application.add_typer(planner)
 application.add_typer(workspace_commands)
 
 
-def _tell_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"plannerforge {__version__}")
         raise typer.Exit
@@ -47,46 +46,47 @@ def _tell_version(wanted: bool) -> None:
 @application.callback()
 def _main(
     version: Annotated[
-        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    del version  # told by its callback
+    del version  # its callback printed it
 
 
 def run(program: typer.Typer) -> None:
-    """Run a command line; an error of this package ends it with its sentence and exit code 1, without a traceback."""
-    told: list[str] = []
+    """Run a command line; an error of this package ends it with its message and exit code 1, without a traceback."""
+    messages: list[str] = []
     try:
-        _narrowed(program, sys.argv[1:2])()
+        _narrow(program, sys.argv[1:2])()
     except* PlannerForgeError as failures:
-        told = [error.text for error in leaves_of(failures) if isinstance(error, PlannerForgeError)]
-    if told:
-        typer.echo("\n".join(dict.fromkeys(told)), err=True)
+        messages = [error.text for error in leaves_of(failures) if isinstance(error, PlannerForgeError)]
+    if messages:
+        typer.echo("\n".join(dict.fromkeys(messages)), err=True)
         raise SystemExit(1)
 
 
-def _narrowed(program: typer.Typer, words: Sequence[str]) -> typer.Typer:
-    """The program with the command that is asked for alone: to make the others would cost each start 20 ms."""
-    asked = [info for info in program.registered_commands if info.callback and info.callback.__name__ in words]
-    if not asked:
+def _narrow(program: typer.Typer, words: Sequence[str]) -> typer.Typer:
+    """Return the program with only the requested command; building the others costs each start 20 ms."""
+    commands = [info for info in program.registered_commands if info.callback and info.callback.__name__ in words]
+    if not commands:
         return program
     narrowed = copy(program)
-    narrowed.registered_commands, narrowed.registered_groups = asked, []
+    narrowed.registered_commands, narrowed.registered_groups = commands, []
     return narrowed
 
 
 _THREAD_STACK_BYTES = 2 * 1024**2
-"""Counts as data memory as soon as a thread starts, used or not. Linux's 8 MiB would take all of the smallest
-``server_memory_mb`` for a dozen calls at once; threads have 512 KiB on macOS, and 128 KiB with musl."""
+"""Counts as data memory as soon as a thread starts, used or not. With Linux's 8 MiB, a dozen simultaneous calls take
+all of the smallest ``server_memory_mb``; threads have 512 KiB on macOS and 128 KiB with musl.
+"""
 
 
 @application.command(cls=SettingsCommand)
 def serve(
     context: typer.Context,
-    http: Annotated[bool, typer.Option("--http", help="Serve over HTTP instead, for several clients.")] = False,
+    http: Annotated[bool, typer.Option("--http", help="Serve over HTTP, for several clients.")] = False,
 ) -> None:
-    """Serve MCP over standard input and output, or over HTTP. Every setting is a flag, except tokens."""
-    gc.disable()  # imports make nothing that could be collected, and a sixth of the start was looking for it
+    """Serve MCP over standard input and output, or over HTTP. Every setting except tokens is a flag."""
+    gc.disable()  # imports leave nothing to collect, and the search for it took a sixth of the start
     from ..engine.execution import hide_environment, limit_memory, share_heaps
     from ..server.assembly import create_server
 
@@ -102,14 +102,14 @@ def serve(
         _collect_again()
         serve_http(server, settings)
         return
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the SDK reads standard input in a thread that nothing can interrupt
-    signal.signal(signal.SIGTERM, partial(_end, server.finish_journal))  # hosts send it 2 s after they have left
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # the SDK reads standard input in a thread that cannot be interrupted
+    signal.signal(signal.SIGTERM, partial(_end, server.finish_journal))  # hosts send it 2 s after they disconnect
     _collect_again()
     server.run("stdio")
 
 
 def _end(finish: Callable[[], None], number: int, frame: object) -> None:
-    """End by a signal as if nothing had caught it, when what must not be lost is written."""
+    """Write what must not be lost, and end as the signal would have done."""
     del frame
     finish()
     signal.signal(number, signal.SIG_DFL)
@@ -117,7 +117,7 @@ def _end(finish: Callable[[], None], number: int, frame: object) -> None:
 
 
 def _collect_again() -> None:
-    gc.freeze()  # what was imported stays for the life of the process
+    gc.freeze()  # the imports stay for the life of the process
     gc.enable()
 
 
@@ -133,7 +133,7 @@ def call(
     map_folders: MapFolders = None,
     workers: Workers = None,
 ) -> None:
-    """Make one tool call, the same that an MCP client makes."""
+    """Make one tool call, as an MCP client does."""
     from .one_call import make_call
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, warm_up=False)
@@ -142,10 +142,12 @@ def call(
 
 @application.command()
 def token(
-    name: Annotated[str, typer.Argument(help="What the token is called, in the journal for instance.")],
-    read_only: Annotated[bool, typer.Option("--read-only", help="It sees only tools that make nothing.")] = False,
+    name: Annotated[str, typer.Argument(help="Name of the token, for example in the journal.")],
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Offer this token only tools that store nothing.")
+    ] = False,
 ) -> None:
-    """Make a bearer token for `serve --http`; it is shown once, its digest is kept."""
+    """Create a bearer token for `serve --http`; the token is shown once, and only its digest is stored."""
     from ..server.http.access import new_token
 
     text, line = new_token(name, reads_only=read_only)
@@ -158,18 +160,15 @@ def token(
 def view(
     ids: Annotated[
         list[str],
-        typer.Argument(
-            help="A scenario, run or batch; two of the first, side by side; several runs.",
-            autocompletion=completion.viewed,
-        ),
+        typer.Argument(help="A scenario, run or batch; or several of the first two.", autocompletion=completion.viewed),
     ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the page to this file.")] = None,
     no_open: Annotated[
-        bool, typer.Option("--no-open", help="Write the page and print its path, and open nothing.")
+        bool, typer.Option("--no-open", help="Write the page and print its path, without opening it.")
     ] = False,
     workspace: Workspace = None,
 ) -> None:
-    """Show a scenario or run in motion, two side by side, or the board of a batch: one HTML file, opened."""
+    """Show a scenario or run in motion, two side by side, or the board of a batch, as one HTML file in the browser."""
     from .view import view_artifacts
 
     settings = settings_from(workspace=workspace, workers=1, warm_up=False)
@@ -178,14 +177,16 @@ def view(
 
 @application.command()
 def ui(
-    port: Annotated[int | None, typer.Option(help="Port to listen at; 0: a free one [default: 8765].")] = None,
-    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address, and open nothing.")] = False,
+    port: Annotated[int | None, typer.Option(help="Port to listen on; 0: any free port [default: 8765].")] = None,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Print the address without opening it.")] = False,
     workspace: Workspace = None,
     roots: Roots = None,
     map_folders: MapFolders = None,
     workers: Workers = None,
 ) -> None:
-    """Show the workspace as pages in a browser: catalogue, scenarios, runs, batches, journal; MCP by HTTP beside it."""
+    """Serve the workspace as web pages: catalogue, scenarios, runs, batches and journal, together with MCP
+    over HTTP.
+    """
     from .ui import serve_pages
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders, workers=workers, http_port=port)
@@ -194,9 +195,9 @@ def ui(
 
 @application.command(name="tools")
 def list_tools(
-    essential: Annotated[bool, typer.Option("--essential", help="Only the small set for small models.")] = False,
+    essential: Annotated[bool, typer.Option("--essential", help="Only the set for small models.")] = False,
 ) -> None:
-    """List the tools with what they cost in tokens."""
+    """List the tools with their cost in tokens."""
     from .tool_costs import print_costs
 
     print_costs(settings_from(tools="essential" if essential else None))
@@ -205,11 +206,11 @@ def list_tools(
 @application.command()
 def prompts(
     task: Annotated[
-        str | None, typer.Argument(help="Print the prompt of this task; without it, what all cost.")
+        str | None, typer.Argument(help="Print the prompt of this task; default: list the cost of all.")
     ] = None,
     condition: Annotated[str, typer.Option(help="baseline, cp, cp_cot, cp_icl or cp_icl_cot.")] = "cp_icl_cot",
 ) -> None:
-    """List the prompts of the tasks with what they cost in tokens, or print one."""
+    """List the prompts of the tasks with their cost in tokens, or print one."""
     from ..prompts.composition import system_prompt
     from .tool_costs import print_prompt_costs
 
@@ -228,7 +229,7 @@ def check(
     files: Annotated[list[Path], typer.Argument(help="CommonRoad files.", exists=True, dir_okay=False)],
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
-    """Check the road networks of CommonRoad files; exit code 1 where one has errors."""
+    """Check the road networks of CommonRoad files; the exit code is 1 if one has errors."""
     from .check import check_files
 
     raise typer.Exit(check_files(files, as_json=as_json))
@@ -236,13 +237,13 @@ def check(
 
 @application.command()
 def doctor(
-    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
-    fix: Annotated[bool, typer.Option("--fix", help="Mend what is safe to: workspace, text index, hosts.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
+    fix: Annotated[bool, typer.Option("--fix", help="Apply safe repairs: workspace, text index, hosts.")] = False,
     workspace: Workspace = None,
     roots: Roots = None,
     map_folders: MapFolders = None,
 ) -> None:
-    """Look whether everything is there that the server needs, and say how to mend what is not; 1 where a fault is."""
+    """Check everything that the server needs, and say how to repair it; the exit code is 1 if there is a fault."""
     from .doctor import run_doctor
 
     settings = settings_from(workspace=workspace, roots=roots, map_folders=map_folders)
@@ -258,18 +259,18 @@ def install(
             autocompletion=completion.hosts,
         ),
     ],
-    print_only: Annotated[bool, typer.Option("--print", help="Print what belongs there and write nothing.")] = False,
+    print_only: Annotated[bool, typer.Option("--print", help="Print the entry without writing it.")] = False,
     workspace: Workspace = None,
     roots: Roots = None,
 ) -> None:
-    """Write this server into the settings of an MCP host, with a backup of what was there."""
+    """Write this server into the settings of an MCP host, and keep a backup."""
     from .hosts import install as install_into
     from .hosts import may_vanish, named_host, start_command
 
     if may_vanish(Path(sys.prefix)):
         typer.echo(
-            "This program runs in uv's cache, which may be emptied, so the host starts it by uvx; "
-            "`uv tool install plannerforge-mcp` makes an environment that stays.",
+            "This program runs in uv's cache, which may be emptied, so the host starts it with uvx; "
+            "`uv tool install plannerforge-mcp` creates a permanent environment.",
             err=True,
         )
     flags = ["--workspace", str(workspace.resolve())] if workspace else []
@@ -282,13 +283,17 @@ def run_tests(
     suite: Annotated[Path, typer.Argument(help="The suite, a YAML file.", exists=True, dir_okay=False)],
     junit: Annotated[Path | None, typer.Option(help="Write JUnit XML to this file.")] = None,
     summary: Annotated[Path | None, typer.Option(help="Write a summary in Markdown to this file.")] = None,
-    report: Annotated[Path | None, typer.Option(help="Write all of it as JSON to this file.")] = None,
-    save_baseline: Annotated[Path | None, typer.Option(help="Keep the runs here, to hold later ones against.")] = None,
+    report: Annotated[Path | None, typer.Option(help="Write the full report as JSON to this file.")] = None,
+    save_baseline: Annotated[
+        Path | None, typer.Option(help="Write the runs to this file, as the baseline of later suites.")
+    ] = None,
     workspace: Workspace = None,
     map_folders: MapFolders = None,
     workers: Workers = None,
 ) -> None:
-    """Run a test suite for planners; exit code 0 where all limits hold, 1 where one does not, 2 where it cannot run."""
+    """Run a test suite for planners; the exit code is 0 if all limits hold, 1 if one does not, and 2 if it
+    cannot run.
+    """
     from .suite import SuiteOutputs, test_suite
 
     roots = [suite.resolve().parent]

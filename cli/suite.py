@@ -1,4 +1,4 @@
-"""``plannerforge test SUITE.yaml``: run a suite, judge its limits, and write what came out for people and for CI."""
+"""``plannerforge test SUITE.yaml``: runs a suite, checks its limits, and writes the results for people and for CI."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from lxml.etree import _Element
 
 HOLDS, BROKEN, NOT_CARRIED_OUT = 0, 1, 2
-"""Exit codes: all limits hold; one does not; the suite could not be carried out."""
+"""Exit codes: all limits hold; a limit is broken; the suite could not run."""
 _SHOWN = 12
-"""Runs that did not reach the goal which the terminal and the summary list (chosen)."""
+"""Runs without a reached goal that the terminal and the summary list (chosen)."""
 
 
 @dataclass(frozen=True)
 class SuiteOutputs:
-    """The files that are written in addition to what is printed; None for one that is not."""
+    """Files to write in addition to the printed output; None for a file that is not requested."""
 
     junit: Path | None = None
     summary: Path | None = None
@@ -42,18 +42,18 @@ class SuiteOutputs:
 
 
 def test_suite(path: Path, settings: Settings, outputs: SuiteOutputs) -> int:
-    """Run a suite and print, and write, what came out; the exit code."""
+    """Run a suite, print and write the results, and return the exit code."""
     errors = Console(stderr=True)
-    told: list[str] = []
+    messages: list[str] = []
     report: SuiteReport | None = None
     try:
         report = anyio.run(_carry_out, read_suite(path), path.resolve().parent, settings, errors)
         _write_all(report, outputs)
     except* PlannerForgeError as failures:
-        told = [str(getattr(error, "text", error)) for error in leaves_of(failures)]
-    for text in dict.fromkeys(told):
+        messages = [str(getattr(error, "text", error)) for error in leaves_of(failures)]
+    for text in dict.fromkeys(messages):
         errors.print(text, style="red", highlight=False, markup=False, soft_wrap=True)
-    if report is None or told:
+    if report is None or messages:
         return NOT_CARRIED_OUT
     print_report(report, Console())
     return HOLDS if report.passed else BROKEN
@@ -79,7 +79,7 @@ async def _carry_out(suite: Suite, folder: Path, settings: Settings, console: Co
 
 
 def print_report(report: SuiteReport, console: Console) -> None:
-    """Limits first, then the runs that did not reach the goal."""
+    """Print the limits first, then the runs that did not reach the goal."""
     table = Table(
         "", Column("limit", overflow="fold"), Column("configuration", overflow="fold"), Column("seen", overflow="fold")
     )
@@ -100,7 +100,7 @@ def print_report(report: SuiteReport, console: Console) -> None:
 def _headline(report: SuiteReport) -> str:
     broken = sum(not verdict.holds for verdict in report.verdicts)
     held = f"all {counted(len(report.verdicts), 'limit')} hold" if not broken else f"{counted(broken, 'limit')} broken"
-    known = f", {report.reused} of them run before" if report.reused else ""
+    known = f", {report.reused} of them reused" if report.reused else ""
     return f"{report.suite}: {held}; {counted(len(report.cases), 'run')}{known} ({report.batch_id})"
 
 
@@ -110,10 +110,10 @@ def _case_text(case: SuiteCase) -> str:
 
 
 def _write_all(report: SuiteReport, outputs: SuiteOutputs) -> None:
-    """Write the files that were asked for.
+    """Write the requested files.
 
     Raises:
-        ResourceFailure: one cannot be written.
+        ResourceFailure: A file cannot be written.
     """
     contents: tuple[tuple[Path | None, Callable[[SuiteReport], bytes]], ...] = (
         (outputs.junit, junit_xml),
@@ -132,10 +132,10 @@ def _write_all(report: SuiteReport, outputs: SuiteOutputs) -> None:
 
 
 def junit_xml(report: SuiteReport) -> bytes:
-    """The report as JUnit XML: a suite of limits, and one of runs for each configuration.
+    """Return the report as JUnit XML: one suite of limits, and one of runs per configuration.
 
-    A broken limit is a failure. A run that did not reach its goal is none by itself, as the limits decide: it says so
-    in its output. What could not be run is skipped, and what was lost is an error.
+    A broken limit is a failure. A run that did not reach its goal is not, since the limits decide; its output says so.
+    Runs that could not start are skipped, and lost runs are errors.
     """
     from lxml import etree
 
@@ -185,12 +185,12 @@ def _run_case(case: SuiteCase) -> "_Element":
 
 
 def _printable(text: str) -> str:
-    """The text without characters that XML cannot hold."""
+    """Remove characters that XML does not allow."""
     return "".join(letter for letter in text if letter.isprintable() or letter in "\n\t")
 
 
 def markdown(report: SuiteReport) -> str:
-    """The report for a page of CI: the limits as a table, then the runs that did not reach the goal."""
+    """Return the report for a CI page: the limits as a table, then the runs that did not reach the goal."""
     lines = [f"## {_headline(report)}", "", "| | limit | configuration | seen |", "| --- | --- | --- | --- |"]
     lines += [
         f"| {'✅' if verdict.holds else '❌'} | `{verdict.limit}` | {_cell(verdict.configuration)} | "

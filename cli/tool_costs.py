@@ -1,4 +1,4 @@
-"""What tools and prompts cost a model before it has asked anything: tokens of names, descriptions, schemas, texts."""
+"""The tokens that tools and prompts cost a model before its first request: names, descriptions, schemas and texts."""
 
 import json
 
@@ -15,14 +15,14 @@ from ..tools.registry import ToolSpec
 
 
 def tool_cost(spec: ToolSpec) -> int:
-    """o200k_base tokens of one tool as a host hands it to a model."""
+    """Return the o200k_base tokens of one tool as a host passes it to a model."""
     tool = described_tool(spec)
     shown = {"name": tool.name, "description": tool.description, "inputSchema": tool.input_schema}
     return count_tokens(json.dumps(shown, separators=(",", ":"), ensure_ascii=False))
 
 
 def print_costs(settings: Settings) -> None:
-    """A table of the tools on offer."""
+    """Print a table of the offered tools."""
     table = Table("tool", "tokens", "reads only", "what it does", title="Tools")
     costs = []
     for spec in offered_tools(settings):
@@ -35,7 +35,7 @@ def print_costs(settings: Settings) -> None:
 
 
 def prompt_costs() -> dict[str, tuple[int, ...]]:
-    """o200k_base tokens of the prompt of each task, condition by condition, in a workspace that was just made."""
+    """Return the o200k_base tokens of each task's prompt by condition, in a new workspace."""
     facts = WorkspaceFacts(tuple(entry.facts.place for entry in built_in_maps()), ("ZAM",))
     return {
         task: tuple(count_tokens(system_prompt(task, condition, facts)) for condition in CONDITIONS) for task in TASKS
@@ -43,7 +43,7 @@ def prompt_costs() -> dict[str, tuple[int, ...]]:
 
 
 def print_prompt_costs() -> None:
-    """A table of the tasks, with the tokens of their prompts under each condition."""
+    """Print a table of the tasks with the tokens of their prompts under each condition."""
     table = Table("task", *CONDITIONS, title="Tokens of the prompts")
     for task, costs in prompt_costs().items():
         table.add_row(task, *map(str, costs))

@@ -1,4 +1,4 @@
-"""``plannerforge ui``: the workspace as pages in a browser, for everybody on this machine."""
+"""``plannerforge ui``: serves the workspace as web pages to everybody on this machine."""
 
 import sys
 import webbrowser
@@ -15,13 +15,13 @@ _HERE = "127.0.0.1"
 
 
 def serve_pages(settings: Settings, *, open_it: bool) -> None:
-    """Serve until a signal ends it; the address is told, and opened where there is a screen and it is wanted.
+    """Serve until a signal arrives; print the address, and open it if there is a screen and ``open_it`` is set.
 
-    Tokens are not asked for, so whatever the settings say of ``serve --http`` is left out: the pages listen on this
-    machine alone, and a web page that may call with a token may not call here without one.
+    The pages need no token, so the settings for ``serve --http`` do not apply. The pages listen only on this machine,
+    and a web page that may call with a token may not call here without one.
 
     Raises:
-        PlannerForgeError: the port is taken, or the workspace cannot be opened.
+        PlannerForgeError: The port is taken, or the workspace cannot be opened.
     """
     own = settings.model_copy(
         update={
@@ -41,7 +41,7 @@ def serve_pages(settings: Settings, *, open_it: bool) -> None:
         sys.stdout.write(f"{url}\n")
         sys.stdout.flush()
         if open_it and has_screen():
-            webbrowser.open(url)  # the socket listens already: the browser waits for the first answer
+            webbrowser.open(url)  # the socket already listens, so the browser waits for the first answer
 
     hide_environment()
     share_heaps()

@@ -1,4 +1,4 @@
-"""``plannerforge view``: the page that shows a scenario, a run or a batch, written as one file and opened."""
+"""``plannerforge view``: writes the page of a scenario, run or batch as one file, and opens it."""
 
 import os
 import sys
@@ -18,10 +18,10 @@ from ..workflows.rendering import VIEWS, MadeView, make_view
 
 
 def view_artifacts(words: Sequence[str], settings: Settings, *, output: Path | None, open_it: bool) -> None:
-    """Write the page of some artifacts, print its path, and open it where there is a screen and it is wanted.
+    """Write the page of some artifacts, print its path, and open it if there is a screen and ``open_it`` is set.
 
     Raises:
-        PlannerForgeError: nothing of that name, or nothing that a view shows.
+        PlannerForgeError: No artifact has this name, or no view can show it.
     """
     view = anyio.run(_view, words, settings)
     path = (output or settings.workspace.expanduser() / VIEWS / f"{'_'.join(view.ids)}.html").resolve()
@@ -41,7 +41,7 @@ async def _view(words: Sequence[str], settings: Settings) -> MadeView:
 
 
 def has_screen() -> bool:
-    """Whether a browser can show something to the person at this machine."""
+    """Return True if a browser can show something to the person at this machine."""
     if sys.platform in ("darwin", "win32"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

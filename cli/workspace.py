@@ -1,4 +1,4 @@
-"""``plannerforge workspace …``: what it takes, whether it is sound, room made again, and all of it as one file."""
+"""``plannerforge workspace …``: reports the workspace's size, checks and repairs it, frees space, and exports it."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,13 +13,13 @@ from .flags import settings_from
 if TYPE_CHECKING:
     from ..engine.workspace import Workspace
 
-workspace = typer.Typer(name="workspace", no_args_is_help=True, help="The folder that holds everything that was made.")
+workspace = typer.Typer(name="workspace", no_args_is_help=True, help="The folder with all stored artifacts.")
 _MB = 1024**2
 
 
 @workspace.command()
 def info(workspace: WorkspaceFlag = None) -> None:
-    """Say what each part of the workspace takes."""
+    """Show the size of each part of the workspace."""
     from rich.console import Console
     from rich.table import Column, Table
 
@@ -38,7 +38,7 @@ def info(workspace: WorkspaceFlag = None) -> None:
 
 @workspace.command()
 def verify(workspace: WorkspaceFlag = None) -> None:
-    """Look whether records and files agree; exit code 1 where something that was made is lost."""
+    """Check that records and files agree; the exit code is 1 if something is lost."""
     from ..engine.workspace import disagreements
 
     with _opened(workspace) as opened:
@@ -46,30 +46,30 @@ def verify(workspace: WorkspaceFlag = None) -> None:
     for each in found:
         typer.echo(f"{'lost' if each.is_lost else 'left over'}: {each.where}: {each.what}")
     lost = sum(each.is_lost for each in found)
-    typer.echo(f"{lost} lost, {len(found) - lost} left over" + ("; gc removes these" if len(found) > lost else ""))
+    typer.echo(f"{lost} lost, {len(found) - lost} left over" + ("; gc removes the latter" if len(found) > lost else ""))
     raise typer.Exit(1 if lost else 0)
 
 
 @workspace.command()
 def repair(workspace: WorkspaceFlag = None) -> None:
-    """Take out records that calls cannot read or believe, with their reasons; everything else stays."""
+    """Remove records that are unreadable or inconsistent, with the reasons; everything else stays."""
     from ..engine.workspace import repair as take_out_broken
 
     with _opened(workspace) as opened:
         done = take_out_broken(opened)
     for each, kept in done:
-        typer.echo(f"taken out: {each.where}: {each.what}; its row and its files are in {kept}")
-    typer.echo(f"{len(done)} taken out")
+        typer.echo(f"removed: {each.where}: {each.what}; its row and its files are in {kept}")
+    typer.echo(f"{len(done)} removed")
 
 
 @workspace.command()
 def gc(
     quota_mb: Annotated[
-        int | None, typer.Option(help="Remove what can be made again until the workspace takes no more than this.")
+        int | None, typer.Option(help="Remove what can be recreated until the workspace is no larger than this.")
     ] = None,
     workspace: WorkspaceFlag = None,
 ) -> None:
-    """Remove what belongs to nothing; with a quota also what can be made again. What was made stays."""
+    """Remove what belongs to no record, and with a quota also what can be recreated. Stored artifacts stay."""
     from ..engine.workspace import make_room, room_used
 
     with _opened(workspace) as opened:
@@ -78,18 +78,18 @@ def gc(
     freed = sum(size for _, size in removed)
     typer.echo(f"removed {len(removed):,} entries, {freed / _MB:,.1f} MB; the workspace takes {left / _MB:,.1f} MB")
     if quota_mb is not None and left > quota_mb * _MB:
-        typer.echo("More cannot be removed: the rest was made, or is younger than an hour.", err=True)
+        typer.echo("Nothing more can be removed: the rest is stored work, or younger than an hour.", err=True)
         raise typer.Exit(1)
 
 
 @workspace.command(name="export")
 def export_to(
     file: Annotated[Path, typer.Argument(help="The archive to write, such as work.zip.")],
-    journal: Annotated[bool, typer.Option("--journal", help="Put the journal of calls in, too.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that is there.")] = False,
+    journal: Annotated[bool, typer.Option("--journal", help="Include the journal of calls.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
     workspace: WorkspaceFlag = None,
 ) -> None:
-    """Write all that was made into one file, with records and digests; exit code 1 where something is lost."""
+    """Write all stored artifacts to one file, with records and digests; the exit code is 1 if something is lost."""
     from ..engine.workspace import export_workspace
 
     with _opened(workspace) as opened, _progress("writing") as on_bytes:
@@ -105,10 +105,10 @@ def import_from(
     file: Annotated[
         Path, typer.Argument(help="The archive, written by `workspace export`.", exists=True, dir_okay=False)
     ],
-    most_mb: Annotated[int, typer.Option(min=1, help="What it may take when unpacked.")] = 20_480,
+    most_mb: Annotated[int, typer.Option(min=1, help="Largest unpacked size.")] = 20_480,
     workspace: WorkspaceFlag = None,
 ) -> None:
-    """Take in all that an archive holds, after all of it was checked; nothing where something is wrong with it."""
+    """Check a whole archive, then import everything in it; import nothing if anything is wrong."""
     from ..engine.commonroad import scan_xml
     from ..engine.workspace import ArchiveLimits, Quota, import_workspace, make_private
     from ..engine.workspace import Workspace as Opened
@@ -129,12 +129,12 @@ def import_from(
             made = import_workspace(opened, file, limits=limits, check=check, on_bytes=on_bytes)
     finally:
         opened.close()
-    typer.echo(f"{root}: {made.added:,} artifacts added, {made.known:,} were there already")
+    typer.echo(f"{root}: {made.added:,} artifacts added, {made.known:,} already there")
 
 
 @contextmanager
 def _progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error that is told how many bytes are done, of how many."""
+    """Show a progress bar on standard error, and yield its update function, which takes the bytes done and in total."""
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -1,13 +1,13 @@
-"""The Python door: scenarios, runs and results as objects, on the workflows that the tools of MCP use too.
+"""Python access to PlannerForge: scenarios, runs and results as objects, based on the same workflows as the MCP tools.
 
-``Workspace``: A folder of scenarios, configurations, runs and results, and everything that can be done with them.
+``Workspace``: A folder of scenarios, configurations, runs and results, with every operation on them.
 ``Scenario``: A stored scenario.
 ``Run``: A stored run.
-``Runs``: Runs with their figures as a table.
-``Scenarios``: Scenarios in order, with all that was answered.
-``Picture``: A picture that was drawn, shown in notebooks.
-``Observation``, ``Plan``, ``PlannedTrajectory``, ``PlanningTask``: What a planner of one's own is given, and answers.
-``RouteFollower``: Makes motions along a planner's route.
+``Runs``: Runs, with metrics that convert to a table.
+``Scenarios``: An ordered collection of scenarios, with the answer that returned them.
+``Picture``: A drawn picture that notebooks display.
+``Observation``, ``Plan``, ``PlannedTrajectory``, ``PlanningTask``: The input and output of your own planner.
+``RouteFollower``: Generates motions along a planner's route.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,7 @@
-"""Runs workflows, which are asynchronous, for code that waits; planners of the caller drive in the caller's thread.
+"""Runs asynchronous workflows for synchronous callers; the caller's own planners run in the caller's thread.
 
-An event loop in a thread of its own holds workspace, workers and jobs. While the caller waits for a workflow, its
-thread carries out what only this process can do: runs of planners that are objects of the caller. A breakpoint in
+An event loop in a separate thread owns the workspace, the workers and the jobs. While the caller waits for a workflow,
+its thread executes what only this process can do: runs of planners that are the caller's objects. A breakpoint in
 ``plan()`` therefore stops in the caller's own thread.
 """
 
@@ -41,7 +41,7 @@ _Answer = TypeVar("_Answer")
 
 @dataclass
 class _Errand:
-    """Work for the caller's thread, and where its result goes."""
+    """Work for the caller's thread, and the future that receives its result."""
 
     work: Callable[[], Any]
     done: "Future[Any]" = field(default_factory=Future)
@@ -51,15 +51,17 @@ class _Errand:
             return
         try:
             self.done.set_result(self.work())
-        except Exception as error:  # noqa: BLE001 - it is raised where the result is waited for
+        except Exception as error:  # noqa: BLE001 - the thread that waits for the result raises it
             self.done.set_exception(error)
-        except BaseException as stopped:  # it ends the caller's wait; an event loop must not see it
+        except BaseException as stopped:  # ends the caller's wait; an event loop must not see it
             self.done.set_exception(PlannerFailure(f"the run was ended by {type(stopped).__name__}", reason="died"))
             raise
 
 
 class _CallersExecutor(ExecutorAround):
-    """An executor that hands runs of the caller's own planners to the caller's thread, and all else to the workers."""
+    """An executor that hands runs of the caller's own planners to the caller's thread, and everything else to the
+    workers.
+    """
 
     def __init__(self, workers: Executor, errands: "queue.SimpleQueue[_Errand | None]") -> None:
         super().__init__(workers)
@@ -71,7 +73,7 @@ class _CallersExecutor(ExecutorAround):
         """Return the response of the operation.
 
         Raises:
-            PlannerForgeError: what the operation raised.
+            PlannerForgeError: The operation raised it.
         """
         run = request.run if isinstance(request, ReplayRequest) else request
         if not (isinstance(run, RunRequest) and is_here(run.configuration.planner)):
@@ -83,7 +85,7 @@ class _CallersExecutor(ExecutorAround):
 
 @contextmanager
 def _portal() -> Iterator[BlockingPortal]:
-    """Yield the way into an event loop; its thread does not keep the program from ending."""
+    """Yield a portal into an event loop in a daemon thread, which does not keep the program alive."""
     opened: Future[BlockingPortal] = Future()
 
     async def serve() -> None:
@@ -102,26 +104,26 @@ def _portal() -> Iterator[BlockingPortal]:
 
 
 class Caller:
-    """Opens the services when they are first needed, and lets workflows use them until it is closed."""
+    """Opens the services on first use and runs workflows on them until it is closed."""
 
     def __init__(self, options: ServiceOptions) -> None:
         self._options = options
         self._stack = ExitStack()
         self._is_closed = False
-        weakref.finalize(self, self._stack.close)  # closes a workspace that was left open when the program ends
+        weakref.finalize(self, self._stack.close)  # closes a workspace that is still open when the program ends
         self._lock = threading.RLock()
         self._errands: queue.SimpleQueue[_Errand | None] = queue.SimpleQueue()
         self._portal: BlockingPortal | None = None
         self._services: Services | None = None
 
     def call(self, workflow: Callable[..., Awaitable[_Answer]], *arguments: object) -> _Answer:
-        """Return what a workflow returns for these arguments and a context of its own.
+        """Run a workflow with these arguments and a new context, and return its result.
 
         Raises:
-            PlannerForgeError: what the workflow raised.
+            PlannerForgeError: The workflow raised it.
         """
         with self._lock:
-            portal, services = self._opened()
+            portal, services = self._open_services()
             context = WorkflowContext(services)
             waiting = portal.start_task_soon(partial(workflow, *arguments, context))
             waiting.add_done_callback(lambda _: self._errands.put(None))
@@ -141,18 +143,18 @@ class Caller:
 
     @property
     def services(self) -> Services:
-        """The services, opened now if they are not open yet."""
+        """The services, which open on first use."""
         with self._lock:
-            return self._opened()[1]
+            return self._open_services()[1]
 
     def close(self) -> None:
-        """End workers and jobs; what is stored stays."""
+        """Stop workers and jobs; stored artifacts stay."""
         with self._lock:
             self._is_closed = True
             self._portal = self._services = None
             self._stack.close()
 
-    def _opened(self) -> tuple[BlockingPortal, Services]:
+    def _open_services(self) -> tuple[BlockingPortal, Services]:
         if self._is_closed:
             raise NotPossible("this workspace is closed", next_step="open it again with plannerforge.Workspace(folder)")
         if self._portal is None or self._services is None:

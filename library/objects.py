@@ -1,4 +1,4 @@
-"""What the Python door hands out: scenarios, runs and pictures as objects that show themselves in notebooks."""
+"""Objects that the Python library returns: scenarios, runs and pictures, with a display for notebooks."""
 
 import base64
 import html
@@ -22,18 +22,18 @@ class Home(Protocol):
 
     @property
     def stored(self) -> Workspace:
-        """The stored artifacts."""
+        """Return the workspace with the stored artifacts."""
 
     def render(self, *things: Any, **arguments: Any) -> tuple["Picture", ...]:
-        """Draw things."""
+        """Draw artifacts."""
 
     def resume(self, run_id: str, time_s: float, planner: Any) -> RunResponse:
-        """Drive on from a moment of a run."""
+        """Continue a run from a time with another planner."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture in a file, with the words for those who cannot see it."""
+    """A picture file with its alternative text."""
 
     path: Path
     media_type: str
@@ -46,7 +46,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A stored scenario; ``ID#problem`` means another planning problem than the first."""
+    """A stored scenario; ``ID#problem`` selects a planning problem other than the first."""
 
     workspace: Home = field(repr=False, compare=False)
     scenario_id: str
@@ -60,7 +60,7 @@ class Scenario:
         return self.workspace.stored.file("scenario", self.scenario_id.partition("#")[0], "scenario.xml")
 
     def plot(self, **arguments: Any) -> Picture:
-        """Draw the scenario, as ``render`` does."""
+        """Draw the scenario; takes the arguments of ``render``."""
         return self.workspace.render(self, **arguments)[0]
 
     def _repr_html_(self) -> str:
@@ -69,7 +69,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Scenarios(Sequence[Scenario]):
-    """Scenarios in order, and ``result``: all that was answered when they were made or found."""
+    """An ordered collection of scenarios; ``result`` is the answer that returned them."""
 
     result: Result
     scenarios: Sequence[Scenario]
@@ -105,35 +105,35 @@ class Run:
 
     @property
     def record(self) -> RunRecord:
-        """How the run ended, and its metrics."""
+        """The run's record: its outcome and its metrics."""
         return self.workspace.stored.get(self.run_id, "run").read(RunRecord)
 
     @property
     def outcome(self) -> str:
-        """How it ended, such as ``goal_reached`` or ``collision``."""
+        """The outcome of the run, such as ``goal_reached`` or ``collision``."""
         return self.record.outcome
 
     @property
     def steps(self) -> RunSteps:
-        """The driven states, and the cost terms of the plans."""
+        """The driven states and the cost terms of the plans."""
         return RunSteps.model_validate_json(self._file("steps.json").read_bytes())
 
     @property
     def series(self) -> RunSeries:
-        """What else is known over time, debug values of the planner included; empty if nothing was driven."""
+        """Further time series, including the planner's debug values; empty if the ego drove no step."""
         path = self._file("series.json")
         return RunSeries.model_validate_json(path.read_bytes()) if path.is_file() else RunSeries()
 
     def at(self, time_s: float) -> "Moment":
-        """Return the moment of the run so many seconds after its beginning, to drive on from there."""
+        """Return the moment ``time_s`` seconds after the start of the run, from which another planner can continue."""
         return Moment(self, time_s)
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return a table with a row for each driven state: position, motion, offset from the reference path."""
+        """Return a table with one row per driven state: position, motion and offset from the reference path."""
         return _states(self.steps, self.series)
 
     def plot(self, **arguments: Any) -> Picture:
-        """Draw the run, as ``render`` does."""
+        """Draw the run; takes the arguments of ``render``."""
         return self.workspace.render(self, **arguments)[0]
 
     def _file(self, name: str) -> Path:
@@ -141,40 +141,41 @@ class Run:
 
     def _repr_html_(self) -> str:
         record = self.record
-        told = html.escape(f"{self.run_id}: {record.outcome}, {record.reason}")
-        return f"<p>{told}</p>{self.plot()._repr_html_()}"
+        caption = html.escape(f"{self.run_id}: {record.outcome}, {record.reason}")
+        return f"<p>{caption}</p>{self.plot()._repr_html_()}"
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A moment of a run, ``time_s`` seconds after its beginning."""
+    """A moment of a run, ``time_s`` seconds after its start."""
 
     run: Run
     time_s: float
 
     def resume(self, planner: Any = "current") -> "Drive":
-        """Drive on from here with a planner, named or one's own; the others follow their recordings.
+        """Continue the run from here with a planner, given by name or as an object; the other vehicles follow their
+        recordings.
 
         Raises:
-            InvalidRequest: the run has no state at this time.
-            NotPossible: the run was driven in reactive traffic.
+            InvalidRequest: The run has no state at this time.
+            NotPossible: The run was driven in reactive traffic.
         """
         return Drive(self.run.workspace.resume(self.run.run_id, self.time_s, planner))
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A motion that was driven on from a moment of a run; it is not stored."""
+    """A continuation of a run from one of its moments; it is not stored."""
 
     response: RunResponse
 
     @property
     def record(self) -> RunRecord:
-        """How it ended, and its metrics."""
+        """The record of the continuation: its outcome and its metrics."""
         return self.response.record
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return a table with a row for each driven state, as :meth:`Run.to_pandas` does."""
+        """Return a table with one row per driven state, like :meth:`Run.to_pandas`."""
         return _states(self.response.steps, self.response.series or RunSeries())
 
 
@@ -193,13 +194,22 @@ def _states(steps: RunSteps, series: RunSeries) -> "pandas.DataFrame":
     return pandas.DataFrame({name: list(values) for name, values in columns.items()}, index=index)
 
 
-_OF_A_RUN = ["run_id", "scenario_id", "problem_id", "config_id", "config_name", "planner_version", "outcome", "reason"]
-"""Fields of a run's record that its row has, before its metrics."""
+_RUN_FIELDS = [
+    "run_id",
+    "scenario_id",
+    "problem_id",
+    "config_id",
+    "config_name",
+    "planner_version",
+    "outcome",
+    "reason",
+]
+"""Fields of a run's record that precede the metrics in its row."""
 
 
 @dataclass(frozen=True)
 class Runs(Sequence[Run]):
-    """Runs in order, and ``result``: what was answered when they were made."""
+    """An ordered collection of runs; ``result`` is the answer that returned them."""
 
     workspace: Home = field(repr=False, compare=False)
     result: RunPlannerResult
@@ -222,11 +232,11 @@ class Runs(Sequence[Run]):
 
     @property
     def result_ids(self) -> list[str]:
-        """The ids by which analyses and comparisons name these runs: their batch, or each run."""
+        """The ids that analyses and comparisons take for these runs: their batch, or each single run."""
         return [self.result.batch_id] if self.result.batch_id else [run.run_id for run in self.runs]
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """Return a table with a row for each run: how it ended and its metrics."""
+        """Return a table with one row per run: its outcome and its metrics."""
         import pandas
 
         rows: list[dict[str, Any]] = []
@@ -234,20 +244,20 @@ class Runs(Sequence[Run]):
             record = run.record
             metrics = {} if record.metrics is None else record.metrics.model_dump(mode="json")
             rows.append(
-                {name: getattr(record, name) for name in _OF_A_RUN}
+                {name: getattr(record, name) for name in _RUN_FIELDS}
                 | {"config_id": configuration_id(record.config_id)}
                 | metrics
             )
-        return pandas.DataFrame(rows, columns=[*_OF_A_RUN, *RunMetrics.model_fields])
+        return pandas.DataFrame(rows, columns=[*_RUN_FIELDS, *RunMetrics.model_fields])
 
     def to_parquet(self, path: str | Path) -> Path:
-        """Write :meth:`to_pandas` to a Parquet file, and return its path."""
+        """Write the table of :meth:`to_pandas` to a Parquet file and return its path."""
         target = Path(path)
         self.to_pandas().to_parquet(target, index=False)
         return target
 
     def plot(self, kind: str = "outcomes", **arguments: Any) -> Picture:
-        """Draw a chart of the runs, as ``render`` does; by default how they ended."""
+        """Draw a chart of the runs, by default of their outcomes; takes the arguments of ``render``."""
         return self.workspace.render(self, kind=kind, **arguments)[0]
 
     def _repr_html_(self) -> str:

@@ -1,6 +1,6 @@
-"""A plugin of pytest: a workspace as a fixture, and planner suites with limits that a test asserts.
+"""A pytest plugin with a workspace as a fixture, and planner suites with limits that a test asserts.
 
-Nothing heavy is imported before a test asks for one of the fixtures.
+It imports nothing heavy until a test requests one of the fixtures.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ _MARKER = "planner_suite"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marker known to pytest."""
+    """Register the marker with pytest."""
     config.addinivalue_line(
         "markers", f"{_MARKER}(path, planners=()): run this suite for the fixture {_MARKER}, with these planners"
     )
@@ -25,7 +25,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(scope="session")
 def planner_workspace(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Config) -> "Iterator[Workspace]":
-    """A workspace for the whole session; files below pytest's root folder may be read."""
+    """Yield a workspace for the whole session, which may read files below pytest's root folder."""
     from .workspace import Workspace
 
     folder = tmp_path_factory.mktemp("planner_workspace")
@@ -35,7 +35,7 @@ def planner_workspace(tmp_path_factory: pytest.TempPathFactory, pytestconfig: py
 
 @pytest.fixture
 def planner_suite(request: pytest.FixtureRequest, planner_workspace: "Workspace") -> "SuiteReport":
-    """The report on the suite that the test's marker names; its path is relative to the file of the test."""
+    """Return the report on the suite that the test's marker gives; its path is relative to the test file."""
     marker = request.node.get_closest_marker(_MARKER)
     if marker is None or not marker.args:
         pytest.fail(f"a test with the fixture {_MARKER} needs the marker @pytest.mark.{_MARKER}('suite.yaml')")

@@ -1,4 +1,4 @@
-"""A workspace for Python: everything that the tools of MCP do, as methods that take keyword arguments and wait."""
+"""A workspace for Python: every MCP tool as a blocking method with keyword arguments."""
 
 import inspect
 import pickle
@@ -63,11 +63,11 @@ from .objects import Picture, Run, Runs, Scenario, Scenarios
 
 _Long = TypeVar("_Long", bound="_LongAnswer")
 _WAIT_S = 50.0
-"""How long one look at a job waits; the longest that its request allows."""
+"""Seconds that one request for a job waits, the longest that the request allows."""
 
 
 class _LongAnswer(Protocol):
-    """An answer that names the job that still makes it."""
+    """An answer that gives the id of a job that is still working on it."""
 
     @property
     def state(self) -> str: ...
@@ -77,18 +77,19 @@ class _LongAnswer(Protocol):
 
 
 AnyPlanner = str | OwnPlanner | Planner | type[Planner]
-"""A configuration by id or name, such as ``frenetix:Default``, or a planner of one's own: an object, or its class."""
+"""A configuration by id or name, such as ``frenetix:Default``, or your own planner as an object or a class."""
 
 
 class Workspace:
-    """A folder of scenarios, configurations, runs and results, and everything that can be done with them.
+    """A folder of scenarios, configurations, runs and results, with every operation on them.
 
-    Workers start with the first call that needs them, and end with :meth:`close` or the ``with`` block. Everything that
-    is made is stored; what was made before by the same request is found again, also by a server on the same folder.
+    Workers start with the first call that needs them, and stop with :meth:`close` or at the end of the ``with`` block.
+    The workspace stores every result. It reuses what an earlier, equal request stored, as does a server on the same
+    folder.
 
     Args:
-        folder: where everything is stored; None for the folder that a server uses by default.
-        settings: those of the server by name, such as ``workers=4`` or ``maps_online="offline"``.
+        folder: Where everything is stored; None selects the folder that a server uses by default.
+        settings: The server's settings by name, such as ``workers=4`` or ``maps_online="offline"``.
     """
 
     def __init__(self, folder: str | Path | None = None, **settings: Any) -> None:
@@ -108,47 +109,47 @@ class Workspace:
         self.close()
 
     def close(self) -> None:
-        """End the workers; what is stored stays."""
+        """Stop the workers; stored artifacts stay."""
         self._planners.close()
         self._caller.close()
 
     @property
     def stored(self) -> StoredWorkspace:
-        """The stored artifacts, their records and files."""
+        """The stored artifacts with their records and files."""
         return self._caller.services.workspace
 
     def catalog(self, **arguments: Any) -> DescribeCatalogResult:
-        """Return what the catalogue holds, and the words by which it can be searched (``describe_catalog``)."""
+        """Return the contents of the catalogue and the terms that searches accept (``describe_catalog``)."""
         return self._caller.call(catalog.describe_catalog, read_arguments(DescribeCatalogArguments, arguments))
 
     def generate(self, **arguments: Any) -> Scenarios:
-        """Make scenarios from maps (``generate_scenarios``); waits until all of them are made."""
-        asked = read_arguments(GenerateScenariosArguments, arguments)
-        made = self._ended(generate.generate_scenarios, asked)
+        """Generate scenarios from maps (``generate_scenarios``) and wait until all are stored."""
+        request = read_arguments(GenerateScenariosArguments, arguments)
+        made = self._wait_for(generate.generate_scenarios, request)
         ids = [one.scenario_id for one in made.scenarios]
         if made.plan is not None:
-            ids = [one.scenario_id for one in self._caller.call(_meant, made.plan.plan_id)]
+            ids = [one.scenario_id for one in self._caller.call(_scenarios_of_plan, made.plan.plan_id)]
         return Scenarios(made, [self.scenario(key) for key in ids])
 
     def find(self, text: str | None = None, **arguments: Any) -> Scenarios:
         """Search the catalogue (``find_scenarios``)."""
-        asked = arguments if text is None else {"text": text, **arguments}
-        found = self._caller.call(catalog.find_scenarios, read_arguments(FindScenariosArguments, asked))
+        request = arguments if text is None else {"text": text, **arguments}
+        found = self._caller.call(catalog.find_scenarios, read_arguments(FindScenariosArguments, request))
         return Scenarios(found, [self.scenario(match.scenario_id) for match in found.matches])
 
     def import_files(self, path: str | Path, **arguments: Any) -> ImportFilesResult:
-        """Take in scenarios, maps, weight files and archives (``import_files``); waits until all of them are in."""
-        asked = read_arguments(ImportFilesArguments, {"path": str(path), **arguments})
-        return self._ended(importing.import_files, asked)
+        """Import scenarios, maps, weight files and archives (``import_files``) and wait until all are stored."""
+        request = read_arguments(ImportFilesArguments, {"path": str(path), **arguments})
+        return self._wait_for(importing.import_files, request)
 
     def scenario(self, scenario_id: str) -> Scenario:
-        """Return a stored scenario by its id, ``ID#problem`` for another planning problem than the first."""
+        """Return a stored scenario by id; ``ID#problem`` selects a planning problem other than the first."""
         return Scenario(self, scenario_id)
 
     def describe(self, scenario: "str | Scenario | Scenarios", **arguments: Any) -> DescribeScenarioResult:
-        """Describe a scenario in words and ids (``describe_scenario``)."""
-        asked = read_arguments(DescribeScenarioArguments, {"scenario_id": _one_id(scenario), **arguments})
-        return self._caller.call(scenario_work.describe_scenario, asked)
+        """Describe a scenario with its facts and ids (``describe_scenario``)."""
+        request = read_arguments(DescribeScenarioArguments, {"scenario_id": _one_id(scenario), **arguments})
+        return self._caller.call(scenario_work.describe_scenario, request)
 
     def edit(
         self,
@@ -156,23 +157,25 @@ class Workspace:
         edits: "Mapping[str, Any] | Sequence[Mapping[str, Any]]",
         **arguments: Any,
     ) -> Scenarios:
-        """Store a scenario with edits (``modify_scenario``); the result has no scenario after a ``dry_run``."""
-        asked = {
+        """Edit a scenario and store the result (``modify_scenario``); after a ``dry_run`` the answer has no
+        scenario.
+        """
+        request = {
             "scenario_id": _one_id(scenario),
             "edits": [edits] if isinstance(edits, Mapping) else list(edits),
             **arguments,
         }
-        made = self._caller.call(modification.modify_scenario, read_arguments(ModifyScenarioArguments, asked))
+        made = self._caller.call(modification.modify_scenario, read_arguments(ModifyScenarioArguments, request))
         return Scenarios(made, [] if made.scenario_id is None else [self.scenario(made.scenario_id)])
 
     def planners(self, **arguments: Any) -> ListPlannersResult:
-        """Return the planners, and what can be set in one (``list_planners``)."""
+        """Return the planners, and the settings that one of them takes (``list_planners``)."""
         return self._caller.call(planning.list_planners, read_arguments(ListPlannersArguments, arguments))
 
     def configure(self, planner: AnyPlanner | None = None, **arguments: Any) -> ConfigurePlannerResult:
-        """Store a configuration that is made from a preset and changes (``configure_planner``)."""
-        asked = arguments if planner is None else {"planner": self._named(planner), **arguments}
-        return self._caller.call(planning.configure_planner, read_arguments(ConfigurePlannerArguments, asked))
+        """Store a configuration with changes to a preset (``configure_planner``)."""
+        request = arguments if planner is None else {"planner": self._register(planner), **arguments}
+        return self._caller.call(planning.configure_planner, read_arguments(ConfigurePlannerArguments, request))
 
     def run(
         self,
@@ -180,68 +183,75 @@ class Workspace:
         planners: "Mapping[str, AnyPlanner] | Sequence[AnyPlanner] | AnyPlanner" = "current",
         **arguments: Any,
     ) -> Runs:
-        """Run planners on scenarios (``run_planner``), and wait until all runs are made.
+        """Run planners on scenarios (``run_planner``) and wait for all runs.
 
-        A planner may be an object of one's own: its ``plan()`` is then called in this thread, so that breakpoints and
-        debuggers work. Planners that are named drive in worker processes. Several objects of one class are passed by
-        names of one's own: ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
+        A planner may be your own object. Its ``plan()`` then runs in this thread, so breakpoints and debuggers work.
+        Planners given by name run in worker processes. To pass several objects of one class, give them names:
+        ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
-        Runs of a batch that are lost, for example because ``plan()`` raised, are warned of; the batch has the others.
+        If runs of a batch are lost, for example because ``plan()`` raised, a warning says so and the batch has the
+        others.
 
         Raises:
-            PlannerForgeError: a scenario or planner that does not exist.
+            PlannerForgeError: A scenario or a planner does not exist.
         """
-        asked = read_arguments(
+        request = read_arguments(
             RunPlannerArguments,
-            {"scenarios": [str(one) for one in _several(scenarios)], "configs": self._all_named(planners), **arguments},
+            {
+                "scenarios": [str(one) for one in _as_list(scenarios)],
+                "configs": self._register_all(planners),
+                **arguments,
+            },
         )
-        made = self._ended(planning.run_planner, asked)
+        made = self._wait_for(planning.run_planner, request)
         ids = [line.run_id for line in made.runs]
         if made.batch_id is not None:
             batch = self.stored.get(made.batch_id, "batch").read(BatchRecord)
             ids = list(batch.runs)
             if batch.lost:
-                asked_for = len(batch.lost) + len(ids)
+                requested = len(batch.lost) + len(ids)
                 first = batch.lost[0].error
-                warnings.warn(f"{len(batch.lost)} of {asked_for} runs are lost; the first: {first}", stacklevel=2)
+                warnings.warn(f"{len(batch.lost)} of {requested} runs are lost; the first: {first}", stacklevel=2)
         return Runs(self, made, [Run(self, key) for key in ids])
 
     def add_planner(self, planner: AnyPlanner) -> str:
-        """Make a planner of one's own known, and return the words that name it, such as ``my_planner:Default``."""
-        return self._named(planner)
+        """Register your own planner and return its name for requests, such as ``my_planner:Default``."""
+        return self._register(planner)
 
     def suite(self, path: str | Path) -> SuiteReport:
-        """Run the suite of a file and judge its limits, as ``plannerforge test`` does.
+        """Run the suite in a file and check its limits, as ``plannerforge test`` does.
 
         Raises:
-            PlannerForgeError: the file is no suite, or names something that does not exist.
+            PlannerForgeError: The file is not a suite, or gives something that does not exist.
         """
         file = Path(path)
-        return self._caller.call(_carried_out, read_suite(file), file.resolve().parent)
+        return self._caller.call(_run_suite, read_suite(file), file.resolve().parent)
 
     def resume(self, run_id: str, time_s: float, planner: AnyPlanner) -> RunResponse:
-        """Drive on from a moment of a stored run; ``run.at(time_s).resume(planner)`` is the same."""
-        return self._caller.call(resume_run, run_id, time_s, self._named(planner))
+        """Continue a stored run from a time; ``run.at(time_s).resume(planner)`` does the same."""
+        return self._caller.call(resume_run, run_id, time_s, self._register(planner))
 
     def analyse(
         self, results: "Sequence[str | Runs | Run] | str | Runs | Run", **arguments: Any
     ) -> AnalyzeResultsResult:
         """Return rates, metrics, costs and findings of runs (``analyze_results``)."""
-        asked = read_arguments(AnalyzeResultsArguments, {"results": _ids_of(results), **arguments})
-        return self._caller.call(figures.analyze_results, asked)
+        request = read_arguments(AnalyzeResultsArguments, {"results": _ids_of(results), **arguments})
+        return self._caller.call(figures.analyze_results, request)
 
     def compare(self, *results: "str | Runs | Run", **arguments: Any) -> CompareResultsResult:
-        """Compare results with paired tests, the first as the baseline (``compare_results``)."""
-        asked = read_arguments(CompareResultsArguments, {"results": _ids_of(results), **arguments})
-        return self._caller.call(comparison.compare_results, asked)
+        """Compare results with paired tests; the first is the baseline (``compare_results``)."""
+        request = read_arguments(CompareResultsArguments, {"results": _ids_of(results), **arguments})
+        return self._caller.call(comparison.compare_results, request)
 
     def optimise(
         self, scenarios: "Sequence[str | Scenario] | str | Scenario", base: AnyPlanner = "current", **arguments: Any
     ) -> OptimizePlannerResult:
-        """Search for a better configuration, or say which weights matter (``optimize_planner``); waits for the end."""
-        given = {"scenarios": [str(one) for one in _several(scenarios)], "base": self._named(base), **arguments}
-        asked = read_arguments(OptimizePlannerArguments, given)
-        return self._ended(optimization.optimize_planner, asked)
+        """Search for a better configuration, or find the weights that matter (``optimize_planner``), and wait for the
+        result.
+        """
+        given = {"scenarios": [str(one) for one in _as_list(scenarios)], "base": self._register(base), **arguments}
+        request = read_arguments(OptimizePlannerArguments, given)
+        return self._wait_for(optimization.optimize_planner, request)
 
     def render(self, *things: "str | Scenario | Run | Runs", **arguments: Any) -> tuple[Picture, ...]:
         """Draw pictures, animations and charts (``render``)."""
@@ -250,90 +260,90 @@ class Workspace:
         return tuple(Picture(Path(one.path), one.mime_type, one.alt_text) for one in drawing.made.images)
 
     def artifacts(self, **arguments: Any) -> ListArtifactsResult:
-        """List artifacts or jobs, the newest first (``list_artifacts``)."""
+        """List artifacts or jobs, newest first (``list_artifacts``)."""
         return self._caller.call(artifact_work.list_artifacts, read_arguments(ListArtifactsArguments, arguments))
 
     def export(
         self, *things: "str | Scenario | Run | Runs", folder: str | Path, **arguments: Any
     ) -> ExportArtifactsResult:
-        """Write artifacts, tables, pictures and reports into a folder (``export_artifacts``)."""
+        """Write artifacts, tables, pictures and reports to a folder (``export_artifacts``)."""
         ids = _ids_of(things)
-        asked = read_arguments(ExportArtifactsArguments, {"ids": ids, "folder": str(folder), **arguments})
-        return self._caller.call(exporting.export_artifacts, asked)
+        request = read_arguments(ExportArtifactsArguments, {"ids": ids, "folder": str(folder), **arguments})
+        return self._caller.call(exporting.export_artifacts, request)
 
     def job(self, job_id: str = "latest", **arguments: Any) -> JobResult:
-        """Look at a job, or wait for its end (``get_job``)."""
+        """Return the state of a job, or wait for its end (``get_job``)."""
         return self._caller.call(
             artifact_work.get_job, read_arguments(GetJobArguments, {"job_id": job_id, **arguments})
         )
 
     def cancel_job(self, job_id: str = "latest") -> JobResult:
-        """Stop a job; what is finished stays (``cancel_job``)."""
+        """Stop a job; finished parts stay (``cancel_job``)."""
         return self._caller.call(artifact_work.cancel_job, read_arguments(CancelJobArguments, {"job_id": job_id}))
 
-    def _ended(self, workflow: Callable[..., Awaitable[_Long]], asked: Arguments) -> _Long:
-        """Return what a workflow returns once its job has ended; the same request then finds all that was made.
+    def _wait_for(self, workflow: Callable[..., Awaitable[_Long]], request: Arguments) -> _Long:
+        """Wait until the job of a workflow ends, and return the answer, which the same request then finds complete.
 
-        If the caller interrupts the wait, the job is cancelled; what is finished stays.
+        If the caller interrupts the wait, the job is cancelled; finished parts stay.
         """
-        answer = self._caller.call(workflow, asked)
+        answer = self._caller.call(workflow, request)
         while answer.state == "running" and answer.job_id:
             try:
                 self.job(answer.job_id, wait_s=_WAIT_S)
             except BaseException:
                 self.cancel_job(answer.job_id)
                 raise
-            answer = self._caller.call(workflow, asked)
+            answer = self._caller.call(workflow, request)
         if answer.state in ("failed", "cancelled") and answer.job_id:
             job = self.job(answer.job_id, wait_s=0)
             raise NotPossible(f"{job.job_id} {job.state}: {job.error or job.message}", next_step=job.next_step)
         return answer
 
-    def _all_named(self, planners: "Mapping[str, AnyPlanner] | Sequence[AnyPlanner] | AnyPlanner") -> list[str]:
-        """Return the words that name planners.
+    def _register_all(self, planners: "Mapping[str, AnyPlanner] | Sequence[AnyPlanner] | AnyPlanner") -> list[str]:
+        """Return the names of planners for a request.
 
         Raises:
-            InvalidRequest: two of them would have the same name.
+            InvalidRequest: Two of them would have the same name.
         """
         if isinstance(planners, Mapping):
-            return [self._named(planner, name) for name, planner in planners.items()]
-        several = _several(planners)
+            return [self._register(planner, name) for name, planner in planners.items()]
+        several = _as_list(planners)
         own = Counter(_name_of(one) for one in {id(one): one for one in several if not isinstance(one, str)}.values())
         twice = [name for name, times in own.items() if times > 1]
         if twice:
             raise InvalidRequest(
                 f"two planners are called {twice[0]}",
                 valid=[f"{{'first': {twice[0]}_1, 'second': {twice[0]}_2}}"],
-                next_step="pass them by names of your own, as a mapping",
+                next_step="pass a mapping that gives each a name",
             )
-        return [self._named(planner) for planner in several]
+        return [self._register(planner) for planner in several]
 
-    def _named(self, planner: AnyPlanner, name: str = "") -> str:
-        """Return the words that name a planner in a request; an object of one's own becomes known by a name first."""
+    def _register(self, planner: AnyPlanner, name: str = "") -> str:
+        """Return a planner's name for a request, and register your own object under a name first."""
         if isinstance(planner, str):
             return planner
         known = next((known for one, known in self._known if one is planner and name in ("", known)), None)
         if known is None:
             known = name or _name_of(planner)
-            self._planners.enter_context(planners_here({known: _own(planner)}))
+            self._planners.enter_context(planners_here({known: _registration(planner)}))
             self._known = [(one, other) for one, other in self._known if other != known] + [(planner, known)]
         return f"{known}:Default"
 
 
-async def _carried_out(suite: Suite, folder: Path, context: WorkflowContext) -> SuiteReport:
+async def _run_suite(suite: Suite, folder: Path, context: WorkflowContext) -> SuiteReport:
     return await carry_out(suite, folder, context, lambda *_: None)
 
 
-async def _meant(word: str, context: WorkflowContext) -> tuple[ChosenScenario, ...]:
+async def _scenarios_of_plan(word: str, context: WorkflowContext) -> tuple[ChosenScenario, ...]:
     return choose_scenarios([word], context).scenarios
 
 
-def _several(things: Any) -> list[Any]:
+def _as_list(things: Any) -> list[Any]:
     return list(things) if isinstance(things, Sequence) and not isinstance(things, str) else [things]
 
 
 def _ids_of(things: Any) -> list[str]:
-    """Return the ids by which requests name something, or several things in any nesting."""
+    """Return the ids that requests take for one artifact, or for several in any nesting."""
     if isinstance(things, Runs):
         return things.result_ids
     if isinstance(things, str | Scenario | Run):
@@ -345,53 +355,52 @@ def _one_id(scenario: "str | Scenario | Scenarios") -> str:
     """Return the id of one scenario.
 
     Raises:
-        InvalidRequest: several are given, or none.
+        InvalidRequest: The collection has no scenario, or more than one.
     """
     if isinstance(scenario, Scenarios):
         if len(scenario) != 1:
             raise InvalidRequest(
-                f"{len(scenario)} scenarios are given where one is meant", valid=list(map(str, scenario))
+                f"{len(scenario)} scenarios given, but this takes exactly one", valid=list(map(str, scenario))
             )
         return scenario[0].scenario_id
     return str(scenario)
 
 
-def _own(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
-    """Return what is known of a planner of the caller's.
+def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
+    """Return a registration for the caller's planner.
 
     Raises:
-        InvalidRequest: it is no planner.
+        InvalidRequest: The object is not a planner.
     """
     if isinstance(planner, OwnPlanner):
         return PlannerHere(planner, _source(planner.make, planner.declaration.model_dump_json()))
     if isinstance(planner, type):
-        return PlannerHere(OwnPlanner(planner, _declared(planner)), _source(planner, ""))
+        return PlannerHere(OwnPlanner(planner, _declaration(planner)), _source(planner, ""))
     if not (callable(getattr(planner, "reset", None)) and callable(getattr(planner, "plan", None))):
         raise InvalidRequest(
-            f"{type(planner).__name__} is no planner",
+            f"{type(planner).__name__} is not a planner",
             valid=["a configuration such as frenetix:Default", "a class or object with reset and plan"],
             next_step="see docs/own_planner.md",
         )
-    made = OwnPlanner(lambda: planner, _declared(type(planner)))
+    made = OwnPlanner(lambda: planner, _declaration(type(planner)))
     return PlannerHere(made, _source(type(planner), _state(planner)))
 
 
-def _declared(kind: type) -> PlannerDeclaration:
+def _declaration(kind: type) -> PlannerDeclaration:
     return PlannerDeclaration(summary=(inspect.getdoc(kind) or kind.__name__).splitlines()[0])
 
 
 def _name_of(planner: object) -> str:
-    """Return ``my_planner`` for the class ``MyPlanner``, an object of it, or an ``OwnPlanner`` that makes one."""
+    """Return ``my_planner`` for the class ``MyPlanner``, its instances, or an ``OwnPlanner`` that creates them."""
     maker = planner.make if isinstance(planner, OwnPlanner) else planner if isinstance(planner, type) else type(planner)
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", getattr(maker, "__name__", "own_planner")).lower()
 
 
 def _source(maker: Any, state: str) -> str:
-    """Return the text that tells versions of a planner apart: the code that it is made of, and the state of the object.
+    """Return text that distinguishes versions of a planner: its source code and the state of the object.
 
-    The code is that of the files of its class, of the classes that it is derived from, and of what these files import,
-    installed packages and the standard library left out. If it is unknown, no two calls have the same version: no
-    stored run is then taken for one of this planner.
+    The code covers the files of its class and base classes and everything they import, except installed packages and
+    the standard library. If the code is unknown, every call gets a different version, so no stored run is reused.
     """
     classes = inspect.getmro(maker) if isinstance(maker, type) else (maker,)
     texts = []
@@ -400,14 +409,14 @@ def _source(maker: Any, state: str) -> str:
             texts.append(inspect.getsource(module))
     if not texts:
         try:
-            texts.append(inspect.getsource(maker))  # of a class in a cell of a notebook
+            texts.append(inspect.getsource(maker))  # a class in a notebook cell
         except (OSError, TypeError):
             return uuid.uuid4().hex
     return "".join(texts) + state
 
 
 def _own_modules(begin: Sequence[ModuleType]) -> list[ModuleType]:
-    """Return modules and what they import, without the standard library and installed packages, in a stable order."""
+    """Return modules and their imports in a stable order, without the standard library and installed packages."""
     paths = sysconfig.get_paths()
     installed = [Path(paths[name]).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     installed.append(Path(__file__).resolve().parents[1])
@@ -427,7 +436,7 @@ def _own_modules(begin: Sequence[ModuleType]) -> list[ModuleType]:
 
 
 def _state(planner: object) -> str:
-    """Return the attributes of a planner as text; another one each time if they cannot be written down."""
+    """Return a planner's attributes as text, or a different text each time if they cannot be serialised."""
     if not vars(planner):
         return ""
     try:

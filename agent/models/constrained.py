@@ -1,6 +1,6 @@
-"""Tools for models that know none: the choice of a call is a JSON object that keeps to a schema.
+"""Tools for models without tool support: the model selects a call by a JSON object that satisfies a schema.
 
-The model is shown the tools as text and has to write ``{"tool": …, "arguments": {…}}`` or ``{"answer": "…"}``.
+The model sees the tools as text and must write ``{"tool": …, "arguments": {…}}`` or ``{"answer": "…"}``.
 """
 
 import json
@@ -16,7 +16,7 @@ _HOW = (
 
 
 def choice_schema(tools: Sequence[ToolDefinition]) -> Schema:
-    """The schema of a call of one of the tools, or of an answer."""
+    """Return the schema of a call of one of the tools, or of an answer."""
     calls = [
         {
             "type": "object",
@@ -36,8 +36,8 @@ def choice_schema(tools: Sequence[ToolDefinition]) -> Schema:
 
 
 def as_plain_text(messages: Sequence[Message], tools: Sequence[ToolDefinition]) -> list[Message]:
-    """The conversation for a model without tools: the list of tools, calls and their answers as text."""
-    listed = "\n".join(f"- {_told(tool)}" for tool in tools)
+    """Return the conversation for a model without tools: the list of tools, calls and their answers as text."""
+    listed = "\n".join(f"- {_describe_tool(tool)}" for tool in tools)
     plain: list[Message] = []
     for message in messages:
         if message.role == "system":
@@ -52,7 +52,7 @@ def as_plain_text(messages: Sequence[Message], tools: Sequence[ToolDefinition]) 
 
 
 def read_choice(text: str, call_id: str) -> CallPart | TextPart:
-    """The call or the answer that a model wrote; a call without arguments where it is neither."""
+    """Return the call or the answer that a model wrote; a call without arguments if it is neither."""
     try:
         choice = json.loads(text)
     except ValueError:
@@ -73,7 +73,7 @@ def _choices(message: Message) -> list[str]:
     return written
 
 
-def _told(tool: ToolDefinition) -> str:
+def _describe_tool(tool: ToolDefinition) -> str:
     return f"{tool.name}: {tool.description} Arguments: {_json(tool.parameters.get('properties', {}))}"
 
 

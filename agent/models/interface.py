@@ -1,4 +1,4 @@
-"""What a chat model is: messages and tools go in, a stream of events comes out."""
+"""The interface of chat models: messages and tools go in, a stream of events comes out."""
 
 from collections.abc import AsyncGenerator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ Schema = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class ToolDefinition:
-    """A tool as a model sees it; ``parameters`` is the JSON Schema of its arguments, flat.
+    """A tool in the model's form; ``parameters`` is the flat JSON Schema of its arguments.
 
-    ``read_only`` says that a call changes nothing, where the server tells so.
+    ``read_only`` is True if the server declares that a call changes nothing.
     """
 
     name: str
@@ -24,7 +24,7 @@ class ToolDefinition:
 
 @dataclass(frozen=True)
 class RequestedCall:
-    """A call that a model asks for; ``arguments`` is None where ``written`` is no JSON object."""
+    """A call that a model requests; ``arguments`` is None if ``written`` is not a JSON object."""
 
     call_id: str
     tool: str
@@ -36,7 +36,7 @@ class RequestedCall:
 class Message:
     """A message of a conversation.
 
-    ``calls`` are those of an assistant; ``call_id`` and ``tool`` say which call a tool's message answers.
+    ``calls`` are those of an assistant; ``call_id`` and ``tool`` identify the call that a tool's message answers.
     """
 
     role: Role
@@ -48,30 +48,30 @@ class Message:
 
 @dataclass(frozen=True)
 class TextPart:
-    """A piece of the answer, as it comes."""
+    """A piece of the streamed answer."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class ThinkingPart:
-    """A piece of what the model thinks before it answers."""
+    """A piece of the model's thinking before its answer."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class CallPart:
-    """A whole call."""
+    """A complete call."""
 
     call: RequestedCall
 
 
 @dataclass(frozen=True)
 class StreamEnd:
-    """The end of an answer: tokens as the model's server counted them (None: it does not say).
+    """The end of an answer, with the server's token counts (None if it does not report them).
 
-    ``cut`` says that the answer ended because it may not be longer.
+    ``cut`` is True if the answer ended at its length limit.
     """
 
     prompt_tokens: int | None
@@ -84,9 +84,9 @@ ModelEvent = TextPart | ThinkingPart | CallPart | StreamEnd
 
 @dataclass(frozen=True)
 class ModelFacts:
-    """What is known of a model: the context that it is asked with, its size, and what it can do.
+    """Facts about a model: its context, its size, and its capabilities.
 
-    None where the server does not say. A model without ``tools`` is asked by a schema for its output.
+    None means that the server does not report the fact. A model without ``tools`` gets a schema for its output.
     """
 
     context_tokens: int | None
@@ -97,12 +97,13 @@ class ModelFacts:
 
 @dataclass(frozen=True)
 class ModelSettings:
-    """How a model is asked.
+    """The options of requests to a model.
 
     ``host`` is Ollama's address (empty: OLLAMA_HOST, or this machine); ``think`` None leaves it to the model;
-    ``context_tokens`` 0 takes the model's, within bounds; ``answer_tokens`` bounds an answer with its thinking;
-    ``keep_alive`` is how long Ollama keeps the model in memory; ``temperature`` and ``seed`` None leave them to the
-    model; ``silence_s`` is how long is waited for the next sign of the model.
+    ``context_tokens`` 0 uses the model's context, within bounds; ``answer_tokens`` limits an answer including its
+    thinking; ``keep_alive`` is how long Ollama keeps the model in memory; ``temperature`` and ``seed`` None leave them
+    to the model;
+    ``silence_s`` is the longest wait for the model's next data.
     """
 
     host: str = ""
@@ -121,13 +122,13 @@ class ChatModel(Protocol):
 
     @property
     def name(self) -> str:
-        """The name by which it was opened, such as ``ollama:qwen3:8b``."""
+        """The name that opened it, such as ``ollama:qwen3:8b``."""
 
     async def facts(self) -> ModelFacts:
-        """What is known of the model; asked of the server once.
+        """Return the facts about the model, which are requested from the server once.
 
         Raises:
-            ModelFailure: the server cannot be reached, or has no such model.
+            ModelFailure: The server cannot be reached, or has no such model.
         """
 
     def stream(
@@ -138,14 +139,14 @@ class ChatModel(Protocol):
         schema: Schema | None = None,
         think: bool | None = None,
     ) -> AsyncGenerator[ModelEvent, None]:
-        """Ask for the next message; its pieces as they come, a ``StreamEnd`` last.
+        """Request the next message, and yield its pieces as they arrive, ending with a ``StreamEnd``.
 
         Args:
-            schema: the JSON Schema that the answer has to keep to; without tools only.
-            think: overrides the setting for this answer.
+            schema: The JSON Schema that the answer must satisfy; only without tools.
+            think: Overrides the setting for this answer.
 
         Raises:
-            ModelFailure: the answer did not come, or not to its end.
+            ModelFailure: The answer did not arrive, or is incomplete.
         """
 
     async def close(self) -> None:

@@ -30,25 +30,26 @@ from .interface import (
 from .thinking_tags import ThinkingTags
 
 _USUAL_CONTEXT_TOKENS = 16_384
-"""Context that is asked for where no setting says more; chosen: the tools, a session of twenty calls, and it fits the
-memory of small machines. Ollama itself would take 4,096, which the tools alone fill."""
+"""Default context (chosen: it fits the tools, a session of twenty calls, and the memory of small machines). Ollama's
+own default is 4,096, which the tools alone fill.
+"""
 _MISREAD_CALL = re.compile(r"error parsing tool call", re.IGNORECASE)
-"""What Ollama says where a model wrote a call that is no JSON."""
+"""Ollama's message if a model wrote a call that is not JSON."""
 _RAISED = (ollama.ResponseError, ConnectionError, httpx.HTTPError, ValidationError, ValueError)
-"""All that the client raises; a ``ValueError`` is a line that is no JSON."""
+"""All exceptions that the client raises; ``ValueError`` means a line that is not JSON."""
 _NOT_FOUND = 404
 _UNITS = {"K": 1e-6, "M": 1e-3, "B": 1.0, "T": 1e3}
 
 
 class OllamaModel:
-    """A model of an Ollama server; one without tool support is asked by a schema for its output."""
+    """A model of an Ollama server; a model without tool support gets a schema for its output."""
 
     def __init__(self, model: str, settings: ModelSettings) -> None:
         self._model, self._settings = model, settings
         try:
             self._client = ollama.AsyncClient(settings.host or None, timeout=httpx.Timeout(settings.silence_s))
         except (ValueError, httpx.InvalidURL) as error:
-            raise SettingsFault(f"{quoted(self._host)} is no address of an Ollama server: {error}") from error
+            raise SettingsFault(f"{quoted(self._host)} is not an address of an Ollama server: {error}") from error
         self._facts: ModelFacts | None = None
         self._calls = 0
 
@@ -58,9 +59,9 @@ class OllamaModel:
         return f"ollama:{self._model}"
 
     async def facts(self) -> ModelFacts:
-        """What the server says of the model, asked once; the context is the one that will be asked for."""
+        """Return the server's facts about the model, requested once; the context is the one that requests will use."""
         if self._facts is None:
-            self._facts = await self._asked_facts()
+            self._facts = await self._request_facts()
         return self._facts
 
     async def stream(
@@ -71,16 +72,16 @@ class OllamaModel:
         schema: Schema | None = None,
         think: bool | None = None,
     ) -> AsyncGenerator[ModelEvent, None]:
-        """Ask for the next message; see ``ChatModel``."""
+        """Request the next message; see ``ChatModel``."""
         facts = await self.facts()
         chosen = bool(tools) and not facts.tools
-        sent_tools = [] if chosen else [_sent_tool(tool) for tool in tools]
+        sent_tools = [] if chosen else [_wire_tool(tool) for tool in tools]
         if chosen:
             messages, schema = as_plain_text(messages, tools), choice_schema(tools)
         wanted = self._settings.think if think is None else think
         request = self._client.chat(
             model=self._model,
-            messages=[_sent(message) for message in messages],
+            messages=[_wire_message(message) for message in messages],
             tools=sent_tools or None,
             stream=True,
             think=wanted if facts.thinking else None,
@@ -104,22 +105,22 @@ class OllamaModel:
                         yield event
         except _RAISED as error:
             if not (isinstance(error, ollama.ResponseError) and _MISREAD_CALL.search(error.error)):
-                raise await self._told(error) from error
+                raise await self._convert_error(error) from error
             yield CallPart(RequestedCall(self._next_id(), "", None, error.error))
             yield StreamEnd(None, None)
             ended = True
         if not ended:
-            raise StreamCut(f"the answer of {self.name} broke off before its end")
+            raise StreamCut(f"the answer of {self.name} was interrupted")
 
     async def close(self) -> None:
         """Close the connections."""
         await self._client.close()  # type: ignore[no-untyped-call]
 
-    async def _asked_facts(self) -> ModelFacts:
+    async def _request_facts(self) -> ModelFacts:
         try:
             shown = await self._client.show(self._model)
         except _RAISED as error:
-            raise await self._told(error) from error
+            raise await self._convert_error(error) from error
         able = shown.capabilities or []
         lengths = [
             value
@@ -160,23 +161,23 @@ class OllamaModel:
         self._calls += 1
         return f"call_{self._calls}"
 
-    async def _told(self, error: Exception) -> ModelFailure:
-        """What the client raised, as the failure that it means."""
+    async def _convert_error(self, error: Exception) -> ModelFailure:
+        """Convert the client's exception into the failure that it represents."""
         if isinstance(error, ollama.ResponseError):
             if error.status_code == _NOT_FOUND:
                 known = closest(self._model, await self._known_models())
-                step = f"run `ollama pull {self._model}`, or take one that there is"
+                step = f"run `ollama pull {self._model}`, or choose an available one"
                 return UnknownModel(
                     f"Ollama at {self._host} has no model {quoted(self._model)}", valid=known, next_step=step
                 )
             return ModelRefused(f"Ollama refused: {error.error}")
         if isinstance(error, ConnectionError | httpx.ConnectError | httpx.ConnectTimeout | httpx.UnsupportedProtocol):
-            step = "start it with `ollama serve`, or name its address by --host or OLLAMA_HOST"
+            step = "start it with `ollama serve`, or give its address in --host or OLLAMA_HOST"
             return ModelUnreachable(f"no Ollama answers at {self._host}", next_step=step)
         if isinstance(error, httpx.TimeoutException):
             return ModelSilent(f"nothing came from {self.name} for {self._settings.silence_s:g} s")
         if isinstance(error, httpx.HTTPError):
-            return StreamCut(f"the answer of {self.name} broke off: {error}")
+            return StreamCut(f"the answer of {self.name} was interrupted: {error}")
         return StreamCut(f"the answer of {self.name} cannot be read: {error}")
 
     async def _known_models(self) -> list[str]:
@@ -191,7 +192,7 @@ class OllamaModel:
         return self._settings.host or os.environ.get("OLLAMA_HOST", "") or "http://127.0.0.1:11434"
 
 
-def _sent(message: Message) -> dict[str, Any]:
+def _wire_message(message: Message) -> dict[str, Any]:
     sent: dict[str, Any] = {"role": message.role, "content": message.text}
     if message.calls:
         sent["tool_calls"] = [
@@ -202,13 +203,13 @@ def _sent(message: Message) -> dict[str, Any]:
     return sent
 
 
-def _sent_tool(tool: ToolDefinition) -> dict[str, Any]:
+def _wire_tool(tool: ToolDefinition) -> dict[str, Any]:
     function = {"name": tool.name, "description": tool.description, "parameters": dict(tool.parameters)}
     return {"type": "function", "function": function}
 
 
 def _duration(written: str) -> float | str:
-    """A time as Ollama takes it: a number of seconds, where only a number stands, or a text with its unit."""
+    """Return a time in Ollama's form: a number of seconds if it is only a number, otherwise a text with its unit."""
     try:
         return float(written)
     except ValueError:
@@ -216,6 +217,8 @@ def _duration(written: str) -> float | str:
 
 
 def _billions(size: str | None) -> float | None:
-    """Billions of parameters of a size as Ollama words it, such as ``8.2B`` or ``494.03M``; None where it says none."""
+    """Return billions of parameters from Ollama's size text, such as ``8.2B`` or ``494.03M``; None if it
+    gives no size.
+    """
     found = re.fullmatch(r"([\d.]+)([KMBT])", size or "")
     return float(found[1]) * _UNITS[found[2]] if found else None

@@ -1,6 +1,6 @@
-"""``openai:MODEL@URL``: a model of a server that speaks OpenAI's chat completions, through the official client.
+"""``openai:MODEL@URL``: a model of a server with OpenAI's chat-completions API, through the official client.
 
-Such servers are vLLM, llama.cpp, LM Studio and hosted ones. The client comes with the extra ``openai``.
+Such servers are vLLM, llama.cpp, LM Studio and hosted ones. The extra ``openai`` installs the client.
 """
 
 import json
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from openai.types.chat import ChatCompletionChunk
 
 _CONTEXT_FIELDS = ("max_model_len", "context_length", "n_ctx", "max_context_length")
-"""Where servers tell the context of a model in their list: vLLM, others, llama.cpp, LM Studio."""
+"""The fields for a model's context in servers' lists: vLLM, others, llama.cpp, LM Studio."""
 _THINKING_FIELDS = ("reasoning_content", "reasoning")
-"""Where servers put what a model thinks: vLLM, llama.cpp and LM Studio; OpenRouter and newer vLLM."""
+"""The fields for a model's thinking: vLLM, llama.cpp and LM Studio; OpenRouter and newer vLLM."""
 
 
 @dataclass
@@ -43,7 +43,7 @@ class _CallInParts:
 
 
 class OpenAIModel:
-    """A model behind an address that ends in ``/v1``; the key is the setting, or OPENAI_API_KEY."""
+    """A model behind an address that ends in ``/v1``; the key comes from the setting, or from OPENAI_API_KEY."""
 
     def __init__(self, model_and_url: str, settings: ModelSettings) -> None:
         model, _, url = model_and_url.rpartition("@")
@@ -53,7 +53,7 @@ class OpenAIModel:
             parts = urlsplit("")
         if not (model and parts.scheme in {"http", "https"} and parts.hostname):
             raise SettingsFault(
-                f"'openai:{model_and_url}' names no model with an address",
+                f"'openai:{model_and_url}' is not a model with an address",
                 next_step="write openai:MODEL@URL, such as openai:my-model@http://localhost:8000/v1",
             )
         try:
@@ -69,12 +69,12 @@ class OpenAIModel:
             self._client = openai.AsyncOpenAI(
                 base_url=self._url, api_key=settings.api_key or None, timeout=settings.silence_s, max_retries=0
             )
-        except openai.OpenAIError:  # neither setting nor OPENAI_API_KEY: local servers need none
+        except openai.OpenAIError:  # neither setting nor OPENAI_API_KEY, which local servers do not need
             self._client = openai.AsyncOpenAI(
                 base_url=self._url, api_key="none", timeout=settings.silence_s, max_retries=0
             )
         hosted = parts.hostname.endswith("openai.com")
-        self._bound = "max_completion_tokens" if hosted else "max_tokens"  # local servers know the older name alone
+        self._bound = "max_completion_tokens" if hosted else "max_tokens"  # local servers support only the older name
         self._facts: ModelFacts | None = None
 
     @property
@@ -83,9 +83,9 @@ class OpenAIModel:
         return f"openai:{self._model}"
 
     async def facts(self) -> ModelFacts:
-        """What the server's list says of the model; a server without a list is taken at its name."""
+        """Return the facts about the model from the server's list; a server without a list is not checked."""
         if self._facts is None:
-            self._facts = await self._asked_facts()
+            self._facts = await self._request_facts()
         return self._facts
 
     async def stream(
@@ -96,7 +96,7 @@ class OpenAIModel:
         schema: Schema | None = None,
         think: bool | None = None,
     ) -> AsyncGenerator[ModelEvent, None]:
-        """Ask for the next message; see ``ChatModel``. Whether it thinks is the server's to say."""
+        """Request the next message; see ``ChatModel``. The server decides whether the model thinks."""
         wanted = self._settings.think if think is None else think
         calls: dict[int, _CallInParts] = {}
         tags = ThinkingTags()
@@ -113,14 +113,14 @@ class OpenAIModel:
                         _join_calls(calls, choice.delta.tool_calls or ())
                     for event in _events(chunk, tags):
                         yield event
-        except (self._openai.OpenAIError, ValueError) as error:  # a ``ValueError`` is a line that is no JSON
-            raise await self._told(error, begun=begun) from error
+        except (self._openai.OpenAIError, ValueError) as error:  # a ``ValueError`` is a line that is not JSON
+            raise await self._convert_error(error, begun=begun) from error
         if not finish:
-            raise StreamCut(f"the answer of {self.name} broke off before its end")
+            raise StreamCut(f"the answer of {self.name} was interrupted")
         for left in tags.rest():
             yield left
         for number, call in sorted(calls.items()):
-            yield CallPart(_whole(call, number))
+            yield CallPart(_complete_call(call, number))
         yield StreamEnd(
             usage.prompt_tokens if usage else None, usage.completion_tokens if usage else None, cut=finish == "length"
         )
@@ -129,14 +129,14 @@ class OpenAIModel:
         """Close the connections."""
         await self._client.close()
 
-    async def _asked_facts(self) -> ModelFacts:
+    async def _request_facts(self) -> ModelFacts:
         context: int | None = None
         try:
             listed = await self._client.models.list()
         except self._openai.APIConnectionError as error:
-            raise await self._told(error) from error
+            raise await self._convert_error(error) from error
         except (self._openai.OpenAIError, ValueError):
-            listed = None  # not every server has a list; the first request will tell
+            listed = None  # not every server has a list; the first request will show
         entries = {entry.id: entry for entry in listed.data} if listed else {}
         if entries and self._model not in entries:
             raise self._unknown(list(entries))
@@ -153,13 +153,13 @@ class OpenAIModel:
     ) -> dict[str, Any]:
         request: dict[str, Any] = {
             "model": self._model,
-            "messages": [_sent(message) for message in messages],
+            "messages": [_wire_message(message) for message in messages],
             "stream": True,
             "stream_options": {"include_usage": True},
             self._bound: self._settings.answer_tokens,
         }
         if tools:
-            request["tools"] = [_sent_tool(tool) for tool in tools]
+            request["tools"] = [_wire_tool(tool) for tool in tools]
         if schema is not None:
             wrapped = {"name": "answer", "schema": dict(schema)}
             request["response_format"] = {"type": "json_schema", "json_schema": wrapped}
@@ -176,8 +176,8 @@ class OpenAIModel:
             f"the server at {self._url} has no model {quoted(self._model)}", valid=closest(self._model, known)
         )
 
-    async def _told(self, error: Exception, *, begun: bool = False) -> ModelFailure:
-        """What the client raised, as the failure that it means."""
+    async def _convert_error(self, error: Exception, *, begun: bool = False) -> ModelFailure:
+        """Convert the client's exception into the failure that it represents."""
         library = self._openai
         if isinstance(error, library.NotFoundError):
             try:
@@ -195,7 +195,7 @@ class OpenAIModel:
             return ModelUnreachable(f"no server answers at {self._url}", next_step=step)
         if isinstance(error, library.APIError) and not isinstance(error, library.APIConnectionError):
             return ModelRefused(f"the server at {self._url} refused: {error.message}")
-        return StreamCut(f"the answer of {self.name} broke off or cannot be read: {error}")
+        return StreamCut(f"the answer of {self.name} was interrupted or cannot be read: {error}")
 
 
 def _events(chunk: "ChatCompletionChunk", tags: ThinkingTags) -> Iterator[ModelEvent]:
@@ -217,7 +217,7 @@ def _join_calls(calls: dict[int, _CallInParts], parts: Sequence[Any]) -> None:
             call.arguments += part.function.arguments or ""
 
 
-def _whole(call: _CallInParts, number: int) -> RequestedCall:
+def _complete_call(call: _CallInParts, number: int) -> RequestedCall:
     try:
         arguments = json.loads(call.arguments or "{}")
     except ValueError:
@@ -226,7 +226,7 @@ def _whole(call: _CallInParts, number: int) -> RequestedCall:
     return RequestedCall(call.call_id or f"call_{number + 1}", call.tool, known, call.arguments)
 
 
-def _sent(message: Message) -> dict[str, Any]:
+def _wire_message(message: Message) -> dict[str, Any]:
     sent: dict[str, Any] = {"role": message.role, "content": message.text}
     if message.calls:
         sent["tool_calls"] = [
@@ -245,6 +245,6 @@ def _sent(message: Message) -> dict[str, Any]:
     return sent
 
 
-def _sent_tool(tool: ToolDefinition) -> dict[str, Any]:
+def _wire_tool(tool: ToolDefinition) -> dict[str, Any]:
     function = {"name": tool.name, "description": tool.description, "parameters": dict(tool.parameters)}
     return {"type": "function", "function": function}

@@ -1,4 +1,4 @@
-"""Models by name: ``ollama:MODEL`` and ``openai:MODEL@URL``; what a name needs is imported when it is opened."""
+"""Looks up models by name (``ollama:MODEL``, ``openai:MODEL@URL``), and imports a client only when it opens a model."""
 
 import importlib
 from collections.abc import Callable
@@ -10,22 +10,22 @@ from ..errors import SettingsFault
 from .interface import ChatModel, ModelSettings
 
 MODEL_SERVERS = {"ollama": ".ollama_model:OllamaModel", "openai": ".openai_model:OpenAIModel"}
-"""By the word before the colon: a class that takes what stands behind it, and the settings."""
+"""Maps the word before the colon to a class that takes the rest of the name, and the settings."""
 MODEL_FORMS = ("ollama:MODEL", "openai:MODEL@URL")
 
 
 def open_model(name: str, settings: ModelSettings) -> ChatModel:
-    """The model of a name such as ``ollama:qwen3:8b`` or ``openai:my-model@http://localhost:8000/v1``.
+    """Return the model with a name such as ``ollama:qwen3:8b`` or ``openai:my-model@http://localhost:8000/v1``.
 
     Raises:
-        SettingsFault: the name has none of the forms, or the package that it needs is missing.
+        SettingsFault: The name has no valid form, or a required package is missing.
     """
     server, colon, rest = name.partition(":")
     if not (colon and rest and server in MODEL_SERVERS):
-        problem = f"{quoted(name)} names no model" if name else "no model is named"
+        problem = f"{quoted(name)} is not a model name" if name else "no model is given"
         known = MODEL_FORMS if not colon else closest(server, MODEL_FORMS)
         raise SettingsFault(
-            problem, valid=known, next_step="name one by --model or PLANNERFORGE_AGENT_MODEL, such as ollama:qwen3:8b"
+            problem, valid=known, next_step="give one in --model or PLANNERFORGE_AGENT_MODEL, such as ollama:qwen3:8b"
         )
     module, _, attribute = MODEL_SERVERS[server].partition(":")
     maker = getattr(importlib.import_module(module, __package__), attribute)

@@ -1,4 +1,4 @@
-"""Thinking that a server leaves in the text of an answer, between ``<think>`` and ``</think>`` at its beginning."""
+"""Separates thinking that a server leaves at the start of an answer, between ``<think>`` and ``</think>``."""
 
 from collections.abc import Iterator
 
@@ -8,15 +8,15 @@ _OPEN, _CLOSE = "<think>", "</think>"
 
 
 class ThinkingTags:
-    """Tells thinking and text apart while an answer comes in pieces, which may end within a tag."""
+    """Separates thinking from text while an answer arrives in pieces, which may end within a tag."""
 
     def __init__(self) -> None:
         self._waiting = ""
         self._inside: bool | None = None
-        """Whether it is in the thinking; None where the answer has not said yet."""
+        """True inside the thinking; None if the answer has not shown it yet."""
 
     def feed(self, text: str) -> Iterator[TextPart | ThinkingPart]:
-        """The parts that a piece completes."""
+        """Yield the parts that a piece completes."""
         self._waiting += text
         if self._inside is None:
             begun = self._waiting.lstrip()
@@ -35,12 +35,12 @@ class ThinkingTags:
             yield from self.rest()
 
     def rest(self) -> Iterator[TextPart | ThinkingPart]:
-        """What is left when the answer has ended."""
+        """Yield the remainder when the answer has ended."""
         if self._waiting:
             yield ThinkingPart(self._waiting) if self._inside else TextPart(self._waiting)
         self._waiting = ""
 
 
 def _beginning_of_close(text: str) -> str:
-    """The end of a text that may be the beginning of the closing tag."""
+    """Return the end of a text that may be the start of the closing tag."""
     return next((_CLOSE[:length] for length in range(len(_CLOSE) - 1, 0, -1) if text.endswith(_CLOSE[:length])), "")

@@ -1,35 +1,35 @@
-"""Work outside the server's process: warm workers, jobs that outlive their call, claims, limits.
+"""Runs work outside the server's process: warm workers, jobs that outlive their call, claims, limits.
 
-``Claims``: Claims of this process on recipes, so that no other makes the same at the same time.
-``ClusterExecutor``: Carries operations out on the workers of a Dask cluster.
-``Executor``: Runs operations, each apart from the others; gives their responses.
-``Lane``: Which workers carry an operation out: ``compute`` or ``retrieval``.
-``OnProgress``: A listener to progress: an async function of the share done in [0, 1] and a few words.
-``ExecutorAround``: What executors share that hand operations on to another one.
+``Claims``: Claims of this process on recipes, so that no two processes create the same result at once.
+``ClusterExecutor``: Runs operations on the workers of a Dask cluster.
+``Executor``: Runs operations in isolation from each other and returns their responses.
+``Lane``: The workers that run an operation: ``compute`` or ``retrieval``.
+``OnProgress``: A progress listener: an async function of the completed share in [0, 1] and a short message.
+``ExecutorAround``: Base of executors that pass operations on to another one.
 ``Operation``: A function of the engine that runs in a worker, with its request, response and time limit in seconds.
-``ProgressReporter``: Called by an operation with the share done in [0, 1] and a few words.
-``Request``: Type variable of what an operation takes.
-``Response``: Type variable of what an operation returns.
-``no_progress``: A listener to progress that drops what it is given.
-``silent``: A progress reporter that drops what it is given.
-``Job``: A piece of long work: its state, the share done in [0, 1], ids of results.
+``ProgressReporter``: A callback of an operation for the completed share in [0, 1] and a short message.
+``Request``: Type variable of an operation's input.
+``Response``: Type variable of an operation's output.
+``no_progress``: A progress listener that does nothing.
+``silent``: A progress reporter that does nothing.
+``Job``: A piece of long work: its state, the completed share in [0, 1], ids of results.
 ``JobProgress``: Records the progress and the results of a job.
 ``JobRunner``: Starts, waits for and cancels jobs.
 ``JobStore``: Reads and writes job records.
-``JobWork``: What a job does, given the means to report its progress.
-``RunApart``: Runs an async function of a job with its arguments, in another thread for instance.
-``Task``: A call that is carried out apart, whose answer is asked for later.
+``JobWork``: The work of a job, which receives the means to report its progress.
+``RunApart``: Runs an async function of a job with its arguments, for example in another thread.
+``Task``: A separate call whose answer is requested later.
 ``TaskStore``: Reads and writes tasks.
-``hide_environment``: Let other processes no longer read the environment that this one was started with.
+``hide_environment``: Hides the initial environment of this process from other processes.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
-``end_with_parent``: Have the operating system kill this process when the one that started it is gone.
-``limit_memory``: Bound the data memory of this process, in bytes.
-``HeapsGivenBack``: Gives freed memory back to the operating system after work, at most every some seconds.
-``share_heaps``: Have all threads of this process take their memory from few heaps.
-``ReachableExecutor``: An executor of one event loop, for callers in threads with another.
-``CallThreads``: Threads with event loops of their own, lent to one call after the other.
+``end_with_parent``: Makes the operating system kill this process when its parent is gone.
+``limit_memory``: Limits the data memory of this process, in bytes.
+``HeapsGivenBack``: Returns freed memory to the operating system after work, at a limited rate.
+``share_heaps``: Makes all threads of this process share few heaps.
+``ReachableExecutor``: An executor of one event loop, for callers in threads with other loops.
+``CallThreads``: Threads with their own event loops that serve one call after another.
 ``OwnThread``: A thread for one user, such as a stream.
-``run_in``: Run an async function in the event loop of another thread.
+``run_in``: Runs an async function in the event loop of another thread.
 ``WorkerPool``: Runs operations in worker processes.
 """
 

@@ -1,4 +1,4 @@
-"""Claims on work, so that servers and batches on one workspace do not make the same thing at the same time."""
+"""Claims on work, so that servers and batches on one workspace do not create the same result at once."""
 
 import os
 import threading
@@ -10,19 +10,19 @@ from ..workspace import Database, still_runs
 
 
 class Claims:
-    """Claims of this process on recipes; one of a process that is gone counts for nothing."""
+    """Claims of this process on recipes; claims of a process that is gone do not count."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
-        self._held: set[str] = set()
+        self._own_claims: set[str] = set()
         self._taking = threading.Lock()
 
     @contextmanager
     def claimed(self, digest: str) -> Iterator[bool]:
-        """Claim a recipe for the block; gives False, and claims nothing, where it is being made already.
+        """Claim a recipe for the block; yield False, without a claim, if another process or thread already works on it.
 
         Raises:
-            ResourceFailure: the database cannot be written.
+            ResourceFailure: The database cannot be written.
         """
         if not self._take(digest):
             yield False
@@ -34,20 +34,20 @@ class Claims:
                 with self._database.writing() as connection:
                     connection.execute("DELETE FROM claims WHERE digest = ? AND owner_pid = ?", (digest, os.getpid()))
             finally:
-                self._held.discard(digest)  # a claim that cannot be released must not block its own process
+                self._own_claims.discard(digest)  # a claim that cannot be released must not block its own process
 
     def _take(self, digest: str) -> bool:
         """Claim against the other threads of this process, then against other processes."""
         with self._taking:
-            if digest in self._held:
+            if digest in self._own_claims:
                 return False
-            self._held.add(digest)
+            self._own_claims.add(digest)
         is_ours = False
         try:
             is_ours = self._claim(digest)
         finally:
             if not is_ours:
-                self._held.discard(digest)
+                self._own_claims.discard(digest)
         return is_ours
 
     def _claim(self, digest: str) -> bool:

@@ -1,9 +1,9 @@
-"""Operations carried out on a Dask cluster; what cannot travel, and all of it while the cluster is gone, here.
+"""Runs operations on a Dask cluster, and locally if they cannot travel or the cluster is gone.
 
-An operation travels if it says which fields of its request name files (``reads``) or a folder for its results
-(``writes``). Files are named to a worker by their content: one that has not seen a file says so, and is sent it once.
-What happens on a worker is in ``cluster_worker.py``: there, too, a pool of processes carries operations out, within the
-same limits, so that an operation that crashes or hangs takes no worker of the cluster with it.
+An operation can travel if it declares which fields of its request are files (``reads``) or a folder for its results
+(``writes``). Workers identify files by content: a worker without a file reports it, and receives it once. The worker's
+part is in ``cluster_worker.py``: it too runs operations in a pool of processes within the same limits, so that an
+operation that crashes or hangs does not take down a worker of the cluster.
 """
 
 import asyncio
@@ -32,17 +32,17 @@ if TYPE_CHECKING:
     import distributed
 
 _AGAIN_S = 30.0
-"""After so long without a cluster it is looked for again; chosen."""
+"""Time without a cluster until the next attempt to connect (chosen)."""
 _LOOK_S = 2.0
-"""How often an operation that waits looks whether there are workers at all; chosen."""
+"""Interval at which a waiting operation checks that there are workers (chosen)."""
 _EMPTY_S = 20.0
-"""A cluster without any worker for so long is taken to be gone; chosen: a worker that is started anew takes 5 s."""
+"""A cluster without any worker for this time counts as gone (chosen: a new worker starts in 5 s)."""
 _AHEAD = 1.25
-"""Operations that are under way for each thread of the cluster, so that none waits for the way there; chosen."""
+"""Operations under way per thread of the cluster, so that no thread waits for the transfer (chosen)."""
 _MOST_SENT = 4
-"""How often files are sent for one operation, which may move to a worker that has not seen them; chosen."""
+"""Most transfers of files for one operation, which may move to a worker without them (chosen)."""
 _RESULTS = ("frenetix", "commonroad-io", "commonroad-drivability-checker", "libsumo", "numpy", "scipy", "shapely")
-"""Packages whose version may change a result: workers must have the same."""
+"""Packages that may affect a result; workers must have the same versions."""
 logger = logging.getLogger(__name__)
 
 
@@ -53,8 +53,8 @@ class _ClusterGone(Exception):
 class ClusterExecutor:
     """Sends operations to the workers of a Dask scheduler; use as ``async with ClusterExecutor.open(...)``.
 
-    ``notice``: why operations are carried out here instead, empty where they are not; ``sent_files``: files that were
-    sent to workers so far.
+    ``notice``: the reason why operations run locally instead, or empty; ``sent_files``: the number of files sent to
+    workers so far.
     """
 
     def __init__(
@@ -81,20 +81,21 @@ class ClusterExecutor:
         connect_s: float = 10.0,
         versions: Mapping[str, str] | None = None,
     ) -> AsyncIterator["ClusterExecutor"]:
-        """An executor on the cluster at an address, such as ``tcp://host:8786``, or of a scheduler file.
+        """Yield an executor on the cluster at an address, such as ``tcp://host:8786``, or of a scheduler file.
 
-        What cannot travel is carried out by the executor ``here``. A cluster that does not answer is no error:
-        ``notice`` tells it, and it is looked for again.
+        The executor ``here`` runs what cannot travel. An unreachable cluster is not an error: ``notice`` reports it,
+        and the executor tries again later.
 
         Args:
-            address: of the scheduler, or the path of its file.
-            here: carries out what cannot travel, and everything while the cluster is gone.
-            limits: what an operation may use on a worker.
-            connect_s: how long the scheduler is waited for; on a network that works it answers within a second.
-            versions: packages that workers must have in these versions; None: those that make results, as here.
+            address: The scheduler's address, or the path of its file.
+            here: Runs what cannot travel, and everything while the cluster is gone.
+            limits: The resources that an operation may use on a worker.
+            connect_s: How long to wait for the scheduler, which answers within a second on a working network.
+            versions: Packages that workers must have in these versions; None means the local versions of those that
+                affect results.
         """
         executor = cls(address, here, limits, connect_s, versions or versions_of(*_RESULTS))
-        await executor._connected()
+        await executor._connect_if_due()
         try:
             yield executor
         finally:
@@ -103,43 +104,44 @@ class ClusterExecutor:
 
     @property
     def capacity(self) -> int:
-        """How many operations are under way at once: a few more than the cluster has threads."""
+        """The number of simultaneous operations, slightly more than the cluster's threads."""
         return math.ceil(_AHEAD * self._threads) if self._client is not None else self._here.capacity
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
-        """Run the operation on the cluster and return its response; progress inside of it is not told.
+        """Run the operation on the cluster and return its response, without progress reports.
 
-        A cancelled caller gives the operation up; where it runs already, it ends there, at its time limit at last.
+        If the caller is cancelled, the operation is abandoned; if it already runs, it ends at its time limit at the
+        latest.
 
         Raises:
-            PlannerForgeError: what the operation raised.
-            WorkerTimeout: it took longer than its time limit.
-            WorkerFailure: the workers that carried it out died, one after the other.
-            ResourceFailure: a worker has other versions of what makes the results, or no room.
+            PlannerForgeError: The operation raised it.
+            WorkerTimeout: The operation exceeded its time limit.
+            WorkerFailure: The workers that ran it died, one after another.
+            ResourceFailure: A worker has other versions of result-relevant packages, or no space.
         """
-        if operation.reads and await self._connected():
+        if operation.reads and await self._connect_if_due():
             try:
                 return await self._on_cluster(operation, request)
             except _ClusterGone as gone:
-                await self._lost(str(gone))
+                await self._disconnect(str(gone))
         return await self._here.run(operation, request, on_progress=on_progress)
 
-    async def _connected(self) -> bool:
+    async def _connect_if_due(self) -> bool:
         async with self._connecting:
             if self._client is None and (self._gone_since is None or time.monotonic() - self._gone_since > _AGAIN_S):
                 try:
                     self._client, self._threads = await anyio.to_thread.run_sync(self._connect)
                     self._gone_since, self.notice = None, ""
                 except (OSError, ValueError, _ClusterGone) as error:
-                    self._tell(f"{error or type(error).__name__}")
+                    self._announce_outage(f"{error or type(error).__name__}")
             return self._client is not None
 
     def _connect(self) -> tuple["distributed.Client", int]:
         from distributed import Client
 
-        # What it says of a lost connection are tracebacks; ``notice`` says it in words.
+        # It logs lost connections as tracebacks; ``notice`` describes them.
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         file = Path(self._address).expanduser()
         where: dict[str, Any] = {"scheduler_file": str(file)} if file.is_file() else {"address": self._address}
@@ -153,32 +155,32 @@ class ClusterExecutor:
             raise _ClusterGone("it has no workers") from error
         return client, threads
 
-    def _tell(self, why: str) -> None:
+    def _announce_outage(self, why: str) -> None:
         self._gone_since = time.monotonic()
-        self.notice = f"the cluster at {self._address} is not there ({why}): carried out on this machine"
+        self.notice = f"the cluster at {self._address} is unavailable ({why}); operations run on this machine"
         logger.warning("%s", self.notice)
 
-    async def _lost(self, why: str) -> None:
+    async def _disconnect(self, why: str) -> None:
         async with self._connecting:
             if self._client is not None:
-                self._tell(why)
+                self._announce_outage(why)
                 with anyio.CancelScope(shield=True):
                     await anyio.to_thread.run_sync(self._close)
 
     def _close(self) -> None:
         client, self._client = self._client, None
         if client is not None:
-            with contextlib.suppress(OSError, TimeoutError):  # the other end is gone already
+            with contextlib.suppress(OSError, TimeoutError):  # the other end is already gone
                 client.close(timeout=2)
 
     async def _on_cluster(self, operation: Operation[Request, Response], request: Request) -> Response:
         parcel, paths = await anyio.to_thread.run_sync(self._parcel, operation, request)
         for _ in range(_MOST_SENT):
-            answer = await self._carried_out(operation.name, parcel)
+            answer = await self._send_parcel(operation.name, parcel)
             if not isinstance(answer, Missing):
                 break
             self.sent_files += len(answer.digests)
-            # the worker that has not seen a file is not sure to be asked next: all that it misses goes with the order
+            # the next worker may be a different one, so the order carries all that this one lacks
             parcel = await anyio.to_thread.run_sync(_with_contents, parcel, paths, answer)
         if isinstance(answer, Missing):
             raise WorkerFailure(f"{operation.name} was sent its files {_MOST_SENT} times, and no worker kept them")
@@ -186,7 +188,7 @@ class ClusterExecutor:
             return response_of(operation, answer)
         if operation.writes:
             folder = Path(getattr(request, operation.writes))
-            await anyio.to_thread.run_sync(_unpacked, answer, folder)
+            await anyio.to_thread.run_sync(_write_results, answer, folder)
         return await anyio.to_thread.run_sync(response_of, operation, answer.answer)
 
     def _parcel(self, operation: Operation[Request, Response], request: Request) -> tuple[Parcel, dict[str, Path]]:
@@ -195,7 +197,7 @@ class ClusterExecutor:
         return Parcel(operation, request.model_dump_json(), files, self._versions), paths
 
     def _digest(self, path: Path) -> str:
-        """SHA-256 of a file; it is read once."""
+        """Return the SHA-256 of a file, which is read once."""
         try:
             state = path.stat()
             key = (str(path), state.st_mtime_ns, state.st_size)
@@ -206,12 +208,12 @@ class ClusterExecutor:
             raise ResourceFailure(f"{path.name} cannot be read: {error.strerror or error}") from error
         return self._digests[key]
 
-    async def _carried_out(self, name: str, parcel: Parcel) -> Delivery | Missing | Failure:
-        """What a worker answers to a parcel.
+    async def _send_parcel(self, name: str, parcel: Parcel) -> Delivery | Missing | Failure:
+        """Return a worker's answer to a parcel.
 
         Raises:
-            _ClusterGone: the scheduler went away, or all workers.
-            WorkerFailure: the workers that had it died.
+            _ClusterGone: The scheduler or all workers are gone.
+            WorkerFailure: The workers that received it died.
         """
         from distributed import CancelledError
         from distributed.scheduler import KilledWorker
@@ -223,12 +225,12 @@ class ClusterExecutor:
         future = await anyio.to_thread.run_sync(lambda: client.submit(carry_out, parcel, pure=False))
         try:
             future.add_done_callback(lambda _: loop.call_soon_threadsafe(done.set))
-            await self._waited(client, done)
+            await self._wait_until_done(client, done)
             answer: Delivery | Missing | Failure = await anyio.to_thread.run_sync(future.result)
         except KilledWorker as error:
             raise WorkerFailure(
-                f"the workers of the cluster that carried {name} out died, one after the other",
-                next_step="ask for less at once, or give the workers more memory",
+                f"the workers of the cluster that ran {name} died, one after another",
+                next_step="request less at once, or give the workers more memory",
             ) from error
         except (CancelledError, OSError, TimeoutError) as error:
             raise _ClusterGone("its scheduler went away") from error
@@ -237,7 +239,7 @@ class ClusterExecutor:
                 await anyio.to_thread.run_sync(future.cancel)
         return answer
 
-    async def _waited(self, client: "distributed.Client", done: anyio.Event) -> None:
+    async def _wait_until_done(self, client: "distributed.Client", done: anyio.Event) -> None:
         """Wait until an operation is done, as long as there are workers."""
         seen = time.monotonic()
         while not done.is_set():
@@ -261,13 +263,13 @@ def _with_contents(parcel: Parcel, paths: dict[str, Path], missing: Missing) -> 
     return replace(parcel, files=files)
 
 
-def _unpacked(delivery: Delivery, folder: Path) -> None:
-    """Write what an operation left on its worker into the folder that the request names."""
+def _write_results(delivery: Delivery, folder: Path) -> None:
+    """Write the operation's output files from its worker into the request's folder."""
     try:
         for name, content in delivery.files:
             path = folder / name
             if not path.resolve().is_relative_to(folder.resolve()):
-                raise ResourceFailure(f"a worker of the cluster sent a file for outside of its folder: {name}")
+                raise ResourceFailure(f"a worker of the cluster sent a file outside its folder: {name}")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
     except OSError as error:

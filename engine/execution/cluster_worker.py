@@ -1,6 +1,6 @@
-"""What happens on a worker of a Dask cluster: an operation, its files by their content, and the pool that runs it.
+"""The worker side of a Dask cluster: an operation, its files by content, and the pool that runs it.
 
-Imported by the workers, and by the server only where a cluster is set.
+The workers import this module; the server imports it only if a cluster is configured.
 """
 
 import contextlib
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 WORKERS = "plannerforge"
 """The name of the plugin on every worker."""
 _MOST_KEPT_BYTES = 2 * 1024**3
-"""Room for files that were sent to a worker; chosen: a thousand times what a batch of 500 scenarios holds of one."""
+"""Space for files on a worker (chosen: a thousand times the size of one scenario of a batch of 500)."""
 
 
 @dataclass(frozen=True)
 class FileParcel:
-    """A file that a request names in a field: its name, SHA-256 and, where it was asked for, its content."""
+    """A file in a field of a request: its name, SHA-256 and, if requested, its content."""
 
     field: str
     name: str
@@ -44,7 +44,7 @@ class FileParcel:
 
 @dataclass(frozen=True)
 class Parcel:
-    """An operation and its request as JSON, the files that it reads, and the versions that it has to be run with."""
+    """An operation and its request as JSON, the files that it reads, and the required versions."""
 
     operation: Operation[Any, Any]
     request: str
@@ -54,21 +54,21 @@ class Parcel:
 
 @dataclass(frozen=True)
 class Missing:
-    """Files by digest that a worker has not seen."""
+    """Digests of the files that a worker lacks."""
 
     digests: frozenset[str]
 
 
 @dataclass(frozen=True)
 class Delivery:
-    """The response of an operation, and what it wrote: names in the folder of the request, with their contents."""
+    """The response of an operation, and its output files: names in the request's folder, with their contents."""
 
     answer: Answer
     files: tuple[tuple[str, bytes], ...] = ()
 
 
-class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not looked into
-    """The pool of one Dask worker, as many processes as it has threads; it ends with the worker."""
+class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not type-checked
+    """The pool of one Dask worker, with one process per thread; it ends with the worker."""
 
     name = WORKERS
 
@@ -77,7 +77,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         self._exits = contextlib.ExitStack()
 
     def setup(self, worker: Worker) -> None:
-        """Begin on a worker: a folder in its own, and a pool whose processes start with the first operations."""
+        """Create a folder in the worker's own and a pool, which starts its processes with the first operation."""
         self._address = worker.address
         self._folder = Path(worker.local_directory) / WORKERS
         self._files = self._folder / "files"
@@ -93,12 +93,12 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         self._pool = self._exits.enter_context(self._portal.wrap_async_context_manager(opened))
 
     def teardown(self, worker: Worker) -> None:
-        """End the processes."""
+        """Stop the processes."""
         del worker
         self._exits.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """The bounds alone travel."""
+        """Return only the limits, which travel."""
         return {"_limits": self._limits}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -108,7 +108,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         """Run the operation in one of the processes.
 
         Raises:
-            PlannerForgeError: what the operation raised; or this worker has other versions.
+            PlannerForgeError: The operation raised it, or this worker has other versions.
         """
         self._check_versions(parcel.versions)
         missing = frozenset(file.digest for file in parcel.files if not self._received(file))
@@ -132,7 +132,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         other = [f"{name} {own[name]}, not {version}" for name, version in wanted.items() if own[name] != version]
         if other:
             raise ResourceFailure(
-                f"the worker {self._address} of the cluster has {'; '.join(other)}: its results would not be the same",
+                f"the worker {self._address} of the cluster has {'; '.join(other)}, so its results would differ",
                 next_step="install the same versions on all workers and on the server",
             )
 
@@ -140,7 +140,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         return self._files / file.digest / Path(file.name).name
 
     def _received(self, file: FileParcel) -> bool:
-        """Whether the file is there, now that what was sent of it is written."""
+        """Write the received content of a file; return True if the file is present."""
         path = self._path(file)
         if path.is_file():
             return True
@@ -165,7 +165,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
 
 
 def carry_out(parcel: Parcel) -> Delivery | Missing | Failure:
-    """The task of a worker; a failure travels as a value, so that the cluster does not take it for one of its own."""
+    """Run a worker's task; a failure travels as a value, so that the cluster does not treat it as its own."""
     plugin = get_worker().plugins[WORKERS]
     if not isinstance(plugin, WorkerProcesses):
         raise TypeError(f"the plugin {WORKERS} of this worker is a {type(plugin).__name__}")
@@ -176,4 +176,4 @@ def carry_out(parcel: Parcel) -> Delivery | Missing | Failure:
     except PlannerForgeError as error:
         return Failure.of(error)
     except OSError as error:
-        return Failure.of(ResourceFailure(f"a worker of the cluster was refused: {error.strerror or error}"))
+        return Failure.of(ResourceFailure(f"a worker of the cluster failed: {error.strerror or error}"))

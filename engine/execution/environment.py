@@ -1,8 +1,8 @@
-"""What other programs see of the environment of this program's processes, which may hold secrets.
+"""Hides the environment of this program's processes, which may contain secrets, from other programs.
 
-Every program of the same user can read the environment with which a process was started, on Linux in
-``/proc/PID/environ``. A planner program must not find a token there, whichever process it looks at: the server hides
-the environment that it was started with, and its workers get none of the variables that only the server reads.
+Every program of the same user can read the initial environment of a process, on Linux in ``/proc/PID/environ``. A
+planner program must not find a token there, in any process. The server therefore hides its initial environment, and its
+workers do not receive the variables that only the server reads.
 """
 
 import os
@@ -13,11 +13,11 @@ from pathlib import Path
 from ...schemas.planning import PLANNERS_VARIABLE
 
 _SETTINGS = ("PLANNERFORGE_", "OTEL_")
-"""How the names of settings begin: of this program, and of OpenTelemetry's exporter, which may send a key."""
+"""Prefixes of settings: of this program, and of OpenTelemetry's exporter, which may send a key."""
 _ENVIRONMENT_BEGINS, _ENVIRONMENT_ENDS = 50, 51
 """Fields ``env_start`` and ``env_end`` of /proc/PID/stat, counted from 1 (proc_pid_stat(5))."""
 _FIRST_AFTER_NAME = 3
-"""The field that follows the program's name, the only one that may hold spaces."""
+"""The field after the program's name, the only field that may contain spaces."""
 
 
 def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
@@ -30,10 +30,10 @@ def without_settings(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def hide_environment() -> None:
-    """Let other processes no longer read the environment that this one was started with (on Linux).
+    """Hide the initial environment of this process from other processes (on Linux).
 
-    The kernel shows the memory in which the environment lay at the start. Every variable is set anew, which makes the
-    C library copy it, and that memory is cleared. The process itself sees no difference.
+    The kernel exposes the memory of the initial environment. Setting every variable again makes the C library copy it,
+    and then that memory is cleared. The process itself sees no difference.
     """
     if sys.platform != "linux":
         return
@@ -43,5 +43,5 @@ def hide_environment() -> None:
         os.environb[name] = value
     fields = Path("/proc/self/stat").read_bytes().rpartition(b")")[2].split()
     begins, ends = (int(fields[field - _FIRST_AFTER_NAME]) for field in (_ENVIRONMENT_BEGINS, _ENVIRONMENT_ENDS))
-    if begins:  # 0 if the kernel does not say
+    if begins:  # 0 if the kernel does not report it
         ctypes.memset(begins, 0, ends - begins)

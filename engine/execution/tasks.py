@@ -1,8 +1,8 @@
-"""Durable records of calls that a client does not wait for: it asks for the answer later, in this session or another.
+"""Durable records of calls that a client does not wait for; it requests the answer later, in any session.
 
-A task is found by its id alone, which nobody can guess, and by whoever began it. Beside what was asked its record holds
-who carries it out: where that server went away, the next one that is asked takes the call up again, and what was
-finished is found (runs, scenarios and jobs are known by their recipes).
+A task is found only by its unguessable id together with its owner. Its record has the request and the process that
+works on it. If that server is gone, the next server that is asked repeats the call and reuses what was finished, since
+recipes identify runs, scenarios and jobs.
 """
 
 import json
@@ -19,13 +19,13 @@ from ..workspace import Database, still_runs, stored_json
 
 TaskState = Literal["working", "completed", "failed", "cancelled"]
 LIFETIME_S = 7 * 86_400.0
-"""How long a task is kept from its beginning; chosen: somebody who asks on Friday finds the answer on Monday."""
+"""Lifetime of a task from its start (chosen: an answer from Friday is still there on Monday)."""
 _RELEASED = 0
-"""In the place of a process: nobody carries the task out, though it has not ended."""
+"""In place of a process id: the task has not ended, but no process works on it."""
 
 
 class Task(Model):
-    """A call that is carried out apart: what was asked by whom, how far it is, its questions, its answer."""
+    """A separate call: its request and owner, its progress, its questions, its answer."""
 
     task_id: str
     owner: str
@@ -35,10 +35,10 @@ class Task(Model):
     state: TaskState
     message: str
     questions: dict[str, Any]
-    """Open questions by their keys, as the protocol words them."""
+    """Open questions by their keys, in the protocol's form."""
     answers: dict[str, Any]
     result: dict[str, Any]
-    """The answer of the tool, or the error of the protocol where the call failed."""
+    """The answer of the tool, or the error of the protocol if the call failed."""
     owner_pid: int
     created_at: float
     updated_at: float
@@ -46,12 +46,12 @@ class Task(Model):
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more will happen."""
+        """True if the task will not change any more."""
         return self.state != "working"
 
     @property
     def is_carried_out(self) -> bool:
-        """Whether a server is at it."""
+        """True if a server works on it."""
         return self.owner_pid != _RELEASED and still_runs(self.owner_pid, self.updated_at)
 
 
@@ -62,7 +62,7 @@ class TaskStore:
         self._database = database
 
     def begin(self, owner: str, tool: str, arguments: Mapping[str, Any], lifetime_s: float = LIFETIME_S) -> Task:
-        """A new task, carried out by this process; tasks whose lifetime is over are forgotten."""
+        """Create a task that this process works on, and delete expired tasks."""
         now, task_id = time.time(), secrets.token_urlsafe(24)
         with self._database.writing() as connection:
             connection.execute("DELETE FROM tasks WHERE created_at + lifetime_s < ?", (now,))
@@ -73,22 +73,22 @@ class TaskStore:
         return self.get(task_id, owner)
 
     def get(self, task_id: str, owner: str) -> Task:
-        """The task with this id that this owner began.
+        """Return the owner's task with this id.
 
         Raises:
-            UnknownName: there is none, or its lifetime is over; ids are not compared, since they are secrets.
+            UnknownName: No such task, or it has expired; no similar ids are listed, since ids are secrets.
         """
         query = "SELECT * FROM tasks WHERE task_id = ? AND owner = ? AND created_at + lifetime_s >= ?"
         row = self._database.connection().execute(query, (task_id, owner, time.time())).fetchone()
         if row is None:
             raise UnknownName(
-                "there is no such task, or its lifetime is over",
-                next_step="call the tool again with the same arguments: what was finished is found",
+                "there is no such task, or it has expired",
+                next_step="call the tool again with the same arguments; finished parts are reused",
             )
         return _task(row)
 
     def note(self, task_id: str, message: str) -> None:
-        """Record how far a task is, in a few words."""
+        """Record the progress of a task in a few words."""
         self._set(task_id, "message = ?", message)
 
     def note_job(self, task_id: str, job_id: str) -> None:
@@ -100,7 +100,7 @@ class TaskStore:
         self._set(task_id, "questions = json_set(questions, ?, json(?))", f'$."{key}"', json.dumps(question))
 
     def answer(self, task_id: str, answers: Mapping[str, Any]) -> None:
-        """Record answers; one to a question that is not open is dropped."""
+        """Record answers, except those to questions that are not open."""
         with self._database.writing() as connection:
             row = connection.execute("SELECT questions, answers FROM tasks WHERE task_id = ?", (task_id,)).fetchone()
             if row is None:
@@ -115,16 +115,16 @@ class TaskStore:
             )
 
     def end(self, task_id: str, state: TaskState, result: Mapping[str, Any], message: str = "") -> None:
-        """Record how a task ended; one that has ended stays as it is."""
+        """Record how a task ended; a task that has already ended stays unchanged."""
         values = (state, json.dumps(result), message)
         self._set(task_id, "state = ?, result = ?, message = ?, questions = '{}'", *values)
 
     def release(self, task_id: str) -> None:
-        """Leave a task that has not ended to whichever server is asked for it next."""
+        """Release a task that has not ended, so that any server may continue it."""
         self._set(task_id, "owner_pid = ?", _RELEASED)
 
     def take_over(self, task: Task) -> bool:
-        """Carry a task out that nobody is at; False where another server was faster."""
+        """Take over an unattended task; return False if another server was faster."""
         with self._database.writing() as connection:
             taken = connection.execute(
                 "UPDATE tasks SET owner_pid = ?, updated_at = ? WHERE task_id = ? AND owner_pid = ? AND updated_at = ?"

@@ -1,9 +1,8 @@
-"""Calls and jobs in threads of their own, so that nothing they do keeps the server from answering others.
+"""Runs calls and jobs in separate threads, so that they never block the server's other answers.
 
-``CallThreads`` lends a thread with an event loop to a call, in which the whole of it runs: reading of arguments,
-SQLite, files, shaping of the answer. What belongs to the server's own loop (workers, the client's stream) is reached by
-``run_in``.
-Whatever is written as an ordinary async function is thereby off the server's loop, without a word about threads in it.
+``CallThreads`` gives a call a thread with an event loop for its whole duration: reading arguments, SQLite, files, and
+shaping the answer. ``run_in`` reaches what belongs to the server's own loop (workers, the client's stream). Ordinary
+async functions thus run outside the server's loop without any code for threads.
 """
 
 import asyncio
@@ -21,41 +20,41 @@ from .executor import Executor, ExecutorAround, OnProgress, Operation, Request, 
 
 _Result = TypeVar("_Result")
 _MOST_IDLE = 8
-"""Threads that are kept for the next call; chosen: clients have few calls under way."""
+"""Threads kept for the next call (chosen: clients have few calls under way)."""
 _PATIENCE_S = 5.0
-"""How long a cancelled call is waited for; chosen. One that hangs (a dead network disk) keeps its thread, no more."""
+"""Time to wait for a cancelled call (chosen); a call that hangs (a dead network disk) keeps only its thread."""
 
 
 class CallThreads:
-    """Threads with event loops, lent to one call after the other; a few are kept for the next ones."""
+    """Threads with event loops that serve one call after another; a few stay for the next ones."""
 
     def __init__(self) -> None:
-        self._idle: list[_LentThread] = []  # taking and adding are atomic
+        self._idle: list[_LentThread] = []  # pop and append are atomic
 
     async def run(self, function: Callable[..., Awaitable[_Result]], *arguments: object) -> _Result:
-        """Run an async function in a thread and event loop of its own; gives its result.
+        """Run an async function in a thread with its own event loop, and return its result.
 
-        A cancelled caller cancels it there and waits for its end, 5 s at most.
+        A cancelled caller cancels it there and waits for its end, at most 5 s.
 
         Raises:
-            Exception: what the function raised.
-            ResourceFailure: there is no idle thread, and the operating system starts no further one.
+            Exception: The function raised it.
+            ResourceFailure: No thread is idle, and the operating system cannot start another one.
         """
         try:
             thread = self._idle.pop()
         except IndexError:
-            thread = _started()
+            thread = _start_thread()
         return await run_in(thread.loop, self._carry_out, thread, function, arguments, patience_s=_PATIENCE_S)
 
     def close(self) -> None:
-        """End the threads that wait for a call; a later call gets a new one."""
+        """End the idle threads; a later call gets a new one."""
         while self._idle:
             self._idle.pop().end()
 
     async def _carry_out(
         self, thread: "_LentThread", function: Callable[..., Awaitable[_Result]], arguments: tuple[object, ...]
     ) -> _Result:
-        """Run the function, then keep its thread for the next call, whether or not the caller still waits."""
+        """Run the function, then keep its thread for the next call, even if the caller no longer waits."""
         try:
             return await function(*arguments)
         finally:
@@ -66,16 +65,16 @@ class CallThreads:
 
 
 class OwnThread:
-    """A thread for one user, who neither waits for threads of others nor lacks one when no more can be started."""
+    """A thread for one user, which neither waits for other threads nor lacks one when the limit is reached."""
 
     def __init__(self) -> None:
-        self._thread = _started()
+        self._thread = _start_thread()
 
     async def run(self, function: Callable[..., _Result], *arguments: object) -> _Result:
-        """Call a function there and return its result; a cancelled caller does not wait for its end.
+        """Call a function in the thread and return its result; a cancelled caller does not wait for its end.
 
         Raises:
-            Exception: what the function raised.
+            Exception: The function raised it.
         """
 
         async def called() -> _Result:
@@ -84,7 +83,7 @@ class OwnThread:
         return await run_in(self._thread.loop, called, patience_s=0.0)
 
     def end(self) -> None:
-        """End the thread when what it does now is done."""
+        """End the thread after its current work."""
         self._thread.end()
 
 
@@ -94,13 +93,13 @@ async def run_in(
     *arguments: object,
     patience_s: float = math.inf,
 ) -> _Result:
-    """Run an async function in the event loop of another thread, or at once where it is the caller's own.
+    """Run an async function in the event loop of another thread, or directly if it is the caller's own.
 
     A cancelled caller cancels it there and waits for its end, at most ``patience_s`` seconds.
 
     Raises:
-        Exception: what the function raised.
-        RuntimeError: the loop is closed.
+        Exception: The function raised it.
+        RuntimeError: The loop is closed.
     """
     here = asyncio.get_running_loop()
     if loop is here:
@@ -111,7 +110,7 @@ async def run_in(
         try:
             with scope:
                 errand.results.append(await function(*arguments))
-        except BaseException as raised:  # noqa: BLE001 - it is raised again where it was called from
+        except BaseException as raised:  # noqa: BLE001 - it is raised again in the caller
             errand.error = raised
         finally:
             with contextlib.suppress(RuntimeError):  # the caller's loop ended without waiting
@@ -136,7 +135,7 @@ async def run_in(
 
 @dataclass
 class _Errand(Generic[_Result]):
-    """What became of a function in another thread; the task is held so that nobody collects it."""
+    """The outcome of a function in another thread; it keeps the task from being garbage-collected."""
 
     results: list[_Result] = field(default_factory=list)
     error: BaseException | None = None
@@ -155,7 +154,7 @@ class _LentThread:
             raise
 
     def end(self) -> None:
-        """Stop the loop when what it does now is done."""
+        """Stop the loop after its current work."""
         self.loop.call_soon_threadsafe(self.loop.stop)
 
     def _serve(self) -> None:
@@ -166,7 +165,7 @@ class _LentThread:
             self.loop.close()
 
 
-def _started() -> _LentThread:
+def _start_thread() -> _LentThread:
     try:
         return _LentThread()
     except RuntimeError as error:
@@ -174,7 +173,7 @@ def _started() -> _LentThread:
 
 
 class ReachableExecutor(ExecutorAround):
-    """An executor of the event loop that this is made in, for callers in the loops of other threads."""
+    """An executor of the event loop that creates it, for callers in other threads' loops."""
 
     def __init__(self, inner: Executor) -> None:
         super().__init__(inner)
@@ -183,14 +182,14 @@ class ReachableExecutor(ExecutorAround):
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
-        """Run the operation there; progress is told in the caller's loop."""
+        """Run the operation there, and report progress in the caller's loop."""
         own = asyncio.get_running_loop()
 
         async def tell(share: float, message: str) -> None:
             await run_in(own, on_progress, share, message)
 
         async def run() -> Response:
-            told = no_progress if on_progress is no_progress else tell
-            return await self._inner.run(operation, request, on_progress=told)
+            listener = no_progress if on_progress is no_progress else tell
+            return await self._inner.run(operation, request, on_progress=listener)
 
         return await run_in(self._home, run)

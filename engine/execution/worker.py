@@ -1,9 +1,9 @@
-"""The main program of a worker process, and the messages between it and the server's process.
+"""The main program of a worker process, and its messages to and from the server's process.
 
-Messages are one JSON object a line: an order goes in; progress, then an answer or a failure come out.
+Messages are one JSON object per line: an order goes in; progress, then an answer or a failure come out.
 
-Native code writes past ``sys.stdout``, so file descriptor 1 is pointed at standard error before anything else, and the
-reports go to a private duplicate. The process ends when its standard input closes or, on Linux, when its parent dies.
+Native code bypasses ``sys.stdout``, so file descriptor 1 is redirected to standard error at the start, and reports use
+a private duplicate. The process ends when its standard input closes or, on Linux, when its parent dies.
 """
 
 import gc
@@ -26,9 +26,9 @@ from .environment import hide_environment
 from .limits import end_with_parent, limit_memory
 
 LOGS_DECISIONS = "PLANNERFORGE_WORKER_DECISIONS"
-"""The variable of the environment that has a worker log what the engine decides."""
+"""The environment variable that makes a worker log the engine's decisions."""
 LONGEST_LINE_BYTES = 256 * 1024**2
-"""The longest report that the server reads; chosen."""
+"""Longest report that the server reads (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far the work is: share in [0, 1] and a few words."""
+    """Progress of the work: share in [0, 1] and a short message."""
 
     share: float
     message: str
@@ -56,7 +56,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Failure:
-    """An error of an operation; ``unexpected`` holds the traceback of a defect."""
+    """An error of an operation; ``unexpected`` has the traceback of a defect."""
 
     code: str
     message: str
@@ -69,13 +69,13 @@ class Failure:
 
     @classmethod
     def of(cls, error: PlannerForgeError, unexpected: str = "") -> "Failure":
-        """The failure that carries a domain error across processes."""
+        """Return the failure that carries a domain error across processes."""
         remedies = [remedy.to_json() for remedy in error.remedies]
-        told = error.code, error.message, error.valid, error.next_step
-        return cls(*told, unexpected, error.reason, remedies, error.complete)
+        fields = error.code, error.message, error.valid, error.next_step
+        return cls(*fields, unexpected, error.reason, remedies, error.complete)
 
     def error(self) -> PlannerForgeError:
-        """The domain error, made again."""
+        """Return the domain error again."""
         remedies = [Remedy.of_json(remedy) for remedy in self.remedies]
         error = rebuild(self.code, self.message, self.valid, self.next_step, self.reason, remedies)
         error.complete = self.complete
@@ -83,26 +83,26 @@ class Failure:
 
 
 def line_of(message: Order | Progress | Answer | Failure) -> bytes:
-    """A message as one line: the name of its class, and its fields."""
+    """Return a message as one line: the name of its class, and its fields."""
     return json.dumps([type(message).__name__, vars(message)], separators=(",", ":")).encode() + b"\n"
 
 
 def read_report(line: bytes) -> Progress | Answer | Failure:
-    """What a line of a worker says."""
+    """Return the message in a worker's line."""
     name, fields = json.loads(line)
     report: type[Progress | Answer | Failure] = next(k for k in (Progress, Answer, Failure) if k.__name__ == name)
     return report(**fields)
 
 
 WARM_UP = "warm-up"
-"""In place of an entry point: import the modules that the request names."""
+"""Replaces an entry point: import the modules in the request."""
 
 
 def main() -> None:
     """Serve orders from standard input until it closes."""
     reports, orders_in = os.fdopen(os.dup(1), "wb", buffering=0), os.fdopen(os.dup(0), "rb")
     os.dup2(2, 1)
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # programs that an operation starts must not read the orders
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # child programs must not read the orders
     end_with_parent()
     hide_environment()
     limit_memory(int(os.environ.get("PLANNERFORGE_WORKER_MEMORY", "0")))
@@ -119,13 +119,13 @@ def main() -> None:
 
 
 def log_decisions() -> None:
-    """Have what the engine decides written to standard error, which is the workers' log, without other libraries."""
+    """Write the engine's decisions, but not those of other libraries, to standard error, the workers' log."""
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s")
     logging.getLogger("plannerforge").setLevel(logging.DEBUG)
 
 
 def warm_up(modules: Iterable[str]) -> None:
-    """Import modules and leave them out of later garbage collections, which need not walk through what stays."""
+    """Import modules and exclude them from later garbage collections, which need not traverse what stays."""
     for module in modules:
         importlib.import_module(module)
     gc.freeze()
@@ -134,7 +134,7 @@ def warm_up(modules: Iterable[str]) -> None:
 def _read_orders(orders_in: BinaryIO, orders: "queue.SimpleQueue[bytes]") -> None:
     for line in orders_in:
         orders.put(line)
-    if os.getpgrp() == os.getpid():  # the server is gone: what runs here has no receiver
+    if os.getpgrp() == os.getpid():  # the server is gone, so this work has no receiver
         os.killpg(0, signal.SIGKILL)
     os._exit(0)
 
@@ -154,12 +154,12 @@ def _carry_out(order: Order, reports: BinaryIO) -> Answer | Failure:
     except PlannerForgeError as error:
         return Failure.of(error)
     except MemoryError:
-        return Failure.of(ResourceFailure("the memory limit of a worker was reached", next_step="ask for less at once"))
+        return Failure.of(ResourceFailure("a worker reached its memory limit", next_step="request less at once"))
     except OSError as error:
-        refused = f"the operating system refused: {error.strerror or error}"
+        refused = f"the operating system reports: {error.strerror or error}"
         failure = ResourceFailure(refused, next_step="free disk space or check permissions")
         return Failure.of(failure, traceback.format_exc())
-    except Exception as error:  # noqa: BLE001 - the boundary of a worker: it becomes the error of this one item
+    except Exception as error:  # noqa: BLE001 - the boundary of a worker: the exception becomes this item's error
         return Failure("unexpected", f"{type(error).__name__}: {error}", (), "", traceback.format_exc())
 
 

@@ -1,8 +1,8 @@
-"""Places along a line that comes back to itself, told apart by where a track was before.
+"""Locates a track along a line that returns to itself, by means of the track's previous position.
 
-A roundabout, a loop or a hairpin passes the same place more than once, and the nearest point of the line may then lie
-on another lap. A track moves along the line about as far as it moves in the plane, so the place before says which lap
-is meant. Stations are arc lengths in m from the line's first point, offsets are in m with left positive.
+A roundabout, a loop or a hairpin passes the same place more than once, and the nearest point of the line may then be on
+another lap. A track moves along the line about as far as it moves in the plane, so its previous position determines the
+lap. Stations are arc lengths in m from the line's first point, offsets are in m with left positive.
 """
 
 import math
@@ -14,18 +14,21 @@ from numpy.typing import NDArray
 from .polyline import Points, Values, arc_length
 
 _PACE, _SLACK_M = 2.0, 2.0
-"""A track is still on its lap if it advances along the line by this multiple of its own way and this much more. On the
-inside of a curve of radius R, at an offset of R/2, the station advances by twice the way."""
+"""A track is still on its lap if it advances along the line by at most this multiple of its own distance plus this
+much. On the inside of a curve of radius R, at an offset of R/2, the station advances by twice the distance.
+"""
 _COST_PER_M = 0.5
-"""A leap along the line costs as much as half of its length in distance from the line. The next lap of a roundabout of
-the smallest size that cars can drive (13 m across, 40 m around) costs as much as 20 m then, more than its diameter."""
+"""A jump along the line costs as much as half of its length in distance from the line. The next lap of a roundabout of
+the smallest size for cars (13 m across, 40 m around) then costs as much as 20 m, more than its diameter.
+"""
 _WINDOW_M = 20.0
-"""How far beyond the track's reach a follower looks at first. A place that is farther along costs more than half of
-that in distance, so it cannot win against one that is nearer to the line than 10 m."""
+"""Distance beyond the track's reach within which a follower searches first. A position farther along costs more than
+half of that in distance, so it cannot win against one that is nearer to the line than 10 m.
+"""
 _MOST_BEGINNINGS = 8
-"""How many of the nearest places are tried as the beginning of a track on an unknown lap."""
+"""Number of nearest positions to try as the start of a track on an unknown lap."""
 _SAME_M = 0.01
-"""If tracks from several beginnings are equally near to the line, to a centimetre, the first beginning counts."""
+"""If tracks from several starts are equally near to the line, to a centimetre, the first start counts."""
 _LEAST_SQUARED_M2 = 1e-12
 """Replaces the squared length of a segment between equal points, so that no projection divides by zero."""
 
@@ -34,9 +37,9 @@ class PathFollower:
     """Follows a track along a line from one position to the next and stays on the track's lap.
 
     Args:
-        points: the line, shape (n, 2), at least two points.
-        begin_m: the station near which the track begins. If it is None, the track begins on the lap that passes
-            nearest to its first position.
+        points: The line, shape (n, 2), at least two points.
+        begin_m: The station near which the track starts. If it is None, the track starts on the lap that passes nearest
+            to its first position.
     """
 
     def __init__(self, points: Points, begin_m: float | None = None) -> None:
@@ -73,13 +76,13 @@ class PathFollower:
         return self._last_m, self._last_offset_m
 
     def beginnings(self, position: Points) -> Values:
-        """Return the stations in m of the nearest places of all laps that pass a position (2,), the nearest first."""
+        """Return the stations in m of the nearest positions on all laps that pass a position (2,), nearest first."""
         x, y = position.tolist()
         _, stations, distances = self._feet(x, y, 0, len(self._squared))
         return stations[np.argsort(distances, kind="stable")[:_MOST_BEGINNINGS]]
 
     def _near_the_last(self, x: float, y: float, last_m: float, reach_m: float) -> tuple[int, float, float] | None:
-        """Return the best place in the window around the last one, or None if a place outside may be better."""
+        """Return the best position in the window around the last one, or None if a position outside may be better."""
         window_m = reach_m + _WINDOW_M
         low = max(int(np.searchsorted(self._stations, last_m - window_m)) - 1, 0)
         high = min(int(np.searchsorted(self._stations, last_m + window_m)) + 1, len(self._squared))
@@ -93,7 +96,7 @@ class PathFollower:
         return int(segments[best]), float(stations[best]), float(distances[best])
 
     def _feet(self, x: float, y: float, low: int, high: int) -> tuple[NDArray[np.intp], Values, Values]:
-        """Return segments from ``low`` to before ``high`` at which the distance from a point is smallest for its lap.
+        """Return segments from ``low`` to before ``high`` with a local minimum of the distance from a point.
 
         Returns:
             The segments, and the station and the distance of the nearest point of each.
@@ -103,7 +106,7 @@ class PathFollower:
         along = np.minimum(np.maximum(along, 0.0), 1.0)
         away_x, away_y = start_x + step_x * along - x, start_y + step_y * along - y
         squared = away_x * away_x + away_y * away_y
-        # At a cut the line goes on, so a distance that still falls there is no smallest one.
+        # The line continues at a cut, so a distance that still falls there is not a minimum.
         before = np.concatenate([[math.inf if low == 0 else -math.inf], squared[:-1]])
         after = np.concatenate([squared[1:], [math.inf if high == len(self._squared) else -math.inf]])
         here = np.flatnonzero((squared <= before) & (squared < after))
@@ -111,21 +114,21 @@ class PathFollower:
 
 
 def _costs(stations: Values, distances: Values, last_m: float, reach_m: float) -> Values:
-    """Return what places cost as the next one of a track: their distance, and how far they are beyond its reach."""
+    """Return the costs of positions as a track's next one: their distance, and their excess over its reach."""
     return distances + _COST_PER_M * np.maximum(np.abs(stations - last_m) - reach_m, 0.0)
 
 
 def project_along(points: Points, track: Points, begin_m: float | None = None) -> tuple[Values, Values]:
-    """Project the positions of a track onto a line with continuity: on the lap on which the track is.
+    """Project the positions of a track onto a line with continuity, on the lap of the track.
 
-    Unlike :func:`~.polyline.project_all`, which takes the nearest point for each position by itself, it follows the
-    track from its first position on. Use it for the track of a vehicle on a line that may come near itself.
+    Unlike :func:`~.polyline.project_all`, which projects each position separately onto the nearest point, it follows
+    the track from its first position. Use it for the track of a vehicle on a line that may come near itself.
 
     Args:
-        points: the line, shape (n, 2), at least two points.
-        track: positions in the order of driving, shape (m, 2).
-        begin_m: the station near which the track begins. If it is None, every lap that passes the first position is
-            tried, and the one to which the track stays nearest is taken, the first on the line if several do.
+        points: The line, shape (n, 2), at least two points.
+        track: Positions in driving order, shape (m, 2).
+        begin_m: The station near which the track starts. If it is None, every lap that passes the first position is
+            tried, and the one to which the track stays nearest is used, the first on the line in a tie.
 
     Returns:
         Stations (m,) in m and signed offsets (m,) in m, left positive.

@@ -1,4 +1,4 @@
-"""Which of many shapes meet, up to a number of pairs: n shapes that all lie on one place make n² of them."""
+"""Finds which of many shapes meet, with a limit, since n shapes in one place form n² pairs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 PAIRS_EACH = 50
-"""Pairs that are looked for, for each shape; chosen: the lanes of the densest of 40 road networks make 3.5."""
+"""Limit of pairs per shape (chosen: the lanes of the densest of 40 road networks form 3.5)."""
 _FEWEST_LOOKED_FOR = 50_000
-"""However few shapes there are; chosen: 316 of them may all meet, more than SUMO knows paths through a junction."""
+"""Least limit for few shapes (chosen: 316 of them may all meet, more than SUMO's paths through a junction)."""
 _TOGETHER = 32
-"""Shapes that are compared with all others at a time; chosen, so that a crowd is noticed before it fills the memory."""
+"""Shapes compared with all others at a time (chosen to notice a crowd before it fills the memory)."""
 
 
 @dataclass(frozen=True)
 class MeetingPairs:
-    """Pairs (n, 2) of numbers of shapes, the smaller one first, in ascending order.
+    """Pairs (n, 2) of shape numbers, the smaller one first, in ascending order.
 
-    ``most``: how many are looked for; ``is_whole``: whether these are all, or the first ones of more than that.
+    ``most``: the limit; ``is_whole``: True if these are all pairs, False if they are the first of more.
     """
 
     pairs: NDArray[np.int64]
@@ -28,9 +28,9 @@ class MeetingPairs:
 
 
 def meeting_pairs(shapes: Sequence[Any] | NDArray[Any], predicate: Literal["intersects", "crosses"]) -> MeetingPairs:
-    """The pairs of shapes (shapely) for which the predicate holds, at most ``PAIRS_EACH`` for each shape on average.
+    """Return the pairs of shapely shapes for which the predicate holds, at most ``PAIRS_EACH`` per shape on average.
 
-    Time and memory grow as n log n, however many shapes lie over one another.
+    Time and memory grow as n log n, even if many shapes overlap.
     """
     from shapely import STRtree
 

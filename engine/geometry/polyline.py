@@ -1,6 +1,6 @@
-"""Polylines as arrays of shape (n, 2) in metres: lengths, places along them, projections, headings and curvature.
+"""Polylines as arrays of shape (n, 2) in metres: lengths, positions along them, projections, headings and curvature.
 
-Every function takes at least two points, if nothing else is said. Arc lengths (*stations*) are in metres from the first
+Every function takes at least two points unless stated otherwise. Arc lengths (*stations*) are in metres from the first
 point, angles in radians, offsets in metres with left positive.
 """
 
@@ -13,11 +13,11 @@ Points = NDArray[np.float64]
 Values = NDArray[np.float64]
 
 
-# lengths and places along a line
+# lengths and positions along a line
 
 
 def without_repeats(points: Points, tolerance_m: float = 1e-3) -> Points:
-    """The polyline without vertices that lie closer than the tolerance to the one before; of any number of points."""
+    """Return the polyline without vertices nearer than the tolerance to the previous one; any number of points."""
     points = np.asarray(points, dtype=float)
     if len(points) < 2:
         return points
@@ -27,35 +27,37 @@ def without_repeats(points: Points, tolerance_m: float = 1e-3) -> Points:
 
 
 def segment_lengths(points: Points) -> Values:
-    """Length of every segment in metres, shape (n − 1,)."""
+    """Return the length of every segment in metres, shape (n − 1,)."""
     step = points[1:] - points[:-1]
     along, across = step[:, 0], step[:, 1]
-    return np.sqrt(along * along + across * across)  # a third of the time of diff and norm, to the same bits
+    return np.sqrt(along * along + across * across)  # takes a third of the time of diff and norm, with identical bits
 
 
 def arc_length(points: Points) -> Values:
-    """Arc length in m at each vertex, shape (n,), beginning with 0."""
+    """Return the arc length in m at each vertex, shape (n,), starting with 0."""
     return np.concatenate([[0.0], np.cumsum(segment_lengths(points))])
 
 
 def length_m(points: Points) -> float:
-    """Length of the polyline in metres."""
+    """Return the length of the polyline in metres."""
     return float(segment_lengths(points).sum())
 
 
 def interpolate(points: Points, stations: Values, wanted: Values) -> Points:
-    """Points (m, 2) at the ``wanted`` arc lengths (clamped to the ends); ``stations`` are the vertices'."""
+    """Return points (m, 2) at the ``wanted`` arc lengths (clamped to the ends); ``stations`` are those of
+    the vertices.
+    """
     return np.stack([np.interp(wanted, stations, points[:, 0]), np.interp(wanted, stations, points[:, 1])], axis=1)
 
 
 def resample(points: Points, count: int) -> Points:
-    """``count`` points evenly spaced along the polyline, ends included."""
+    """Return ``count`` points evenly spaced along the polyline, including the ends."""
     stations = arc_length(points)
     return interpolate(points, stations, np.linspace(0.0, stations[-1], count))
 
 
 def point_at(points: Points, station_m: float) -> tuple[Points, float]:
-    """Point of shape (2,) and heading in radians at an arc length (clamped to the ends)."""
+    """Return the point of shape (2,) and heading in radians at an arc length (clamped to the ends)."""
     stations = arc_length(points)
     station_m = float(np.clip(station_m, 0.0, stations[-1]))
     index = int(np.clip(np.searchsorted(stations, station_m, side="right") - 1, 0, len(points) - 2))
@@ -65,14 +67,14 @@ def point_at(points: Points, station_m: float) -> tuple[Points, float]:
 
 
 _LEAST_SQUARED_M2 = 1e-12
-"""Stands for the squared length of a segment between equal points, so that no projection divides by zero."""
+"""Replaces the squared length of a segment between equal points, so that no projection divides by zero."""
 
 
 def project(points: Points, point: Points) -> tuple[float, float]:
-    """Arc length of the point of the line nearest to ``point`` (2,), and the signed offset from it, in metres."""
+    """Return the arc length of the line's point nearest to ``point`` (2,), and the signed offset from it, in metres."""
     (start_x, start_y), (step_x, step_y) = points[:-1].T, np.diff(points, axis=0).T
     x, y = point.tolist()
-    # Coordinate by coordinate: numpy is slow at reducing axes of two.
+    # Coordinate by coordinate, since numpy is slow at reducing axes of two.
     squared = np.maximum(step_x * step_x + step_y * step_y, _LEAST_SQUARED_M2)
     along = np.clip(((x - start_x) * step_x + (y - start_y) * step_y) / squared, 0.0, 1.0)
     away_x, away_y = start_x + step_x * along - x, start_y + step_y * along - y
@@ -85,11 +87,13 @@ def project(points: Points, point: Points) -> tuple[float, float]:
 
 
 _MOST_PAIRS = 2_000_000
-"""Chosen: pairs of a point and a vertex that are held at once, about 150 MB."""
+"""Chosen: pairs of a point and a vertex in memory at once, about 150 MB."""
 
 
 def project_all(points: Points, others: Points) -> tuple[Values, Values]:
-    """As :func:`project` for many points of shape (m, 2) at once: stations (m,) and signed offsets (m,) in metres."""
+    """Project many points of shape (m, 2) at once, as :func:`project` does: stations (m,), signed offsets (m,) in
+    metres.
+    """
     at_once = max(1, _MOST_PAIRS // len(points))
     if len(others) > at_once:
         parts = [project_all(points, others[begin : begin + at_once]) for begin in range(0, len(others), at_once)]
@@ -109,26 +113,26 @@ def project_all(points: Points, others: Points) -> tuple[Values, Values]:
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """The angle in [−π, π)."""
+    """Wrap an angle to [−π, π)."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
 def wrap_angles(angles_rad: Values) -> Values:
-    """The angles in [−π, π)."""
+    """Wrap angles to [−π, π)."""
     return np.mod(np.asarray(angles_rad) + np.pi, 2 * np.pi) - np.pi
 
 
 def headings(points: Points) -> Values:
-    """Unwrapped heading of every segment in radians, shape (n − 1,)."""
+    """Return the unwrapped heading of every segment in radians, shape (n − 1,)."""
     step = points[1:] - points[:-1]
     return np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
 
 
 def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.float64]:
-    """Values (n,) or (n, m) smoothed along axis 0; points are reflected at both ends, so that the end values stay.
+    """Smooth values (n,) or (n, m) along axis 0; points are reflected at both ends, so that the end values stay.
 
-    The kernel ends at three sigma, or where the values are fewer. ``scipy.ndimage.gaussian_filter1d`` on the reflected
-    values is equal to 2e-15, but not to the last bit, and planners follow paths smoothed here: of 208 files compared it
+    The kernel ends at three sigma, or earlier for fewer values. ``scipy.ndimage.gaussian_filter1d`` on the reflected
+    values agrees to 2e-15, but not to the last bit, and planners follow paths smoothed here: of 208 compared files it
     changed 11, all of them steps of runs.
     """
     count = len(values)
@@ -146,13 +150,13 @@ def gaussian(values: NDArray[np.float64], sigma_samples: float) -> NDArray[np.fl
 
 
 _SMOOTHING_M = 4.0
-"""Chosen: as long as a car. Kinks of coarsely drawn lanes within it are no curves that a car would follow."""
+"""Chosen: the length of a car. Kinks of coarsely drawn lanes within it are not curves that a car would follow."""
 
 
 def curvatures(points: Points, sigma_m: float = _SMOOTHING_M, spacing_m: float = 1.0) -> tuple[Values, Values]:
-    """Arc lengths in m about ``spacing_m`` apart, and the absolute curvature there in 1/m, both (n,).
+    """Return arc lengths in m about ``spacing_m`` apart, and the absolute curvature there in 1/m, both (n,).
 
-    The line is smoothed over ``sigma_m``. A line of fewer than three points has no curvature: both are empty.
+    The line is smoothed over ``sigma_m``. A line of fewer than three points has no curvature, so both arrays are empty.
     """
     points = without_repeats(points)
     if len(points) < 3:
@@ -167,5 +171,5 @@ def curvatures(points: Points, sigma_m: float = _SMOOTHING_M, spacing_m: float =
 
 
 def maximum_curvature(points: Points, sigma_m: float = _SMOOTHING_M, spacing_m: float = 1.0) -> float:
-    """Largest curvature in 1/m after smoothing over ``sigma_m``; 0 for a straight or very short line."""
+    """Return the largest curvature in 1/m after smoothing over ``sigma_m``; 0 for a straight or very short line."""
     return float(np.max(curvatures(points, sigma_m, spacing_m)[1], initial=0.0))

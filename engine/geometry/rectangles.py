@@ -1,9 +1,9 @@
-"""Oriented rectangles (length, width) in the plane in m, and where they overlap, by separating axes.
+"""Oriented rectangles (length, width) in the plane in m, and their overlaps, by separating axes.
 
-Two convex quadrilaterals are apart if and only if they are so along the normal of one of their sides. Shapely and
-commonroad-drivability-checker decide the same, but make an object of each rectangle: here whole recordings are
-compared with each other as arrays. One pair is decided from its corners, up to the first axis that keeps it apart;
-many pairs from centres and headings in closed form, all axes at once.
+Two convex quadrilaterals are disjoint if and only if they are so along the normal of one of their sides. Shapely and
+commonroad-drivability-checker decide the same, but create an object for each rectangle; this module compares whole
+recordings as arrays. It decides one pair from its corners, up to the first separating axis, and many pairs from centres
+and headings in closed form, with all axes at once.
 """
 
 import math
@@ -19,7 +19,7 @@ _Indices = NDArray[np.intp]
 
 
 def oriented_rectangle(center: Points, heading_rad: float, size_m: tuple[float, float]) -> Points:
-    """Corners of a rectangle (length, width), shape (4, 2), counter-clockwise from the front left."""
+    """Return the corners of a rectangle (length, width), shape (4, 2), counter-clockwise from the front left."""
     length, width = size_m
     along = np.array([math.cos(heading_rad), math.sin(heading_rad)]) * length / 2
     across = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * width / 2
@@ -29,7 +29,7 @@ def oriented_rectangle(center: Points, heading_rad: float, size_m: tuple[float, 
 
 
 def rectangles_overlap(first: Points, second: Points, shrink_m: float = 0.0) -> bool:
-    """Whether two rectangles, given by their corners (4, 2), overlap by more than ``shrink_m`` along every axis."""
+    """Return True if two rectangles, given by corners (4, 2), overlap by more than ``shrink_m`` along every axis."""
     for corners in (first, second):
         edges = np.roll(corners, -1, axis=0) - corners
         for edge in edges[:2]:
@@ -45,7 +45,7 @@ def rectangles_overlap(first: Points, second: Points, shrink_m: float = 0.0) -> 
 
 @dataclass(frozen=True)
 class BoxTrack:
-    """A rectangle at every step from 0 on: centres (n, 2) in m, headings (n,) in rad, length and width in m."""
+    """A rectangle at every step from 0: centres (n, 2) in m, headings (n,) in rad, length and width in m."""
 
     positions: Points
     headings_rad: Values
@@ -54,7 +54,7 @@ class BoxTrack:
 
 @dataclass(frozen=True)
 class FirstOverlap:
-    """Two tracks by their indices (``first`` < ``second``), and the first step at which they overlap."""
+    """Two tracks by their indices (``first`` < ``second``), and their first step of overlap."""
 
     first: int
     second: int
@@ -62,7 +62,7 @@ class FirstOverlap:
 
 
 def first_overlaps(tracks: Sequence[BoxTrack]) -> list[FirstOverlap]:
-    """All pairs that overlap at a step at which both exist, each once, in order of their indices."""
+    """Return all pairs that overlap at a common step, each once, in order of their indices."""
     pairs: list[FirstOverlap] = []
     boxes = _Boxes.of(tracks)
     for index in range(len(tracks)):
@@ -79,9 +79,9 @@ def first_overlaps(tracks: Sequence[BoxTrack]) -> list[FirstOverlap]:
 
 @dataclass(frozen=True)
 class _Boxes:
-    """Tracks side by side, NaN where one has ended: centres (n, steps, 2), headings (n, steps), half sizes (n, 2).
+    """Tracks as arrays, NaN after a track's end: centres (n, steps, 2), headings (n, steps), half sizes (n, 2).
 
-    ``low``, ``high``: the corners (n, 2) of the box in which each centre stays. ``reach_m``: diagonals (n,).
+    ``low``, ``high``: the corners (n, 2) of the box around each track's centres. ``reach_m``: diagonals (n,).
     """
 
     centers: NDArray[np.float64]
@@ -106,18 +106,22 @@ class _Boxes:
         return cls(centers, headings, half_m, low, high, reach_m)
 
     def near(self, index: int) -> tuple[_Indices, _Indices]:
-        """(track, step), both (k,), of all later tracks where the squares around both rectangles meet."""
+        """Return (track, step), both (k,), of all later tracks at steps where the squares around both
+        rectangles meet.
+        """
         reach_m = (self.reach_m[index] + self.reach_m[index + 1 :, None]) / 2
-        beside = (self.low[index + 1 :] - self.high[index] > reach_m) | (
+        is_separate = (self.low[index + 1 :] - self.high[index] > reach_m) | (
             self.low[index] - self.high[index + 1 :] > reach_m
         )
-        later = np.flatnonzero(~beside.any(axis=1))
+        later = np.flatnonzero(~is_separate.any(axis=1))
         apart = np.abs(self.centers[index + 1 + later] - self.centers[index])
         rows, steps = np.nonzero((apart < reach_m[later, :, None]).all(axis=2))
         return index + 1 + later[rows], steps
 
     def overlap(self, index: int, others: _Indices, steps: _Indices) -> NDArray[np.bool_]:
-        """Whether a track overlaps others (k,) at steps (k,): no axis of either rectangle keeps them apart."""
+        """Return whether a track overlaps others (k,) at steps (k,), which holds if no axis of either rectangle
+        separates them.
+        """
         apart = self.centers[others, steps] - self.centers[index, steps]
         here_rad, there_rad = self.headings_rad[index, steps], self.headings_rad[others, steps]
         their_half = self.half_m[others]

@@ -1,54 +1,54 @@
 """Motion planners and the loop that runs them: observe, plan, follow, judge.
 
-``check_planner``: What a planner breaks of the contract on one task; nothing where it keeps it.
-``progress_to_goal``: The share of the reference path to the goal that positions came along; None without one.
+``check_planner``: Returns a planner's breaches of the contract on one task; empty if it keeps the contract.
+``progress_to_goal``: Returns the share of the reference path to the goal that positions cover; None without a goal.
 ``DebugValues``: Named numbers, texts and polygons that a planner reports together with a plan.
-``Goal``: The goal region of a planning problem; one of its states has to be met.
-``RouteFollower``: Makes motions along the route of a task: the shortest way to an own planner.
+``Goal``: The goal region of a planning problem; the ego must meet one of its states.
+``RouteFollower``: Generates motions along the route of a task; the shortest way to your own planner.
 ``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
-``goal_with_path``: The goal state that an ego drives to and the reference path there; None without a route.
+``goal_with_path``: Returns the goal state that an ego drives to and the reference path to it; None without a route.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
-``Plan``: The answer of a planner: a trajectory or None, with costs and what was rejected.
-``PlannedTrajectory``: States of the centre, one a step, beginning with the present.
+``Plan``: The answer of a planner: a trajectory or None, with its costs and the rejected candidates.
+``PlannedTrajectory``: States of the centre, one per step, starting with the present.
 ``Planner``: The protocol that every planner satisfies.
 ``PlanningTask``: Everything that stays the same during a run.
-``PLANNERS``: For each planner by its name the function that makes it.
-``planner_names``: The names of all planners, those of others included.
-``refused_planners``: Why planners of others that were found cannot be named.
-``own_planner``: The planner of others of a name.
-``planner_version``: A digest of the source of a planner of others; empty for built-in ones.
-``built_in_version``: The version of a built-in planner, from those of packages.
-``source_that_drives``: Only that digest, for any process.
-``Found``: A planner of others that was found, and where.
-``check_on``: What a planner of others breaks on a scenario, in words.
-``PlannerCheck``: What came out of it.
-``OwnPlanner``: What an entry point of the group ``plannerforge.planners`` names: the class and its declaration.
+``PLANNERS``: Maps the name of each built-in planner to its factory.
+``planner_names``: Returns the names of all planners, including user-supplied ones.
+``refused_planners``: Returns the reasons why user-supplied planners cannot be used.
+``own_planner``: Returns the user-supplied planner with a name.
+``planner_version``: Returns a digest of a user-supplied planner's source; empty for built-in planners.
+``built_in_version``: Returns the version of a built-in planner, derived from its packages.
+``source_that_drives``: Returns only that digest, in any process.
+``Found``: A user-supplied planner and its origin.
+``check_on``: Describes a user-supplied planner's breaches of the contract on a scenario.
+``PlannerCheck``: The result of that check.
+``OwnPlanner``: The target of an entry point of the group ``plannerforge.planners``: the class and its declaration.
 ``PlannerHere``: A planner that is an object of this process.
-``planners_here``: Makes objects of this process known as planners while a block runs.
-``is_here``: Whether a planner is an object of this process.
-``programs_named``: Makes the programs of the settings known as planners while a block runs, in workers too.
-``known_planner``: A planner's name as registered; ``UnknownName`` where there is none.
-``make_planner``: A new planner by its name.
-``run_planner``: An operation: runs a planner on one planning problem of a CommonRoad file.
-``simulate``: The run of a planner on a planning problem, until the judge ends it.
-``steering_of``: The steering angle in rad at every state that the turns before and after it need on average.
-``write_solution``: An operation: writes a run's trajectory as a CommonRoad solution file.
+``planners_here``: Registers objects of this process as planners while a block runs.
+``is_here``: Returns whether a planner is an object of this process.
+``programs_named``: Registers the programs in the settings as planners while a block runs, in workers too.
+``known_planner``: Returns a planner's registered name; raises ``UnknownName`` if there is no such planner.
+``make_planner``: Creates a planner by its name.
+``run_planner``: An operation that runs a planner on one planning problem of a CommonRoad file.
+``simulate``: Runs a planner on a planning problem until the judge ends the run.
+``steering_of``: Returns the steering angle in rad at every state, the mean of the turns before and after it.
+``write_solution``: An operation that writes a run's trajectory as a CommonRoad solution file.
 ``Predictor``: A function that predicts one track.
-``predictor``: The function that predicts one track on a network, by the name of a prediction.
-``check_modes``: Raises ``InvalidRequest`` where a prediction does not go with the traffic.
-``CarefulDriver``: UN R157's competent and careful driver.
+``predictor``: Returns the function that predicts one track on a network, by the name of a prediction.
+``check_modes``: Raises ``InvalidRequest`` if a prediction cannot be combined with the traffic.
+``CarefulDriver``: The competent and careful driver of UN R157.
 ``FuzzyDriver``: The driver of the fuzzy safety model.
 ``RssDriver``: The driver of Responsibility-Sensitive Safety.
 ``FullBraking``: A driver that brakes fully at once.
 ``KeepLane``: A driver that keeps its lane and speed.
 ``ReferenceDriver``: The protocol of these drivers.
-``brakes_of``: How hard a class of vehicle brakes, and how fast that builds up.
-``DriverScene``: A reference driver in the ego's place, among others that move as they did.
-``DriverPath``: A way along which a reference driver drives.
-``NominalMotion``: How the ego moves until its reference driver reacts.
-``lane_line``: The line that keeps to the ego's lane and route, from where a planning problem begins.
-``going_on``: A track up to a later step: straight on, and braking on if it braked.
+``brakes_of``: Returns how hard a vehicle class brakes, and how fast its deceleration builds up.
+``DriverScene``: A reference driver in the ego's place, among others that move as recorded.
+``DriverPath``: A path along which a reference driver drives.
+``NominalMotion``: The ego's motion until its reference driver reacts.
+``lane_line``: Returns the line along the ego's lane and route, from the start of a planning problem.
+``going_on``: Returns a track extended to a later step, straight ahead, still braking if it braked.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
-"""CommonRoad's goal region in all its forms, and whether it can be reached.
+"""CommonRoad's goal regions in all their forms, and whether an ego can reach them.
 
-A goal has lanelets, shapes or a free position, intervals of speed and heading, and one or several states of which one
-has to be met. ``select_goal_state`` says which of several the ego drives to: one is enough, and no ego can drive to
-all. Lengths in m, speeds in m/s, headings in rad.
+A goal has one or several states, each with lanelets, shapes or a free position, and intervals of speed and heading. The
+ego must meet one of them; ``select_goal_state`` selects the one to drive to. Lengths in m, speeds in m/s, headings in
+rad.
 """
 
 import math
@@ -28,22 +28,22 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 _BEHIND_M = 0.5
-"""Chosen: a goal ends behind the ego when it does so by more than this."""
+"""A goal is behind the ego if its end is farther back than this (chosen)."""
 _EDGE_M = 1e-6
-"""Chosen, far above what rounding does to coordinates: what lies so near to a goal's area lies on its edge."""
+"""Anything this near to a goal's area is on its edge (chosen: far above the rounding errors of coordinates)."""
 _AHEAD_M = 120.0
-"""Chosen: how far the paths that are compared go on beyond the goal."""
+"""Length by which compared paths extend beyond the goal (chosen)."""
 PASSED_M = 5.0
-"""Chosen: a goal counts as passed if the ego is farther than this beyond its end."""
+"""The ego has passed the goal if it is farther than this beyond its end (chosen)."""
 _SLOWEST_GOAL_MPS = 0.01
-"""An end of the goal's speed interval counts as at least this."""
+"""Smallest value of either end of the goal's speed interval."""
 
 Timing = Literal["early", "in_time", "late"]
 
 
 @dataclass(frozen=True)
 class _GoalStatus:
-    """How one ego state relates to one goal state: in its area, meeting all but its time, and its time."""
+    """The relation of an ego state to a goal state: in its area, all conditions but the time met, and its time."""
 
     position: bool
     all_but_time: bool
@@ -51,13 +51,13 @@ class _GoalStatus:
 
     @property
     def reached(self) -> bool:
-        """All conditions hold."""
+        """True if all conditions hold."""
         return self.all_but_time and self.timing == "in_time"
 
 
 @dataclass(frozen=True)
 class _GoalState:
-    """One goal state: its first and last step; area, headings in rad and speeds in m/s, None where any will do."""
+    """One goal state: first and last step, area, headings in rad and speeds in m/s; None allows any value."""
 
     first: int
     last: int
@@ -67,7 +67,7 @@ class _GoalState:
 
     @classmethod
     def of(cls, state: Any) -> "_GoalState":
-        """The conditions of one of CommonRoad's goal states."""
+        """Return the conditions of one of CommonRoad's goal states."""
         first, last = _bounds(state.time_step)
         heading, speed = getattr(state, "orientation", None), getattr(state, "velocity", None)
         return cls(
@@ -79,13 +79,13 @@ class _GoalState:
         )
 
     def holds(self, point: Points) -> bool:
-        """Whether a point lies in the area."""
+        """Return True if a point is in the area."""
         import shapely
 
         return self.area is None or bool(shapely.intersects_xy(self.area, point[0], point[1]))
 
     def status(self, ego: EgoState) -> _GoalStatus:
-        """How the ego stands to it."""
+        """Return the status of the ego with respect to this state."""
         there = self.holds(ego.position)
         heading = self.headings_rad is None or _angle_within(ego.heading_rad, *self.headings_rad)
         speed = self.speeds_mps is None or self.speeds_mps[0] <= ego.speed_mps <= self.speeds_mps[1]
@@ -94,10 +94,10 @@ class _GoalState:
 
 
 class Goal:
-    """The goal region of a planning problem; one of its ``states`` has to be met.
+    """The goal region of a planning problem; the ego must meet one of its ``states``.
 
-    ``first_step`` and ``last_step``: between them it can be reached; ``has_position``: whether every state asks for a
-    place; ``speed_mps``: the middle of the first speed interval that a state names, None where none does.
+    The ego can reach it from ``first_step`` to ``last_step``. ``has_position``: True if every state requires a
+    position; ``speed_mps``: the middle of the first speed interval in the states, or None.
     """
 
     def __init__(self, region: "GoalRegion") -> None:
@@ -109,11 +109,11 @@ class Goal:
         self.speed_mps = None if speeds is None else sum(max(end, _SLOWEST_GOAL_MPS) for end in speeds) / 2
 
     def status(self, ego: EgoState) -> list[_GoalStatus]:
-        """How the ego stands to each goal state."""
+        """Return the status of the ego with respect to each goal state."""
         return [state.status(ego) for state in self.states]
 
     def holds(self, point: Points) -> bool:
-        """Whether a point lies in the area of any goal state."""
+        """Return True if a point is in the area of any goal state."""
         return any(state.holds(point) for state in self.states)
 
     def distance_m(self, positions: Points) -> float:
@@ -128,7 +128,7 @@ class Goal:
 
     @property
     def center(self) -> Points | None:
-        """A point in the middle of the first goal state's area, shape (2,); None where the position is free."""
+        """A point in the middle of the first goal state's area, shape (2,); None if the position is free."""
         area = self.states[0].area
         if area is None:
             return None
@@ -137,14 +137,13 @@ class Goal:
         return np.array([chosen.x, chosen.y])
 
     def stations_on(self, path: Points, from_m: float = 0.0) -> tuple[float, float] | None:
-        """Return the first and last arc length in m of a path's first passage of the goal's area, or None.
+        """Return the first and last arc length in m of a path's first passage through the goal's area, or None.
 
-        A path that comes back, in a roundabout for instance, may pass the area again: only the first passage that does
-        not end before ``from_m`` counts, for each goal state by itself. Gaps shorter than those after which a goal
-        counts as passed do not end a passage.
+        A path that comes back, for example in a roundabout, may pass the area again. For each goal state, only the
+        first passage that does not end before ``from_m`` counts. Gaps shorter than ``PASSED_M`` do not end a passage.
 
-        Points of the path on the edge of the area are inside. Goals and paths that begin where a lanelet does meet
-        there, and rounding, which depends on where the map lies, must not choose the next point instead.
+        Points of the path on the edge of the area are inside. Goals and paths that begin at the start of a lanelet meet
+        there, and rounding, which depends on the location of the map, must not select the next point instead.
         """
         areas = [state.area for state in self.states if state.area is not None]
         found = [passage for area in areas if (passage := _first_passage(area, path, from_m)) is not None]
@@ -171,7 +170,7 @@ def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float
 
 
 def _inside_m(area: Any, ends: Points) -> float:
-    """Return how much of the straight line between two points (2, 2) is inside an area; 0 for fewer points."""
+    """Return the length inside an area of the line between two points (2, 2); 0 for fewer points."""
     import shapely
 
     inside_m = float(shapely.intersection(area, shapely.linestrings(ends)).length) if len(ends) > 1 else 0.0
@@ -179,7 +178,7 @@ def _inside_m(area: Any, ends: Points) -> float:
 
 
 def _area(position: Any) -> Any:
-    """The area of a goal position as a shapely geometry; None where the goal has no position."""
+    """Return the area of a goal position as a shapely geometry, or None if the goal has no position."""
     import shapely
 
     if position is None:
@@ -195,7 +194,7 @@ def _bounds(value: Any) -> tuple[float, float]:
 
 
 def _angle_within(angle_rad: float, low: float, high: float) -> bool:
-    """Whether an angle lies in an interval on the circle, whatever multiples of 2π either is written with."""
+    """Return True if an angle is in an interval on the circle, regardless of multiples of 2π."""
     if high - low >= math.tau:
         return True
     beyond = (angle_rad - low) % math.tau
@@ -203,11 +202,11 @@ def _angle_within(angle_rad: float, low: float, high: float) -> bool:
 
 
 def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
-    """One sentence on why no goal state can be reached in its time; None where one may be.
+    """Return one sentence on why no goal state can be reached in its time, or None if one may be reachable.
 
-    A bound that no vehicle can beat: straight at the goal's area from the ego's centre, as far as :func:`farthest_m`
-    says for the time to the goal's last step; its speed is then within ``v₀ ± at``. What it lets pass is not proven to
-    be reachable.
+    This is a bound that no vehicle can beat: straight from the ego's centre to the goal's area, as far as
+    :func:`farthest_m` allows until the goal's last step, with a speed within ``v₀ ± at``. A goal that passes may still
+    be unreachable.
     """
     obstacles = [_obstacle(state, ego, vehicle, step_s) for state in goal.states]
     return None if None in obstacles else obstacles[0]
@@ -216,18 +215,18 @@ def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: 
 def path_to(
     goal: Goal, region: "GoalRegion", network: "LaneletNetwork", ego: EgoState, *, ahead_m: float, beyond_m: float
 ) -> ReferencePath:
-    """The reference path of the route to a goal; shifted where the goal lies beside its centre line.
+    """Return the reference path of the route to a goal, shifted if the goal is off its centre line.
 
     Args:
-        goal: what to drive to.
-        region: the same as CommonRoad's goal region.
-        network: the lanelets.
-        ego: where the path begins.
-        ahead_m: how long the route is at least where the goal has no position.
-        beyond_m: how far the path goes straight on behind the route.
+        goal: The goal to drive to.
+        region: The same goal as CommonRoad's goal region.
+        network: The lanelets.
+        ego: The state in which the path begins.
+        ahead_m: The least length of the route if the goal has no position.
+        beyond_m: The length of the straight extension behind the route.
 
     Raises:
-        NotPossible: no route leads to the goal, or it is behind the ego.
+        NotPossible: No route leads to the goal, or it is behind the ego.
     """
     route = find_route(network, region, ego.position, ego.heading_rad, ahead_m=ahead_m)
     path = partial(build_reference_path, network, route, ego.position, ego.speed_mps, beyond_m=beyond_m)
@@ -235,16 +234,16 @@ def path_to(
     behind = _left_behind(goal, ego, reference, network)
     if behind is not None:
         raise NotPossible(behind)
-    beside = goal.has_position and goal.stations_on(reference.points) is None
-    return path(through=goal.center) if beside else reference
+    is_off_path = goal.has_position and goal.stations_on(reference.points) is None
+    return path(through=goal.center) if is_off_path else reference
 
 
 def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "LaneletNetwork") -> str | None:
-    """One sentence on why a goal behind the ego cannot be reached; None where it may be.
+    """Return one sentence on why a goal behind the ego cannot be reached, or None if it may be reachable.
 
-    The ego does not drive backwards. A goal is behind it where every corner of every goal area lies behind it along the
-    reference path, and no lanelet that an area touches can be reached from where the ego's lanelet and those beside it
-    end.
+    The ego does not drive backwards. A goal is behind it if every corner of every goal area is behind it along the
+    reference path, and no lanelet that touches an area is reachable from the ends of the ego's lanelet and its
+    neighbours.
     """
     import shapely
 
@@ -256,12 +255,12 @@ def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "
     if away <= _BEHIND_M:
         return None
     graph = LaneletGraph.of(network)
-    beside = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
-    onward = graph.reachable(following for key in beside for following in graph.successors[key])
+    starts = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
+    onward = graph.reachable(following for key in starts for following in graph.successors[key])
     outlines = [network.find_lanelet_by_id(key).polygon.shapely_object for key in onward]
     if any(area.intersects(outline) for outline in outlines for area in areas):
         return None
-    return f"the goal ends {away:.1f} m behind the ego, and no way leads back to it"
+    return f"the goal ends {away:.1f} m behind the ego, and no route leads back to it"
 
 
 def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
@@ -274,7 +273,7 @@ def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step
         away, reach = float(state.area.distance(Point(ego.position))), farthest_m(ego.speed_mps, left_s, vehicle)
         if away > reach:
             return (
-                f"the goal is {away:.1f} m away as the crow flies and the ego covers at most {reach:.1f} m in the "
+                f"the goal is {away:.1f} m away in a straight line, but the ego covers at most {reach:.1f} m in the "
                 f"{left_s:.1f} s to the goal's last step"
             )
     if state.speeds_mps is None:
@@ -283,18 +282,19 @@ def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step
     change = vehicle.maximum_acceleration_mps2 * left_s
     if low > ego.speed_mps + change or high < ego.speed_mps - change:
         wanted = f"the goal's speed {low:.1f} to {high:.1f} m/s"
-        return f"{wanted} is out of reach from {ego.speed_mps:.1f} m/s in {left_s:.1f} s"
+        return f"{wanted} is unreachable from {ego.speed_mps:.1f} m/s in {left_s:.1f} s"
     return None
 
 
 def select_goal_state(
     network: "LaneletNetwork", region: "GoalRegion", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> "GoalRegion":
-    """The region of one goal state, with place, window and speed of its own; the whole where none can be reached.
+    """Return the region of one goal state, with its own position, time window and speed; the whole if all are
+    unreachable.
 
-    Of the states that a route leads to and that are in reach in their time, the one that asks the least change of
-    speed: to a mean that brings the ego into the area within the window, and to the interval of the goal's speed. The
-    earlier one where two ask the same. The order in the file does not count.
+    Among the states that a route leads to in their time, it selects the one that needs the smallest change of speed: to
+    a mean speed that brings the ego into the area within the window, and to the goal's speed interval. The earlier
+    state wins a tie. The order in the file does not matter.
     """
     from commonroad.planning.goal import GoalRegion
 
@@ -313,7 +313,7 @@ def select_goal_state(
 def _change_of_speed_mps(
     network: "LaneletNetwork", part: "GoalRegion", goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> float | None:
-    """The larger of the two changes that one goal state asks for; None where it cannot be reached."""
+    """Return the larger of the two speed changes that one goal state needs, or None if it is unreachable."""
     if out_of_reach(goal, ego, vehicle, step_s):
         return None
     speeds_mps = goal.states[0].speeds_mps
@@ -334,12 +334,12 @@ def _change_of_speed_mps(
 
 
 def _distances_to(goal: Goal, ego: EgoState, reference: ReferencePath) -> tuple[float, float]:
-    """How far ahead of the ego the area begins and ends along the path, in m."""
+    """Return the distances along the path from the ego to the start and the end of the area, in m."""
     here = reference.follower().place(ego.position)[0]
     stations = goal.stations_on(reference.points, here)
     if stations is None and goal.center is not None:
-        beside = project(reference.points, goal.center)[0]
-        stations = beside, beside
+        nearest = project(reference.points, goal.center)[0]
+        stations = nearest, nearest
     begin, end = stations or (here, here)
     return begin - here, end - here
 
@@ -351,11 +351,10 @@ def _outside(value: float, low: float, high: float) -> float:
 def progress_to_goal(
     scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters, positions: Points
 ) -> float | None:
-    """Return the share of the reference path to the goal that positions (n, 2) of the centre came along, in 0 to 1.
+    """Return the share of the reference path to the goal that positions (n, 2) of the centre cover, from 0 to 1.
 
-    It is 1 only if a position lies in the goal's area, as the judge asks. An ego that came to the goal's station and
-    passed next to its area lacks what lay between the area and its nearest position. None if the goal has no place, or
-    no path leads to it.
+    It is 1 only if a position is in the goal's area, as the judge requires. An ego that passes next to the area lacks
+    the distance between the area and its nearest position. None if the goal has no position, or no path leads to it.
     """
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
     if not problem.goal.state_list:

@@ -1,15 +1,15 @@
-"""A baseline: follow the reference path and keep the distance of the Intelligent Driver Model.
+"""A baseline that follows the reference path and keeps the distance of the Intelligent Driver Model.
 
 Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap
 s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
-Treiber, Helbing 2010), which never brakes harder than b. Before a curve it brakes by at most b too, to the speed
-√(a_lateral / curvature) that its lateral acceleration allows there; harder only where its tyres would slip otherwise.
+Treiber, Helbing 2010), which never brakes harder than b. Before a curve it also brakes by at most b, to the speed
+√(a_lateral / curvature) that its lateral acceleration allows there; it brakes harder only if its tyres would slip.
 
 Lateral: ``route_follower.py``.
 
-It knows no cost terms, neither overtakes nor evades, and does not look at the edge of the road. Stations are arc
-lengths in m, by default those of the rear axle's path.
+It has no cost terms, neither overtakes nor evades, and ignores the edge of the road. Stations are arc lengths in m, by
+default those of the rear axle's path.
 """
 
 import math
@@ -28,35 +28,39 @@ from .interface import Observation, Plan, PlanKind, PlanningTask, PredictedObsta
 from .route_follower import RouteFollower
 
 _EXPONENT = 4.0
-"""Of the free term, as in the model's source."""
+"""Exponent of the free term, as in the model's source."""
 _GRIP = 0.98
-"""Share of the tyres' friction that is used at most: the curvature along a plan is known between points only."""
+"""Largest usable share of the tyres' friction, since a plan's curvature is known only between points."""
 _BRAKING_GRIP, _CURVE_GRIP, _SLIP_SMOOTHING_M = 0.5, 0.75, 0.5
 """Shares of it with which the ego brakes before a curve in which it would slip, and drives through it: 0.9 together.
-The curvature that decides it is smoothed less than the comfortable one."""
+The curvature that decides is smoothed less than the comfortable one.
+"""
 _LOOK_AHEAD_S = 1.0
-"""An obstacle that will be in the ego's corridor within this time is a leader already, so that a cut-in is seen when it
-begins."""
+"""An obstacle that will enter the ego's corridor within this time is already a leader, so the ego sees a cut-in at its
+start.
+"""
 _CORRIDOR_MARGIN_M = 0.3
-"""Chosen: the corridor is wider than the two bodies by this on either side."""
+"""The corridor extends beyond both bodies by this on either side (chosen)."""
 _LOOKED_BACK_M = 20.0
-"""Chosen: how far behind the ego others are looked for on the path, more than a truck is long."""
+"""Distance behind the ego at which obstacles on the path still count (chosen: more than the length of a truck)."""
 _SAME_PASSAGE_M2 = 1.0
-"""Chosen: two passages of the path are equally near to an obstacle if their squared distances differ by no more."""
+"""Two passages of the path are equally near to an obstacle if their squared distances differ by at most
+this (chosen).
+"""
 _SMALLEST_GAP_M = 0.1
-"""Chosen: a smaller gap counts as this, so that the interaction stays finite."""
+"""Smaller gaps count as this, so that the interaction stays finite (chosen)."""
 
 
 @dataclass(frozen=True)
 class _OnPath:
-    """An obstacle along the path, one entry a step: its rear end, its speed, and whether it is in the corridor."""
+    """An obstacle along the path, per step: its rear end, its speed, and whether it is in the corridor."""
 
     rear_m: Values
     speed_mps: Values
     in_corridor: NDArray[np.bool_]
 
     def leader_at(self, index: int, look_ahead: int) -> tuple[float, float] | None:
-        """Rear end and speed when it is in the corridor first between ``index`` and ``look_ahead`` steps later."""
+        """Return rear end and speed at its first step in the corridor from ``index`` to ``look_ahead`` steps later."""
         later = np.flatnonzero(self.in_corridor[index : index + look_ahead + 1])
         if not len(later):
             return None
@@ -97,7 +101,7 @@ class IntelligentDriver:
         self._goal_m = self._goal.stations_on(task.reference.points, start_m) if self._goal.has_position else None
 
     def plan(self, observation: Observation) -> Plan:
-        """One trajectory: along the path with the model's acceleration, simulated over the horizon."""
+        """Return one trajectory along the path with the model's acceleration, simulated over the horizon."""
         ego = observation.ego
         place = self._route.place_of(ego)
         if place is None:
@@ -115,7 +119,7 @@ class IntelligentDriver:
         return Plan(followed.trajectory, candidates=1, kind=kind)
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
-        """The distance in m and the speed, one a step, of a rear axle that begins at a station."""
+        """Return the distance in m and the speed, per step, of a rear axle that starts at a station."""
         step_s, vehicle = self._task.step_s, self._task.vehicle
         here = self._path.center_station(station)
         others = [self._on_path(obstacle, here) for obstacle in observation.obstacles if len(obstacle.positions)]
@@ -152,9 +156,9 @@ class IntelligentDriver:
         return float(a * (wanted / max(gap_m, _SMALLEST_GAP_M)) ** 2)
 
     def _before_curve(self, speed: float, following: float) -> float:
-        """The acceleration to the speed that the curves allow at the following station.
+        """Return the acceleration to the speed that the curves allow at the following station.
 
-        It brakes at most comfortably for a comfortable speed, and as hard as it must where the tyres would slip.
+        The ego brakes at most comfortably for a comfortable speed, and as hard as necessary if its tyres would slip.
         """
         comfortable, slipping = (
             (float(np.interp(following, self._path.stations_m, allowed)) - speed) / self._task.step_s
@@ -163,13 +167,15 @@ class IntelligentDriver:
         return min(max(comfortable, -self._weights["deceleration_mps2"]), slipping)
 
     def _grip_mps2(self, speed: float, station: float) -> float:
-        """What the curve leaves of the tyres' friction for motion along it."""
+        """Return the longitudinal acceleration that the curve leaves of the tyres' friction."""
         curvature = float(np.interp(station, self._path.stations_m, self._curvature))
         whole = _GRIP * self._task.vehicle.maximum_acceleration_mps2
         return math.sqrt(max(whole**2 - (speed**2 * curvature) ** 2, 0.0))
 
     def _allowed(self, station: float) -> float:
-        """The speed from which the comfortable deceleration reaches the goal's speed where the goal begins."""
+        """Return the speed from which the comfortable deceleration reaches the goal's speed at the start of
+        the goal.
+        """
         if self._goal_m is None or self._goal.speed_mps is None:
             return math.inf
         left = max(self._goal_m[0] - station, 0.0)
@@ -178,7 +184,7 @@ class IntelligentDriver:
     def _on_path(self, obstacle: PredictedObstacle, here_m: float) -> _OnPath:
         """Return the projection onto the nearest point of the path; its points are about one metre apart.
 
-        Where the path passes the obstacle more than once, the passage that is next ahead of the ego counts.
+        If the path passes the obstacle more than once, the next passage ahead of the ego counts.
         """
         path = self._task.reference.points
         gaps = path[None, :, :] - obstacle.positions[:, None, :]

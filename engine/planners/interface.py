@@ -1,6 +1,6 @@
-"""What a planner is: it is reset for one planning problem, then asked for a plan again and again.
+"""The interface of planners: a planner is reset for one planning problem, then returns a plan at every call.
 
-Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``external/conformance.py`` checks one.
+Planners that satisfy :class:`Planner` run in the loop of ``simulation.py``; ``external/conformance.py`` checks them.
 """
 
 import math
@@ -43,7 +43,9 @@ class EgoState:
 
     @classmethod
     def of(cls, state: Any) -> "EgoState":
-        """The ego at the initial state of a planning problem; intervals count by their middle, missing values as 0."""
+        """Return the ego in a planning problem's initial state; intervals count by their middle, missing
+        values as 0.
+        """
         position = state.position.center if hasattr(state.position, "center") else state.position
         return cls(
             step=int(_middle(state.time_step)),
@@ -64,11 +66,11 @@ def _middle(value: Any) -> float:
 
 @dataclass(frozen=True)
 class PredictedObstacle:
-    """The present (index 0) and future of another road user, one entry a step: centres (n, 2), headings (n,).
+    """The present (index 0) and future of another road user, one entry per step: centres (n, 2), headings (n,).
 
-    ``covariance`` of the centre in m²: (2, 2), or (n, 2, 2) with one matrix a step where it changes. ``length_m`` and
-    ``width_m`` hold the safety margin of the prediction already; ``observed_size_m`` is length and width without it.
-    ``kind``: CommonRoad's obstacle type.
+    ``covariance`` of the centre in m²: (2, 2), or (n, 2, 2) with one matrix per step if it changes. ``length_m`` and
+    ``width_m`` include the prediction's safety margin; ``observed_size_m`` is length and width without it. ``kind``:
+    CommonRoad's obstacle type.
     """
 
     obstacle_id: int
@@ -92,9 +94,9 @@ class Observation:
 
 @dataclass(frozen=True)
 class PlanningTask:
-    """Everything that stays the same during a run; of the traffic a planner knows what it observes.
+    """Everything that stays the same during a run; a planner knows only the traffic that it observes.
 
-    ``aim``: the goal state that the reference path leads to, where the problem has several; None: the problem's goal.
+    ``aim``: the goal state that the reference path leads to, if the problem has several; None means the problem's goal.
     """
 
     network: "LaneletNetwork"
@@ -108,16 +110,16 @@ class PlanningTask:
 
     @property
     def goal_ahead(self) -> "GoalRegion":
-        """What to drive to: one goal state, where several differ in place, time or speed."""
+        """The goal to drive to: one goal state, if the problem has several."""
         return self.aim or self.problem.goal
 
 
 @dataclass(frozen=True)
 class PlannedTrajectory:
-    """States of the centre, one a step beginning with the present: positions (n, 2), the others (n,).
+    """States of the centre, one per step starting with the present: positions (n, 2), the others (n,).
 
     ``steering_rad``: the steering angles of a motion that the vehicle drives exactly (``driving/following.py``); None
-    for a motion that only says where the centre is to be.
+    for a motion that gives only the intended positions of the centre.
     """
 
     positions: Points
@@ -127,7 +129,7 @@ class PlannedTrajectory:
     steering_rad: Values | None = None
 
     def until(self, count: int) -> "PlannedTrajectory":
-        """The first ``count`` states."""
+        """Return the first ``count`` states."""
         return self._part(slice(count))
 
     def since(self, index: int) -> "PlannedTrajectory":
@@ -145,7 +147,7 @@ class PlannedTrajectory:
         )
 
     def state_at(self, index: int, step: int, step_s: float) -> EgoState:
-        """The state ``index`` steps ahead, as the ego state of time step ``step``."""
+        """Return the state ``index`` steps ahead, as the ego state of time step ``step``."""
         before = max(index - 1, 0)
         turn = float(self.headings_rad[index] - self.headings_rad[before])
         return EgoState(
@@ -161,10 +163,10 @@ class PlannedTrajectory:
 
 @dataclass(frozen=True)
 class DebugValues:
-    """What a planner reports of a planning step in addition to its plan, under names of its own choice.
+    """Values that a planner reports for a planning step in addition to its plan, under names of its own choice.
 
-    ``polygons``: outlines of shape (n, 2) in m. What is reported is kept with the run up to the bounds of
-    ``schemas/runs.py``, shown in the player and exported; it never affects the run.
+    ``polygons``: outlines of shape (n, 2) in m. The values are stored with the run up to the bounds of
+    ``schemas/runs.py``, shown in the player and exported; they never affect the run.
     """
 
     numbers: Mapping[str, float] = field(default_factory=dict)
@@ -177,10 +179,10 @@ NO_DEBUG_VALUES = DebugValues()
 
 @dataclass(frozen=True)
 class Plan:
-    """An answer of a planner; ``trajectory`` is None where no candidate can be driven.
+    """An answer of a planner; ``trajectory`` is None if no candidate can be driven.
 
-    ``costs``: weighted cost term → value of the chosen candidate; ``rejected``: constraint → candidates it rejected;
-    ``core_s``: time that the planner's native core took, where it has one.
+    ``costs``: the chosen candidate's value per weighted cost term; ``rejected``: the number of candidates that each
+    constraint rejected; ``core_s``: the computation time of the planner's native core, if it has one.
     """
 
     trajectory: PlannedTrajectory | None
@@ -193,27 +195,27 @@ class Plan:
 
 
 def evenly_chosen(count: int, most: int) -> list[int]:
-    """At most ``most`` of ``count`` places, the first and the last among them."""
+    """Return at most ``most`` of ``count`` indices, including the first and the last."""
     return sorted({round(place) for place in np.linspace(0, count - 1, min(most, count))}) if count else []
 
 
 @runtime_checkable
 class ShowsCandidates(Protocol):
-    """A planner that can say which candidates it had in its last planning step."""
+    """A planner that can show the candidates of its last planning step."""
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Centres (n, 2) of at most ``most`` candidates that the vehicle could drive, evenly chosen by their rank."""
+        """Return centres (n, 2) of at most ``most`` feasible candidates, evenly spread over their ranks."""
 
 
 class Planner(Protocol):
-    """A motion planner; it holds the state of one run between :meth:`reset` and the next."""
+    """A motion planner, which keeps the state of one run between :meth:`reset` and the next one."""
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run.
 
         Raises:
-            NotPossible: the planner cannot attempt this problem.
+            NotPossible: The planner cannot attempt this problem.
         """
 
     def plan(self, observation: Observation) -> Plan:
-        """The trajectory to follow from the observed state on, at least one second long where there is one."""
+        """Return the trajectory to follow from the observed state, at least one second long if there is one."""

@@ -1,7 +1,7 @@
-"""When a run ends and how: the judge of the loop, apart from the planner.
+"""Decides when and how a run ends, independently of the planner.
 
-A run ends when the ego collides, leaves the road, meets the goal, has passed it, or is out of time; as ``invalid``,
-before the first plan, where no planner can solve the problem. Each verdict holds one sentence of figures.
+A run ends when the ego collides, leaves the road, meets the goal, has passed it, or is out of time. It ends as
+``invalid`` before the first plan if no planner can solve the problem. Each verdict has one sentence with figures.
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from .interface import EgoState, PlanningTask
 from .traffic.recorded import Traffic, rectangle
 
 _TIME_LIMIT_FACTOR = 1.7
-"""A run may take this multiple of the steps from its start to the goal's last step, as in the Frenetix reference."""
+"""Largest multiple of the steps from the start to the goal's last step, as in the Frenetix reference."""
 _MOST_STEPS = 2000
-"""Chosen: no run takes more steps than this, whatever the goal's time."""
+"""Most steps of a run, whatever the goal's time (chosen)."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a run ended, with one sentence of figures; ``invalid_reason`` only where the problem is invalid."""
+    """The end of a run, with one sentence of figures; ``invalid_reason`` is set only if the problem is invalid."""
 
     outcome: Outcome
     reason: str
@@ -30,12 +30,12 @@ class Verdict:
 
     @classmethod
     def invalid(cls, code: InvalidReason, reason: str) -> "Verdict":
-        """The verdict on a problem that no planner can solve."""
+        """Return the verdict on a problem that no planner can solve."""
         return cls("invalid", reason, invalid_reason=code)
 
 
 class Judge:
-    """The verdict on every driven state, by the road, the others, the goal and the time limit."""
+    """Judges every driven state by the road, the others, the goal and the time limit."""
 
     def __init__(self, task: PlanningTask, traffic: Traffic, initial: EgoState) -> None:
         self._goal = goal = Goal(task.problem.goal)
@@ -49,11 +49,11 @@ class Judge:
         stations = goal.stations_on(task.reference.points, start_m) if goal.has_position else None
         self._goal_end_m = None if stations is None else stations[1]
         self._was_clear_of_edge = not task.road.touches_edge(rectangle(initial, task.vehicle))
-        self._stays: set[Timing] = set()  # how the ego's steps in the goal's place lay to the goal's time
+        self._stays: set[Timing] = set()  # the timings of the ego's steps in the goal's area
         self._last_stay: EgoState | None = None
 
     def before_the_run(self, initial: EgoState) -> Verdict | None:
-        """Why no planner can solve the problem, or None."""
+        """Return why no planner can solve the problem, or None."""
         hit = self._traffic.hit_by(initial, self._vehicle)
         if hit:
             return Verdict.invalid(
@@ -63,18 +63,20 @@ class Judge:
             return Verdict.invalid("ego_off_road", "the ego starts off the road")
         turned_rad = self._off_route_rad(initial)
         if turned_rad > pi / 2:
-            turned = f"the ego heads {degrees(turned_rad):.0f}° off the way to its goal, and nobody drives backwards"
+            turned = (
+                f"the ego heads {degrees(turned_rad):.0f}° off the route to its goal, and no vehicle drives backwards"
+            )
             return Verdict.invalid("ego_against_route", turned)
         too_far = out_of_reach(self._goal, initial, self._vehicle, self._step_s)
         return Verdict.invalid("goal_out_of_time", too_far) if too_far else None
 
     def _off_route_rad(self, ego: EgoState) -> float:
-        """The angle between the ego's heading and the reference path beside it."""
+        """Return the angle between the ego's heading and the reference path next to it."""
         station_m = self._follower.place(ego.position)[0]
         return abs(wrap_angle(ego.heading_rad - point_at(self._reference.points, station_m)[1]))
 
     def after_step(self, ego: EgoState) -> Verdict | None:
-        """The verdict if this state ends the run."""
+        """Return the verdict if this state ends the run."""
         return self._collision(ego) or self._off_road(ego) or self._at_goal(ego) or self._out_of_time(ego)
 
     def _collision(self, ego: EgoState) -> Verdict | None:
@@ -114,7 +116,7 @@ class Judge:
         return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
 
     def _too_late_anywhere(self, ego: EgoState) -> Verdict | None:
-        """A goal without a place: its conditions were not met by its last step."""
+        """Return the verdict on a goal without a position if its conditions were not met by its last step."""
         if ego.step <= self._goal.last_step:
             return None
         over_s = self._since_start_s(self._goal.last_step)
@@ -122,7 +124,7 @@ class Judge:
         return Verdict("goal_missed", reason)
 
     def _beyond_goal(self, ego: EgoState) -> Verdict | None:
-        """A goal with a place: the ego has left it behind, or passes beside it when its time is over."""
+        """Return the verdict if the ego has left a goal with a position behind, or passes it when its time is over."""
         if self._goal_end_m is None:
             return None
         beyond_m = self._beyond_m(ego)
@@ -130,7 +132,7 @@ class Judge:
         if not (beyond_m > PASSED_M or (time_over and self._stays and beyond_m > 0)):
             return None
         if not self._stays:
-            reason = f"passed beside the goal region by {self._since_start_s(ego.step):.1f} s and was never in it"
+            reason = f"passed the goal region by {self._since_start_s(ego.step):.1f} s without entering it"
             return Verdict("goal_missed", reason) if time_over else None
         first_s, last_s = (self._since_start_s(step) for step in (self._goal.first_step, self._goal.last_step))
         left = self._last_stay or ego
@@ -157,16 +159,17 @@ class Judge:
         return Verdict("timeout", f"ran out of time after {limit}{left}")
 
     def _outcome_of_stays(self) -> Outcome:
-        """What it means to have been in the goal's place without reaching the goal.
+        """Return the outcome for an ego that was in the goal's area but did not reach the goal.
 
-        In its time the goal's speed or heading was missing; otherwise only the time was wrong, the last stay counting.
+        Within the goal's time, the speed or heading was wrong; otherwise only the time was wrong, and the last stay
+        counts.
         """
         if "in_time" in self._stays:
             return "goal_missed"
         return "goal_late" if "late" in self._stays else "goal_early"
 
     def _beyond_m(self, ego: EgoState) -> float:
-        """How far the ego is beyond the end of the goal along the reference path, in m."""
+        """Return how far the ego is beyond the end of the goal along the reference path, in m."""
         return self._follower.place(ego.position)[0] - float(self._goal_end_m or 0.0)
 
     def _since_start_s(self, step: int) -> float:

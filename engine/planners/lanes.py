@@ -1,7 +1,7 @@
-"""The lanes around the ego, in three forms, each built once a run.
+"""The lanes around the ego in three forms, each built once per run.
 
 - ``LaneCenters``: the distance of many points to the centre line of the lanelet under each.
-- ``LaneCorridors``: where a vehicle may go without leaving its lane: the lanelets under it and all that follow them.
+- ``LaneCorridors``: the area of a vehicle that keeps its lane, the lanelets under it and all their successors.
 - ``build_road``: the drivable area along a reference path, and whether a vehicle leaves it.
 
 Lengths in m, headings in rad.
@@ -26,29 +26,31 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 OUTSIDE_M = 5.0
-"""Offset of a point that lies on no lanelet, as in the Frenetix reference."""
+"""Offset of a point that is on no lanelet, as in the Frenetix reference."""
 _SAMPLE_SPACING_M, _CORRIDOR_SPACING_M = 0.5, 2.0
-"""Chosen: spacing of the samples of centre lines, for offsets and for corridors."""
+"""Spacing of the samples of centre lines, for offsets and for corridors (chosen)."""
 _ALIGNED_RAD = math.radians(60.0)
-"""Chosen: a lanelet whose direction differs by less from a vehicle's heading is one of its direction."""
+"""A lanelet has a vehicle's direction if their headings differ by less than this (chosen)."""
 _GIVING_WAY = frozenset({"YIELD", "STOP", "STOP_4_WAY"})
 _HAVING_WAY = frozenset({"PRIORITY", "RIGHT_OF_WAY"})
-"""CommonRoad's names of the signs that decide who gives way."""
+"""CommonRoad's names of the signs that decide the right of way."""
 _ROAD_HALF_WIDTH_M = 25.0
-"""Chosen: lanelets within this of the reference path are its road."""
+"""Lanelets within this of the reference path are its road (chosen)."""
 _CLOSED_GAP_M = 0.1
-"""Lanelets of real maps lie centimetres apart where they should touch: gaps up to twice this are no road boundary."""
+"""Gaps up to twice this are no road boundary, since touching lanelets of real maps are centimetres apart."""
 _BEYOND_END_M, _BEFORE_BEGIN_M = 30.0, 10.0
-"""Chosen: where the network ends, the road goes on this much farther than a path does, and back this much."""
+"""Lengths by which the road extends beyond the end of the network, farther than a path, and before its
+start (chosen).
+"""
 _EDGE_HALF_WIDTH_M = 0.005
-"""Chosen: the collision checker knows no lines, so the road's edge is rectangles of one centimetre."""
+"""Half width of the rectangles that form the road's edge, since the collision checker has no lines (chosen)."""
 
 
 class LaneCenters:
     """Samples of all centre lines with their directions and half widths.
 
-    The lanelet under a point is the one whose centre line is nearest; the point is on it where its offset is at most
-    half the width there. Offsets are exact on straight lanelets.
+    The lanelet under a point is the one with the nearest centre line; the point is on it if its offset is at most half
+    the width there. Offsets are exact on straight lanelets.
     """
 
     def __init__(self, network: "LaneletNetwork") -> None:
@@ -60,7 +62,7 @@ class LaneCenters:
         self._tree = cKDTree(points)
 
     def offsets(self, points: Points) -> Values:
-        """Distance in m of each point, shape (n, 2), to the centre line under it; 5 m where there is no lanelet."""
+        """Return the distance in m of each point, shape (n, 2), to the centre line under it; 5 m without a lanelet."""
         _, nearest = self._tree.query(points)
         away = points - self._points[nearest]
         along = self._directions[nearest]
@@ -75,7 +77,8 @@ class Corridor:
     """Samples of the centre lines: points (n, 2), unit directions (n, 2), half widths (n,).
 
     ``stations_m`` (n,): distance along the lanes from the vehicle to the sample, negative behind it. ``priority``: −1
-    where a sign on these lanes asks to give way, 1 where one grants the right of way or a lane is a crosswalk, else 0.
+    if a sign on these lanes requires giving way, 1 if one grants the right of way or a lane is a crosswalk, otherwise
+    0.
     """
 
     points: Points
@@ -86,7 +89,7 @@ class Corridor:
 
     @classmethod
     def joined(cls, lanes: Collection["Corridor"], begins_m: Iterable[float], priority: int) -> "Corridor":
-        """Lanes as one corridor, the stations of each beginning at its own."""
+        """Join lanes into one corridor; each lane's stations start at its own value."""
         return cls(
             points=np.concatenate([lane.points for lane in lanes]),
             directions=np.concatenate([lane.directions for lane in lanes]),
@@ -96,22 +99,24 @@ class Corridor:
         )
 
     def locate(self, points: Points) -> tuple[Values, Values]:
-        """Station of each point, shape (m, 2), and how far it lies outside the lane's edge (negative: inside), in m."""
+        """Return each point's station, shape (m, 2), and its distance outside the lane's edge in m
+        (negative inside).
+        """
         middle = self.points[0]
         samples, wanted = self.points - middle, points - middle
-        # no matrix product: its last bits depend on how many points are asked for at once, and they decide ties
+        # no matrix product: its last bits depend on the number of points, and they decide ties
         products = np.multiply.outer(wanted[:, 0], samples[:, 0]) + np.multiply.outer(wanted[:, 1], samples[:, 1])
         squared = (samples**2).sum(axis=1)[None, :] - 2.0 * products
         nearest = squared.argmin(axis=1)
         away, along = points - self.points[nearest], self.directions[nearest]
         ahead = (along * away).sum(axis=1)
         across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
-        beyond = np.maximum(np.abs(ahead) - _CORRIDOR_SPACING_M, 0.0)  # past the last sample of a lane that ends
+        beyond = np.maximum(np.abs(ahead) - _CORRIDOR_SPACING_M, 0.0)  # beyond the last sample of a lane that ends
         return self.stations_m[nearest] + ahead, np.hypot(across, beyond) - self.half_widths_m[nearest]
 
 
 class LaneCorridors:
-    """Corridors on a lanelet network; built once a run."""
+    """Corridors on a lanelet network, built once per run."""
 
     def __init__(self, network: "LaneletNetwork") -> None:
         self._graph = LaneletGraph.of(network)
@@ -126,7 +131,7 @@ class LaneCorridors:
         self._headings = np.arctan2(self._all.directions[:, 1], self._all.directions[:, 0])
 
     def under(self, position: Points, heading_rad: float) -> tuple[int, ...]:
-        """Lanelets under a position whose direction is within 60° of the heading, the nearest centre line first."""
+        """Return the lanelets under a position with directions within 60° of the heading, nearest centre line first."""
         away, along = position - self._all.points, self._all.directions
         across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
         ahead = np.abs((along * away).sum(axis=1))
@@ -139,7 +144,7 @@ class LaneCorridors:
         return tuple(sorted(offsets, key=lambda key: (offsets[key], key)))
 
     def from_here(self, position: Points, heading_rad: float, reach_m: float) -> Corridor | None:
-        """The corridor of a vehicle, ``reach_m`` metres far; None where no lanelet of its direction is under it."""
+        """Return a vehicle's corridor up to ``reach_m`` metres, or None if no lanelet of its direction is under it."""
         starts = self.under(position, heading_rad)
         if not starts:
             return None
@@ -167,7 +172,7 @@ class LaneCorridors:
 def _samples(
     lanelet: "Lanelet", spacing_m: float, rounded: Callable[[float], int]
 ) -> tuple[Points, Points, Values, Values]:
-    """Points of a centre line about a spacing apart, unit directions, half widths and stations in m."""
+    """Return points of a centre line about one spacing apart, unit directions, half widths and stations in m."""
     center = np.asarray(lanelet.center_vertices, dtype=float)
     along = arc_length(center)
     stations = np.linspace(0.0, along[-1], max(rounded(along[-1] / spacing_m), 1) + 1)
@@ -196,21 +201,21 @@ class Road:
     edge: "pycrcc.CollisionChecker"
 
     def touches_edge(self, vehicle: "pycrcc.CollisionObject") -> bool:
-        """Whether a vehicle (or any step of its motion) touches the edge of the road."""
+        """Return True if a vehicle (or any step of its motion) touches the edge of the road."""
         return bool(self.edge.collide(vehicle))
 
     def holds(self, point: Points) -> bool:
-        """Whether a point lies on the road."""
+        """Return True if a point is on the road."""
         from shapely import Point
 
         return bool(self.area.covers(Point(point)))
 
 
 def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m: float = BEYOND_GOAL_M) -> Road:
-    """The road along a reference path that goes on ``beyond_m`` metres behind its goal.
+    """Return the road along a reference path that extends ``beyond_m`` metres behind its goal.
 
-    Where the network ends, the road is taken to go straight on as the reference path does: the end of a map is not
-    the end of the road.
+    At the end of the network, the road is assumed to continue straight, like the reference path: the end of a map is
+    not the end of the road.
     """
     import shapely
 
@@ -235,7 +240,7 @@ def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m:
 
 
 def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
-    """Whether a lanelet's end lies beside the point where the reference path leaves the network, in its direction."""
+    """Return True if a lanelet ends where the reference path leaves the network, in the same direction."""
     if len(last) < 2:
         return False
     direction, leaving = left - before, last[1] - last[0]
@@ -244,7 +249,7 @@ def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
 
 
 def _strip(left: Points, right: Points, pair: Points, length_m: float) -> "Polygon":
-    """The straight continuation of a lanelet's end edge in the direction of the pair of points."""
+    """Return the straight continuation of a lanelet's end edge in the direction of the pair of points."""
     import shapely
 
     direction = pair[1] - pair[0]

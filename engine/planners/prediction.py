@@ -1,6 +1,6 @@
-"""The predicted future of the others, which a planner observes.
+"""Predicts the future motion of the others, which a planner observes.
 
-A prediction is a function of one track: from its state at an index, over a number of steps. Lengths in m, headings in
+A prediction is a function of one track, from its state at an index over a number of steps. Lengths in m, headings in
 rad.
 """
 
@@ -25,31 +25,31 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 Predictor = Callable[[Track, int, int, float], PredictedObstacle]
-"""From a track, the index of its present state, a number of steps and their duration in s to its predicted motion."""
+"""Maps a track, the index of its present state, a number of steps and their duration in s to its predicted motion."""
 
 SENSOR_RADIUS_M = 80.0
-"""Chosen: others whose centre is farther from the ego's are not observed."""
+"""Others with centres farther than this from the ego's are not observed (chosen)."""
 _REAR_CONE_RAD, _REAR_CONE_FROM_M = math.radians(20.0), 6.0
-"""The cone straight behind the ego and the distance from which on others in it are left out; see :func:`observe`."""
+"""The cone straight behind the ego, and the distance beyond which others in it are left out; see :func:`observe`."""
 _MOVING_VARIANCE_M2, _STANDING_VARIANCE_M2 = 0.1, 0.02
-"""Chosen: variance of a predicted position in every direction, of moving and of standing obstacles."""
+"""Variance of a predicted position in every direction, for moving and for standing obstacles (chosen)."""
 _LENGTH_MARGIN_M, _WIDTH_MARGIN_M = 0.5, 0.2
-"""Chosen: the safety margin by which a moving body grows in a guessed future."""
+"""The safety margin by which a moving body grows in an estimated future (chosen)."""
 _SPREAD_MPS, _SPREAD_ALONG_MPS2 = 0.2, 1.0
-"""Chosen: how fast the deviation of ``growing_covariance`` grows, and the deviation of the unknown acceleration."""
+"""Growth rate of the deviation in ``growing_covariance``, and the deviation of the unknown acceleration (chosen)."""
 _OFFSET_FADES_S = 2.0
-"""Chosen: time constant with which an offset from the lane's centre fades."""
+"""Time constant with which an offset from the lane's centre fades (chosen)."""
 _AHEAD_M = 250.0
-"""Chosen: lanes are followed this far; beyond it a prediction goes straight on."""
+"""Length over which a prediction follows lanes; beyond it the prediction is straight (chosen)."""
 _SAME_OFFSET_M = 0.5
-"""Chosen: lanes whose centre lines are equally near by this measure are told apart by their heading."""
+"""Centre lines with a smaller difference of distances are distinguished by heading (chosen)."""
 
 
 def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
-    """The function that predicts one track on a network.
+    """Return the function that predicts one track on a network.
 
     Raises:
-        UnknownName: no such prediction.
+        UnknownName: No such prediction.
     """
     makers: dict[str, Callable[[], Predictor]] = {
         "constant_velocity": lambda: constant_velocity,
@@ -63,18 +63,18 @@ def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
 
 
 def off_the_lanes(predict: Predictor) -> tuple[int, ...]:
-    """Obstacles that a lane prediction could only predict straight on, ascending; empty for other predictions."""
+    """Return the obstacles that a lane prediction predicted straight ahead, ascending; empty for other predictions."""
     return tuple(sorted(predict.off_the_lanes)) if isinstance(predict, LanePrediction) else ()
 
 
 def observe(
     traffic: Traffic, ego: EgoState, predict: Predictor, steps: int, step_s: float
 ) -> tuple[PredictedObstacle, ...]:
-    """All obstacles within 80 m of the ego with their predicted motion over ``steps`` steps from now on.
+    """Return all obstacles within 80 m of the ego, with their predicted motion over ``steps`` steps.
 
-    As in the reference, followers straight behind (a cone of 20°, farther than 6 m) are left out of a guessed future:
-    the ego need not flee from followers that would react. Where the future is known to be the recording, they are seen,
-    because recorded followers do not react.
+    As in the reference, an estimated future leaves out followers straight behind (a cone of 20°, farther than 6 m),
+    since the ego need not flee from followers that would react. With the recording as the known future they stay, since
+    recorded followers do not react.
     """
     seen = []
     blind = predict is not ground_truth
@@ -105,7 +105,7 @@ def _predicted(track: Track, positions: Points, headings_rad: Values, speed_mps:
 
 
 def constant_velocity(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
-    """Straight on along the present heading with the present speed; the body grows by 0.5 m × 0.2 m of margin."""
+    """Predict constant heading and speed; the body grows by a margin of 0.5 m × 0.2 m."""
     heading, speed = float(track.headings_rad[index]), float(track.speeds_mps[index])
     ahead = np.arange(steps + 1)[:, None] * step_s * speed * np.array([math.cos(heading), math.sin(heading)])
     bare = _predicted(track, track.positions[index] + ahead, np.full(steps + 1, heading), speed)
@@ -113,10 +113,10 @@ def constant_velocity(track: Track, index: int, steps: int, step_s: float) -> Pr
 
 
 def growing_covariance(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
-    """Constant velocity with a covariance that grows with time t: 0.1 m² + (0.2 m/s · t)² in every direction.
+    """Predict constant velocity with a covariance that grows with time t: 0.1 m² + (0.2 m/s · t)² in every direction.
 
-    Along the heading (½ · 1 m/s² · t²)² comes on top, which is an unknown acceleration of standard deviation 1 m/s²:
-    after 3 s the deviations are 0.7 m across and 4.6 m along. Other planners read only the straight motion.
+    Along the heading, (½ · 1 m/s² · t²)² is added for an unknown acceleration of standard deviation 1 m/s²: after 3 s
+    the deviations are 0.7 m across and 4.6 m along. Other planners read only the straight motion.
     """
     straight = constant_velocity(track, index, steps, step_s)
     time = np.arange(steps + 1) * step_s
@@ -133,19 +133,21 @@ class _CenterLine:
     stations_m: Values
     headings_rad: Values
     first: Points
-    """Those of the lanelet with which it begins: places of vehicles on it, whatever the line comes back to."""
+    """Points of the lanelet with which the line starts, on which vehicles are placed even if the line returns to it."""
 
 
 @dataclass(frozen=True)
 class _LanePath:
-    """A line along lanes, and the place of the obstacle on it: station and lateral offset (left positive)."""
+    """A line along lanes, and the obstacle's position on it: station and lateral offset (left positive)."""
 
     line: _CenterLine
     station_m: float
     offset_m: float
 
     def at(self, stations_m: Values, offsets_m: Values) -> tuple[Points, Values]:
-        """Points (n, 2) and headings (n,) at stations and offsets; behind the end of the road straight on."""
+        """Return points (n, 2) and headings (n,) at stations and offsets; beyond the end of the road the line is
+        straight.
+        """
         line = self.line
         middles = (line.stations_m[:-1] + line.stations_m[1:]) / 2
         heading = np.interp(stations_m, middles, line.headings_rad)
@@ -157,21 +159,21 @@ class _LanePath:
 
 
 class LanePrediction:
-    """Along the centre line of the lanelet under the obstacle and of its straightest successors, at its speed.
+    """Predicts along the centre line under the obstacle and its straightest successors, at the obstacle's speed.
 
-    The lateral offset and the difference in heading fade with a time constant of 2 s. Where no lanelet of its direction
-    is under it, the obstacle is predicted with constant velocity and its id is kept in ``off_the_lanes``.
+    The lateral offset and the heading difference fade with a time constant of 2 s. If no lanelet of its direction is
+    under it, the obstacle gets constant velocity, and ``off_the_lanes`` records its id.
     """
 
     def __init__(self, network: "LaneletNetwork") -> None:
         self._network = network
         self._graph = LaneletGraph.of(network)
         self._corridors = LaneCorridors(network)
-        self._lines: dict[int, _CenterLine] = {}  # by the lanelet that they begin with
+        self._lines: dict[int, _CenterLine] = {}  # by first lanelet
         self.off_the_lanes: set[int] = set()
 
     def __call__(self, track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
-        """The predicted motion of one track."""
+        """Return the predicted motion of one track."""
         straight = constant_velocity(track, index, steps, step_s)
         heading = float(track.headings_rad[index])
         path = self._path_under(track.positions[index], heading)
@@ -185,9 +187,10 @@ class LanePrediction:
         return replace(straight, positions=positions, headings_rad=directions + turned * left)
 
     def _path_under(self, position: Points, heading_rad: float) -> _LanePath | None:
-        """The line of the lanelet under a position that fits it best; None where no lanelet of its direction is there.
+        """Return the line of the best-fitting lanelet under a position, or None if no lanelet has its direction.
 
-        Best is the nearest centre line (within half a metre), then the heading there, then the line that turns least.
+        The best line has the nearest centre line (within half a metre), then the best heading there, then the smallest
+        turn.
         """
         paths = [self._path(key, position) for key in self._corridors.under(position, heading_rad)]
 
@@ -211,7 +214,7 @@ class LanePrediction:
 
 
 def ground_truth(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
-    """The recorded future itself; it ends where the recording ends."""
+    """Return the recorded future, which ends with the recording."""
     del step_s
     future = slice(index, index + steps + 1)
     return _predicted(track, track.positions[future], track.headings_rad[future], float(track.speeds_mps[index]))
@@ -223,7 +226,9 @@ def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
 
 
 def follows(position: Points, ego: EgoState) -> bool:
-    """Whether a place is straight behind the ego, where :func:`observe` leaves others out of a guessed future."""
+    """Return True if a position is straight behind the ego, where :func:`observe` leaves others out of an estimated
+    future.
+    """
     offset = position - ego.position
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
     return float(np.hypot(*offset)) > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2

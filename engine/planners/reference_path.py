@@ -1,11 +1,11 @@
 """The reference path: the centre lines of a route as one smooth line.
 
-It begins before the ego and ends far beyond the goal. Lengths in m, arc lengths ("stations") from the path's beginning,
-headings in rad.
+It starts before the ego and ends far beyond the goal. Lengths in m, arc lengths ("stations") from the start of the
+path, headings in rad.
 
-``blended_start`` makes a path that begins as the ego stands, for starts from which no candidate gets onto the route's
-centre line: an ego may begin oblique to its lane, or so fast before a tight turn that steering takes too long. Then
-every candidate of a planner that follows the centre line breaks a limit in its first second.
+``blended_start`` creates a path that starts in the ego's pose, for starts from which no candidate reaches the route's
+centre line: an ego may start oblique to its lane, or so fast before a tight turn that steering takes too long. Every
+candidate of a planner that follows the centre line would then break a limit in its first second.
 """
 
 from dataclasses import dataclass, replace
@@ -35,36 +35,36 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 BEYOND_GOAL_M = 120.0
-"""Candidates of the planner's horizon must not leave the path: horizon × speed beyond the goal, at least this."""
+"""Least length beyond the goal; it grows to horizon × speed, since a planner's candidates must not leave the path."""
 FASTEST_MPS = 36.0
 """The speed limit of Frenetix's sampling: no candidate gets farther within the horizon."""
 BLENDED_OVER_M = (10.0, 15.0, 22.0, 33.0, 50.0)
-"""Lengths of a blended start, to be tried in turn: the shortest that can be driven stays closest to the route."""
+"""Lengths of a blended start, tried in turn; the shortest feasible one stays closest to the route."""
 _TRACKED_M = 5.0
-"""Chosen: lanelets are followed along the path by points about as far apart as this, shorter than any curve."""
+"""Spacing of the points that locate lanelets along the path (chosen: shorter than any curve)."""
 _SPACING_M = 1.0
-"""Chosen: distance of a path's points."""
+"""Distance between a path's points (chosen)."""
 _SMOOTHING_M = 2.0
-"""Chosen: standard deviation of the smoothing; it rounds the kinks where lanelets meet."""
+"""Standard deviation of the smoothing, which rounds the kinks between lanelets (chosen)."""
 _BEFORE_M = 30.0
-"""Chosen: a path begins this far before its route, so that no ego stands before it."""
+"""A path starts this far before its route, so that no ego is before it (chosen)."""
 _CHANGE_S, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M = 2.5, 20.0, 50.0
-"""Chosen: duration of a lane change at the ego's speed, and the bounds of its length."""
+"""Duration of a lane change at the ego's speed, and the bounds of its length (chosen)."""
 _LARGEST_SHIFT_M = 4.0
-"""Chosen: a goal farther beside the centre line than this is on another lane, and the path is not shifted to it."""
+"""Largest shift; a goal farther off the centre line is on another lane, and the path stays (chosen)."""
 _LENGTH_PER_SHIFT = 6.0
-"""A path is shifted sideways by at most one metre on this many metres: tighter curves cannot be driven."""
+"""Least length in which a path shifts sideways by one metre, since tighter curves cannot be driven."""
 
 
 @dataclass(frozen=True)
 class ReferencePath:
     """Points (n, 2) about one metre apart, and the lanelets of the route.
 
-    ``route_begin_m``: the station at which the first lanelet begins, negative if that is before the path;
-    ``start_m``: near which the ego begins; ``network_end_m``: where the straight extension begins;
-    ``goal_lanelet`` is None where the goal has no position. ``center_m`` (n,): how far along the centre lines of the
-    lanelets the points are. Smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path
-    that does not follow them from its beginning.
+    ``route_begin_m``: the station at which the first lanelet starts, negative if that is before the path; ``start_m``:
+    the station near which the ego starts; ``network_end_m``: the start of the straight extension; ``goal_lanelet`` is
+    None if the goal has no position. ``center_m`` (n,): distances of the points along the lanelets' centre lines, since
+    smoothing shortens curves, by up to a metre in a small roundabout. It is None for a path that leaves them at its
+    start.
     """
 
     points: Points
@@ -78,20 +78,22 @@ class ReferencePath:
     def lanelet_ends_m(self, network: "LaneletNetwork") -> Values:
         """Return the station in m at which each lanelet of the route ends, ascending."""
         lines = [np.asarray(network.find_lanelet_by_id(key).center_vertices, dtype=float) for key in self.lanelets]
-        track = [_thinned(line) for line in lines]
+        track = [_thin(line) for line in lines]
         stations = project_along(self.points, np.concatenate(track), self.route_begin_m)[0]
         ends: Values = np.maximum.accumulate(stations[np.cumsum([len(line) for line in track]) - 1])
         return ends
 
     def way_m(self, first_m: float, last_m: float) -> float:
-        """Return the length in m along the centre lines between two stations, negative if the second is before."""
+        """Return the length in m along the centre lines between two stations, negative if the second is before the
+        first.
+        """
         if self.center_m is None:
             return last_m - first_m
         first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)
         return float(last - first)
 
     def follower(self) -> PathFollower:
-        """Return a follower of the ego's way along the path, which may pass a place twice (a roundabout, a loop)."""
+        """Return a follower of the ego along the path, which may pass a point twice (a roundabout, a loop)."""
         return PathFollower(self.points, self.start_m)
 
 
@@ -104,34 +106,34 @@ def build_reference_path(
     beyond_m: float = BEYOND_GOAL_M,
     through: Points | None = None,
 ) -> ReferencePath:
-    """The path of a route for an ego that starts at ``position`` with ``speed_mps``.
+    """Return the path of a route for an ego that starts at ``position`` with ``speed_mps``.
 
-    A lane change is a cubic from one centre line to the next, about 2.5 s long and not begun before the ego.
+    A lane change is a cubic from one centre line to the next. It takes about 2.5 s and does not start before the ego.
 
     Args:
-        network: the lanelets.
-        route: those to drive along.
-        position: the ego's centre, shape (2,).
-        speed_mps: its speed, which gives the length of lane changes.
-        beyond_m: how far the path goes straight on behind the route.
-        through: a point beside the centre line that the path is shifted to (a goal area at the edge of its lane).
+        network: The lanelets.
+        route: The lanelets to drive along.
+        position: The ego's centre, shape (2,).
+        speed_mps: The ego's speed, which gives the length of lane changes.
+        beyond_m: The length of the straight extension behind the route.
+        through: A point off the centre line that the path shifts to (a goal area at the edge of its lane).
     """
     change_m = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M))
     segments = _segments(network, route, position, change_m)
     first = np.asarray(network.find_lanelet_by_id(route.lanelets[0]).center_vertices, dtype=float)
     line = segments[0]
     for following in segments[1:]:
-        line = _joined(line, following, change_m)
-    even = _evenly(line)
+        line = _join(line, following, change_m)
+    even = _resample_evenly(line)
     line = gaussian(even, _SMOOTHING_M / _SPACING_M) if len(even) > 3 else even
     if through is not None:
-        line = _shifted(line, position, through, change_m)
+        line = _shift(line, position, through, change_m)
     before, beyond = (
         _straight_on_from(line[1], line[0], _BEFORE_M)[::-1],
         _straight_on_from(line[-2], line[-1], beyond_m),
     )
     extended = np.concatenate([before, line, beyond])
-    points = _evenly(extended)
+    points = _resample_evenly(extended)
     along = np.concatenate([arc_length(before), _BEFORE_M + arc_length(even), np.zeros(len(beyond))])
     along[len(before) + len(line) :] = along[len(before) + len(line) - 1] + np.arange(1, len(beyond) + 1) * _SPACING_M
     return ReferencePath(
@@ -145,9 +147,9 @@ def build_reference_path(
 
 
 def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, over_m: float) -> ReferencePath:
-    """The path from an ego's rear axle (2,), in its heading, onto the reference path within ``over_m`` metres of it.
+    """Return a path from an ego's rear axle (2,), in its heading, onto the reference path within ``over_m`` metres.
 
-    Behind the ego it goes straight back. Where the reference path is shorter than that, it is joined at its end.
+    Behind the ego the path is straight. If the reference path is too short, the path joins it at its end.
     """
     stations = arc_length(reference.points)
     joined_m = min(reference.follower().place(rear)[0] + over_m, float(stations[-1]) - 1.0)
@@ -156,7 +158,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     rest = interpolate(reference.points, stations, np.array([joined_m, *stations[stations > joined_m]]))
     behind = _straight_on_from(rear + forward, rear, _BEFORE_M)[::-1]
     curve = _curve(rear, forward, end, _direction(end_heading_rad))
-    points = _evenly(np.concatenate([behind, rear[None], curve, rest]))
+    points = _resample_evenly(np.concatenate([behind, rear[None], curve, rest]))
     straight_m = float(stations[-1]) - reference.network_end_m
     network_end_m = float(arc_length(points)[-1]) - straight_m
     begin_m = reference.route_begin_m + float(arc_length(points)[-1] - stations[-1])
@@ -165,19 +167,19 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
     )
 
 
-def _thinned(line: Points) -> Points:
-    """Return the points of a line with some left out if they are close to one another, its last one kept."""
+def _thin(line: Points) -> Points:
+    """Return a line with fewer points, about ``_TRACKED_M`` apart, including its last point."""
     count = max(int(arc_length(line)[-1] / _TRACKED_M), 1)
     return resample(line, count + 1)[1:]
 
 
 def _segments(network: "LaneletNetwork", route: Route, position: Points, change_m: float) -> list[Points]:
-    """Centre lines between lane changes, each of at least two points."""
+    """Return the centre lines between lane changes, each with at least two points."""
     graph = LaneletGraph.of(network)
     center = {key: np.asarray(network.find_lanelet_by_id(key).center_vertices, dtype=float) for key in route.lanelets}
     segments: list[Points] = []
     current: list[Points] = []
-    begin = 0.0  # share of the present row of neighbours that is behind us
+    begin = 0.0  # share of the current row of neighbours that is already behind
     for index, key in enumerate(route.lanelets):
         following = route.lanelets[index + 1] if index + 1 < len(route.lanelets) else None
         changes = following is not None and following not in graph.successors[key]
@@ -199,7 +201,7 @@ def _segments(network: "LaneletNetwork", route: Route, position: Points, change_
 
 
 def _cut(line: Points, first_share: float, last_share: float) -> Points:
-    """The part of a line between two shares of its length; empty where they are equal."""
+    """Return the part of a line between two shares of its length; empty if they are equal."""
     if last_share - first_share < 1e-6:
         return line[:0]
     stations = arc_length(line)
@@ -208,8 +210,8 @@ def _cut(line: Points, first_share: float, last_share: float) -> Points:
     return interpolate(line, stations, np.concatenate([[first], inner, [last]]))
 
 
-def _joined(line: Points, following: Points, change_m: float) -> Points:
-    """Two lines beside each other joined by a cubic Hermite curve that takes half of the change from each."""
+def _join(line: Points, following: Points, change_m: float) -> Points:
+    """Join two neighbouring lines by a cubic Hermite curve that takes half of the lane change from each."""
     before, after = arc_length(line), arc_length(following)
     leave = max(before[-1] - change_m / 2, before[-1] * 0.25)
     arrive = min(change_m / 2, after[-1] * 0.75)
@@ -221,14 +223,16 @@ def _joined(line: Points, following: Points, change_m: float) -> Points:
 
 
 def _curve(start: Points, start_direction: Points, end: Points, end_direction: Points) -> Points:
-    """Points (n, 2) between two points on a cubic that leaves and arrives in the unit directions (2,), without both."""
+    """Return points (n, 2) between two points, on a cubic that leaves and arrives in unit directions (2,), without its
+    ends.
+    """
     distance = float(np.linalg.norm(end - start))
     shares = np.linspace(0.0, 1.0, max(int(distance / _SPACING_M), 2) + 1)[1:-1]
     return hermite(start, start_direction, end, end_direction, shares)
 
 
-def _shifted(line: Points, position: Points, through: Points, change_m: float) -> Points:
-    """The line shifted sideways to pass through a point; it leaves at the ego and comes back behind the point."""
+def _shift(line: Points, position: Points, through: Points, change_m: float) -> Points:
+    """Shift a line sideways through a point; the shift starts at the ego and ends behind the point."""
     stations = arc_length(line)
     target, offset = project(line, through)
     begin = max(project(line, position)[0], target - change_m)
@@ -244,14 +248,14 @@ def _shifted(line: Points, position: Points, through: Points, change_m: float) -
     return shifted
 
 
-def _evenly(line: Points) -> Points:
-    """The line with points about one spacing apart."""
+def _resample_evenly(line: Points) -> Points:
+    """Return the line with points about one spacing apart."""
     line = without_repeats(line, 1e-2)
     return resample(line, max(round(float(arc_length(line)[-1]) / _SPACING_M), 2) + 1)
 
 
 def _straight_on_from(before: Points, end: Points, length_m: float) -> Points:
-    """Points one spacing apart that go straight on from ``end``, without ``end``."""
+    """Return points one spacing apart that continue straight from ``end``, without ``end``."""
     count = int(np.ceil(length_m / _SPACING_M))
     return end + np.arange(1, count + 1)[:, None] * _SPACING_M * unit(end - before)
 

@@ -1,8 +1,8 @@
-"""Planners and traffic by name. What is heavy, numpy and the C++ core, is imported when one is made.
+"""Looks up planners and traffic by name, and imports heavy modules (numpy, the C++ core) only when it creates one.
 
-Planners of others (``external``) are known beside the built-in ones; their code is imported when it is used.
+User-supplied planners (``external``) are available together with the built-in ones; their code is imported on use.
 
-To add a planner, add a function that makes it to ``PLANNERS``, and its ``PlannerTuning`` under the same name to
+To add a planner, add a function that creates it to ``PLANNERS``, and its ``PlannerTuning`` under the same name to
 ``engine/tuning/tunings.py``.
 """
 
@@ -75,21 +75,21 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 
 
 def planner_names() -> tuple[str, ...]:
-    """The planners that can be named: the built-in ones, then those of others."""
+    """Return the available planners: the built-in ones, then the user's."""
     others = found_planners(PLANNERS).values()
     return (*PLANNERS, *(each.name for each in others if not each.fault))
 
 
 def refused_planners() -> tuple[str, ...]:
-    """Why planners of others that were found cannot be named, a sentence each."""
+    """Return why user-supplied planners cannot be used, one sentence each."""
     return tuple(each.fault for each in found_planners(PLANNERS).values() if each.fault)
 
 
 def known_planner(name: str) -> str:
-    """The name as registered, whatever its case.
+    """Return a planner's registered name, ignoring case.
 
     Raises:
-        UnknownName: no such planner.
+        UnknownName: No such planner.
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
@@ -98,11 +98,11 @@ def known_planner(name: str) -> str:
 
 
 def own_planner(name: str) -> Found:
-    """The planner of others of that name.
+    """Return the user-supplied planner with a name.
 
     Raises:
-        UnknownName: no such planner.
-        PlannerFailure: its name clashes with another's.
+        UnknownName: No such planner.
+        PlannerFailure: Its name is already taken.
     """
     found = found_planners(PLANNERS).get(name.strip().lower().replace("-", "_"))
     if found is None:
@@ -110,7 +110,7 @@ def own_planner(name: str) -> Found:
         raise UnknownName(
             f"there is no planner '{name}'",
             valid=closest(name, names) or list(names),
-            next_step="choose one of these, or install your own beside this program",
+            next_step="choose one of these, or install your own next to this program",
         )
     if found.fault:
         raise PlannerFailure(found.fault, reason="name_taken")
@@ -118,11 +118,11 @@ def own_planner(name: str) -> Found:
 
 
 def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner":
-    """A new planner; one that is a program is given the scenario's file.
+    """Return a new planner; a program planner gets the scenario's file.
 
     Raises:
-        UnknownName: no such planner.
-        PlannerFailure: a planner of others that cannot be made.
+        UnknownName: No such planner.
+        PlannerFailure: A user-supplied planner cannot be created.
     """
     folded = known_planner(name)
     if folded in PLANNERS:
@@ -140,21 +140,21 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
 
 
 def planner_version(name: str) -> str:
-    """A digest of the source of a planner of others; empty for built-in ones, whose version is ours."""
+    """Return a digest of a user-supplied planner's source; empty for built-in planners, which have our version."""
     folded = known_planner(name)
     return "" if folded in PLANNERS else own_planner(folded).version
 
 
 CORES: dict[str, tuple[str, ...]] = {"frenetix": ("frenetix",), "fiss": ("fiss-planner",)}
-"""The names of the packages with the core of a built-in planner."""
+"""The packages with the core of a built-in planner."""
 _OURS = "plannerforge-mcp"
 
 
 @dataclass(frozen=True)
 class PlannerVersion:
-    """The version of a planner: ``words`` for people, ``source``: a digest of what drives, which tells versions apart.
+    """The version of a planner: ``words`` for people, ``source``: a digest of the code that distinguishes versions.
 
-    For a user's planner the digest is of its source, for a built-in one of the versions of our package and of its core.
+    For a user's planner the digest covers its source, for a built-in one the versions of our package and of its core.
     """
 
     words: str
@@ -162,18 +162,18 @@ class PlannerVersion:
 
 
 def built_in_version(name: str, versions: Mapping[str, str]) -> PlannerVersion:
-    """Return the version of a built-in planner, given the versions of packages by their names."""
+    """Return the version of a built-in planner, given the versions of packages by name."""
     named = [package for package in (*CORES.get(name, ()), _OURS) if package in versions]
     words = ", ".join(f"{package} {versions[package]}" for package in named)
     return PlannerVersion(words, hashlib.sha256(words.encode()).hexdigest()[:12])
 
 
 def version_that_drives(name: str) -> PlannerVersion:
-    """Return the version of the planner that drives under this name now; for workers, as its class is imported.
+    """Return the version of the planner that currently has a name; only workers call this, since it imports the class.
 
     Raises:
-        UnknownName: no such planner.
-        PlannerFailure: a user's planner cannot be imported.
+        UnknownName: No such planner.
+        PlannerFailure: A user's planner cannot be imported.
     """
     folded = known_planner(name)
     if folded in PLANNERS:
@@ -188,7 +188,7 @@ def source_that_drives(name: str) -> str:
     """Return the digest of :func:`version_that_drives`, without importing anything.
 
     Raises:
-        UnknownName: no such planner.
+        UnknownName: No such planner.
     """
     folded = known_planner(name)
     return _built_in_here(folded).source if folded in PLANNERS else own_planner(folded).version
@@ -201,7 +201,7 @@ def _built_in_here(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Return whether a planner plans on predictions of others: all built-in ones, and others that declare it."""
+    """Return True if a planner uses predictions of others: all built-in ones, and others that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True
@@ -210,27 +210,27 @@ def uses_prediction(name: str) -> bool:
 
 
 def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
-    """Refuse to tell a planner the future of vehicles that have none yet.
+    """Refuse to give a planner the future of vehicles that have no future yet.
 
     Raises:
-        InvalidRequest: ground-truth prediction of reactive traffic.
+        InvalidRequest: Ground-truth prediction of reactive traffic.
     """
     if traffic == "reactive" and prediction == "ground_truth":
         others = [name for name in get_args(Prediction) if name != "ground_truth"]
         raise InvalidRequest(
             "prediction ground_truth is the recording, which reactive traffic does not follow",
             valid=others,
-            next_step="take one of these predictions, or traffic recorded",
+            next_step="use one of these predictions, or traffic recorded",
         )
 
 
 def open_traffic(
     mode: TrafficMode, loaded: "LoadedScenario", problem: "PlanningProblem", vehicle: "VehicleParameters", seed: int
 ) -> "AbstractContextManager[Traffic]":
-    """The others of a scenario at the ego's first step, for a ``with`` block.
+    """Yield the others of a scenario at the ego's first step, for a ``with`` block.
 
     Raises:
-        NotPossible: no vehicle can react, because no lanelet is drivable.
+        NotPossible: No vehicle can react, since no lanelet is drivable.
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
     if mode == "reactive":

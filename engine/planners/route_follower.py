@@ -1,11 +1,11 @@
-"""The lateral half of a planner: given how fast to drive, a motion along the route that the vehicle can drive.
+"""The lateral half of a planner: for given speeds, a feasible motion along the route.
 
-The centre follows the reference path and drags the rear axle after it; the offset from that line fades out. In the
-kinematic single-track model a vehicle heads where its rear axle moves, so whatever line the rear axle follows can be
-driven if its curvature has no steps. If the centre moved along the path and headed along it too, the rear axle would
-slide sideways in curves. Stations are arc lengths in m of the rear axle's path.
+The centre follows the reference path and drags the rear axle; the offset from that line fades out. In the kinematic
+single-track model a vehicle's heading is the direction of its rear axle's motion, so it can drive any rear-axle line
+with a continuous curvature. If the centre moved along the path with the path's heading, the rear axle would slide
+sideways in curves. Stations are arc lengths in m of the rear axle's path.
 
-:class:`RouteFollower` is also the shortest way to a planner of one's own: ``trajectory`` asks for a speed alone.
+:class:`RouteFollower` is also the shortest way to your own planner: ``trajectory`` needs only a speed.
 """
 
 import math
@@ -19,22 +19,23 @@ from .driving.following import FOLLOWED_WITHIN_M, follow, is_on_plan
 from .interface import EgoState, PlannedTrajectory, PlanningTask
 
 HORIZON_S = 3.0
-"""The horizon with which Frenetix plans here by default."""
+"""The default horizon of Frenetix in this program."""
 _FADE_S, _SHORTEST_FADE_M, _FADE_PER_OFFSET = 4.0, 15.0, 6.0
-"""Chosen: an offset fades over the way of 4 s at the ego's speed, at least over 15 m and over six times the offset."""
+"""An offset fades over 4 s at the ego's speed, but at least over 15 m and six times the offset (chosen)."""
 _STEEPEST_RAD = 1.2
-"""Chosen: a curve leaves its path at this angle at most; steeper, its slope by station grows without bound."""
+"""Largest angle at which a curve leaves its path, since its slope by station grows without bound (chosen)."""
 _LEAST_PACE = 0.1
 """Inside a turn the curve is shorter than the path, at most by this factor: a vehicle cannot turn about the centre of a
-curve."""
+curve.
+"""
 
 
 class RearAxlePath:
     """The path of a rear axle while the vehicle's centre follows a path of points (n, 2).
 
-    A cubic spline over its arc length joins it, so that the curvature has no steps. Stations are its own; at
-    ``stations_m`` (n,) it heads towards ``headings_rad`` (n,). It follows one axle, whose feet are asked for in the
-    order of driving and whose centre begins near the station ``begin_m`` of the path, if that is known.
+    It is a cubic spline over its arc length, so its curvature is continuous. Stations are its own; at ``stations_m``
+    (n,) it has the headings ``headings_rad`` (n,). It follows one axle, and requests for feet must come in driving
+    order. The centre starts near the station ``begin_m`` of the path if that is known.
     """
 
     def __init__(self, path: Points, behind_center_m: float, begin_m: float | None = None) -> None:
@@ -52,11 +53,11 @@ class RearAxlePath:
         self._first, self._second = self._position.derivative(1), self._position.derivative(2)
 
     def center_station(self, station: float) -> float:
-        """The station in m of the centre on the path that it follows."""
+        """Return the station in m of the centre on the path that it follows."""
         return float(np.interp(station, self.stations_m, self._center_stations_m))
 
     def foot(self, point: Points) -> float:
-        """The station in m nearest to a point (2,)."""
+        """Return the station in m nearest to a point (2,)."""
         station = self._follower.place(point)[0]
         for _ in range(6):  # Gauss-Newton from the nearest point of the chords; an error shrinks by offset / radius
             along = self._first(station)
@@ -65,7 +66,7 @@ class RearAxlePath:
         return station
 
     def frame(self, stations: Values) -> tuple[Points, Values, Values, Values]:
-        """Points (n, 2) and headings (n,) in rad; and how far the spline goes and how much it turns by station."""
+        """Return points (n, 2), headings (n,) in rad, and the spline's length and turn by station."""
         stations = np.clip(stations, 0.0, self._end_m)
         along, bending = self._first(stations), self._second(stations)
         pace = np.linalg.norm(along, axis=1)
@@ -75,7 +76,7 @@ class RearAxlePath:
 
 @dataclass(frozen=True)
 class _Fade:
-    """The offset from a path between two stations: a quintic from an offset and slope to none."""
+    """The offset from a path between two stations: a quintic from an offset and slope to 0."""
 
     begin_m: float
     length_m: float
@@ -83,7 +84,7 @@ class _Fade:
     slope: float
 
     def at(self, stations: Values) -> tuple[Values, Values]:
-        """Offsets in m and their slopes by station."""
+        """Return offsets in m and their slopes by station."""
         share = np.clip((stations - self.begin_m) / self.length_m, 0.0, 1.0)
         offset = self.offset_m * (1 - share**3 * (10 - 15 * share + 6 * share**2))
         offset = offset + self.slope * self.length_m * (share - share**3 * (6 - 8 * share + 3 * share**2))
@@ -100,7 +101,7 @@ class RearAxleCurve:
 
     @classmethod
     def beginning_at(cls, path: RearAxlePath, point: Points, heading_rad: float, fade_m: float) -> "RearAxleCurve":
-        """The curve that begins at a point (2,) with a heading and is on the path ``fade_m`` later.
+        """Return the curve that starts at a point (2,) with a heading and is on the path ``fade_m`` later.
 
         A large offset fades over a longer distance.
         """
@@ -112,7 +113,7 @@ class RearAxleCurve:
         return cls(path, _Fade(station, max(fade_m, _SHORTEST_FADE_M, _FADE_PER_OFFSET * abs(offset)), offset, slope))
 
     def after(self, station: float, travelled_m: Values) -> Values:
-        """The stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
+        """Return the stations (n,) after distances (n,) in m along the curve, ascending from 0 at ``station``."""
         stations = station + travelled_m
         for _ in range(3):
             middle = (stations[1:] + stations[:-1]) / 2
@@ -121,14 +122,14 @@ class RearAxleCurve:
         return stations
 
     def poses(self, stations: Values) -> tuple[Points, Values]:
-        """Points (n, 2) and unwrapped headings (n,) in rad."""
+        """Return points (n, 2) and unwrapped headings (n,) in rad."""
         points, along_rad, _, _ = self.path.frame(stations)
         offset, _ = self.fade.at(stations)
         normal = np.stack([-np.sin(along_rad), np.cos(along_rad)], axis=1)
         return points + offset[:, None] * normal, np.unwrap(along_rad + self._motion(stations)[0])
 
     def _motion(self, stations: Values) -> tuple[Values, Values]:
-        """How far the curve turns off the path in rad, and its length by station."""
+        """Return the curve's angle to the path in rad, and its length by station."""
         _, _, pace, turn = self.path.frame(stations)
         offset, slope = self.fade.at(stations)
         along = np.maximum(pace - offset * turn, _LEAST_PACE)
@@ -137,7 +138,7 @@ class RearAxleCurve:
 
 @dataclass(frozen=True)
 class DrivenCurve:
-    """A motion that was planned at ``first_step``: stations (n,) of the rear axle, and the centre's states."""
+    """A motion planned at ``first_step``: stations (n,) of the rear axle, and the centre's states."""
 
     first_step: int
     curve: RearAxleCurve
@@ -145,7 +146,7 @@ class DrivenCurve:
     trajectory: PlannedTrajectory
 
     def place_of(self, ego: EgoState) -> "RoutePlace | None":
-        """Return where the ego's rear axle is on the curve, or None if the ego has left the motion."""
+        """Return the position of the ego's rear axle on the curve, or None if the ego has left the motion."""
         index = ego.step - self.first_step
         if not is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M):
             return None
@@ -160,7 +161,7 @@ class RoutePlace:
     station_m: float
 
     def driven(self, ego: EgoState, travelled_m: Values, speeds_mps: Values, task: PlanningTask) -> DrivenCurve:
-        """Return the motion from here if the rear axle covers distances (n,) at speeds (n,), one a step."""
+        """Return the motion from here if the rear axle covers distances (n,) at speeds (n,), one per step."""
         stations = self.curve.after(self.station_m, travelled_m)
         rear, headings = self.curve.poses(stations)
         headings += ego.heading_rad - headings[0] - wrap_angle(ego.heading_rad - float(headings[0]))
@@ -173,9 +174,9 @@ class RoutePlace:
 
 
 class RouteFollower:
-    """Makes motions along the route of a planning task, one for each step of a run.
+    """Generates motions along the route of a planning task, one for each step of a run.
 
-    ``path``: the line that the rear axle follows where the ego has no offset from its route.
+    ``path``: the line that the rear axle follows if the ego has no offset from its route.
     """
 
     def __init__(self, task: PlanningTask) -> None:
@@ -193,18 +194,18 @@ class RouteFollower:
         deceleration_mps2: float = 4.0,
         horizon_s: float = HORIZON_S,
     ) -> PlannedTrajectory | None:
-        """Return a motion along the route that changes to a speed and then keeps it; None if the ego heads back.
+        """Return a motion along the route that changes to a speed and then keeps it, or None if the ego heads back.
 
-        The wheels turn no faster than the vehicle's can. A speed at which the tyres would slip in a curve is not
-        lowered: the loop then refuses the plan.
+        The steering rate stays within the vehicle's limit. A speed at which the tyres would slip in a curve is not
+        reduced; the loop then refuses the plan.
 
         Args:
-            ego: the present state. Call this once for each step of a run, so that the place on a route that crosses
-                itself is followed.
-            target_speed_mps: the speed to be reached, in m/s, 0 to stop.
-            acceleration_mps2: how fast the speed rises, in m/s².
-            deceleration_mps2: how fast it falls, in m/s², positive.
-            horizon_s: how far the motion looks ahead, in s.
+            ego: The present state. Call this once for each step of a run, so that the position is tracked on a route
+                that crosses itself.
+            target_speed_mps: The speed to reach, in m/s, 0 to stop.
+            acceleration_mps2: The rate at which the speed rises, in m/s².
+            deceleration_mps2: The rate at which it falls, in m/s², positive.
+            horizon_s: The duration of the motion, in s.
         """
         place = self.place_of(ego)
         if place is None:
@@ -221,9 +222,9 @@ class RouteFollower:
         return follow(driven.trajectory, ego, self._task.vehicle, step_s).trajectory
 
     def place_of(self, ego: EgoState) -> RoutePlace | None:
-        """Return where the ego's rear axle is: on the motion that was kept last, else on a new curve to the route.
+        """Return the position of the ego's rear axle on the latest kept motion, or else on a new curve to the route.
 
-        None if the ego heads back along its route.
+        Returns None if the ego heads back along its route.
         """
         going_on = self._kept.place_of(ego) if self._kept else None
         if going_on is not None:
@@ -237,5 +238,5 @@ class RouteFollower:
         return RoutePlace(curve, station)
 
     def keep(self, driven: DrivenCurve) -> None:
-        """Go on along this motion at the next step, if the ego follows it."""
+        """Continue along this motion at the next step, if the ego follows it."""
         self._kept = driven

@@ -1,7 +1,7 @@
-"""The operations that a worker carries out for one planner run: drive it, which gives its record, metrics and steps; or
-drive a stored one once more, for its plans, candidates and predictions.
+"""The worker's operations for a planner run: run it for its record, metrics and steps, or repeat a stored run.
 
-A run stores what was driven; the rest is a hundred times as much, and the same seed and versions give it again.
+A run stores only the driven motion. Plans, candidates and predictions are a hundred times as large, and the same seed
+and versions reproduce them.
 """
 
 import sys
@@ -40,28 +40,30 @@ if TYPE_CHECKING:
     from ..commonroad import LoadedScenario
 
 _ROUNDING = 1e-9
-"""What is nearer to 0 is left by rounding: an ego that holds its speed does not brake."""
+"""Values nearer to 0 are rounding errors: an ego at constant speed does not brake."""
 _EVERY_S = 0.2
-"""Between two points of a line (chosen)."""
+"""Time between two points of a line (chosen)."""
 _MOST_CANDIDATES, _MOST_PREDICTIONS, _WITHIN_M = 16, 8, 60.0
-"""Candidates that are shown of a planning step, evenly chosen by rank, and the nearest others with their predictions;
-chosen: more is a tangle."""
+"""Shown candidates per planning step, evenly spread over their ranks, and the nearest others with their predictions
+(chosen: more would be unreadable).
+"""
 _SAME_M, _SAME_RAD, _SAME_MPS = 0.01, 0.005, 0.05
-"""Within these a run that is driven again is the stored one. Plans are shown to the centimetre; half a hundredth of a
-radian moves the corners of a car by a centimetre; and 0.05 m/s is less than a speed changes in a step at 1 m/s²."""
+"""Tolerances within which a repeated run equals the stored one. Plans are shown to the centimetre; half a hundredth of
+a radian moves the corners of a car by a centimetre; and 0.05 m/s is less than the change of speed per step at 1 m/s².
+"""
 _LEAST_M = 0.5
-"""A road user that is predicted to move less has no line (chosen)."""
+"""A road user with a shorter predicted motion has no line (chosen)."""
 
 
 def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     """Run a planner on one planning problem of a CommonRoad file.
 
     Raises:
-        UnsafeInput: the file cannot be read.
-        UnknownName: no such planning problem or planner.
-        InvalidRequest: a prediction that does not go with the traffic, or an impossible vehicle.
-        NotPossible: the ego is a vehicle with a trailer, which the planners here cannot drive.
-        PlannerFailure: a planner of others broke its contract.
+        UnsafeInput: The file cannot be read.
+        UnknownName: No such planning problem or planner.
+        InvalidRequest: The prediction does not fit the traffic, or the vehicle is impossible.
+        NotPossible: The ego is a vehicle with a trailer, which the planners here cannot drive.
+        PlannerFailure: A user-supplied planner broke its contract.
     """
     began = perf_counter()
     start = _Start.of(request)
@@ -73,7 +75,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     with ended_after(make_planner(request.configuration.planner, file)) as planner:
         driven = start.drive(planner, report)
     steps = run_steps(driven)
-    ending = _judged_by_benchmark(driven.final, steps, start)
+    ending = _apply_benchmark(driven.final, steps, start)
     record = RunRecord(
         run_id=request.run_id,
         scenario_id=request.scenario_id,
@@ -123,7 +125,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
 
 @dataclass(frozen=True)
 class _Start:
-    """What a run begins with, as its request names it."""
+    """The inputs of a run, as its request gives them."""
 
     request: RunRequest
     loaded: "LoadedScenario"
@@ -132,25 +134,32 @@ class _Start:
 
     @classmethod
     def of(cls, request: RunRequest) -> "_Start":
-        """The scenario in memory, its planning problem, and the ego's vehicle."""
+        """Return the scenario in memory, its planning problem, and the ego's vehicle."""
         loaded = kept_recording(Path(request.scenario_path)).loaded
         problem = loaded.problem(request.problem_id)
         if request.begins_at is not None:
-            problem = _begun_at(problem, request.begins_at)
+            problem = _start_at(problem, request.begins_at)
         vehicle = vehicle_of(request.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
         return cls(request, loaded, problem, vehicle.on_road(loaded.friction))
 
     def drive(self, planner: Planner, report: ProgressReporter) -> DrivenRun:
-        """Let a planner drive in the request's traffic."""
-        asked, scenario = self.request, self.loaded.scenario
-        with open_traffic(asked.traffic, self.loaded, self.problem, self.vehicle, asked.seed) as traffic:
+        """Run a planner in the request's traffic."""
+        request, scenario = self.request, self.loaded.scenario
+        with open_traffic(request.traffic, self.loaded, self.problem, self.vehicle, request.seed) as traffic:
             return simulate(
-                scenario, self.problem, asked.configuration, planner, asked.prediction, report, traffic, self.vehicle
+                scenario,
+                self.problem,
+                request.configuration,
+                planner,
+                request.prediction,
+                report,
+                traffic,
+                self.vehicle,
             )
 
 
-def _begun_at(problem: "PlanningProblem", moment: RunMoment) -> "PlanningProblem":
-    """Return the planning problem with another initial state, the time of the goal unchanged."""
+def _start_at(problem: "PlanningProblem", moment: RunMoment) -> "PlanningProblem":
+    """Return the planning problem with another initial state and the same goal time."""
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.state import InitialState
 
@@ -168,7 +177,7 @@ def _begun_at(problem: "PlanningProblem", moment: RunMoment) -> "PlanningProblem
 
 @dataclass(frozen=True)
 class _Ending:
-    """How a run ended by the rule ``accepted@2``."""
+    """The end of a run by the rule ``accepted@2``."""
 
     outcome: Outcome
     reason: str
@@ -176,13 +185,13 @@ class _Ending:
 
 
 _REFUSALS: dict[Refusal, str] = {
-    "goal_not_met": "no state meets the goal by its reading",
+    "goal_not_met": "no state meets the goal by its criteria",
     "off_lanelets": "a part of the body is outside the lanelets",
     "not_drivable": "no acceleration and steering lead to the next state",
 }
 
 
-def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
+def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Ending:
     """Return the loop's verdict; a reached goal counts only if CommonRoad's benchmark accepts the motion."""
     if verdict.outcome != "goal_reached":
         return _Ending(verdict.outcome, verdict.reason)
@@ -199,19 +208,19 @@ def _judged_by_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _E
 
 
 def _check_version(request: RunRequest) -> None:
-    """Refuse to store a run under another version of a planner of others than the one that would drive."""
+    """Refuse to store a run under a version of a user-supplied planner that differs from the current one."""
     name, wanted = request.configuration.planner, request.planner_version
     here = planner_version(name) if wanted else ""
     if here != wanted:
         raise PlannerFailure(
-            f"planner {name} has version {here} where the run is made, not {wanted}",
-            next_step="call again where it was edited meanwhile; on a cluster, install the same on every worker",
+            f"planner {name} has version {here} on the machine that runs it, not {wanted}",
+            next_step="call again if it was edited meanwhile; on a cluster, install the same version on every worker",
             reason="other_version",
         )
 
 
 def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
-    """The metrics of a run over its driven states (the initial one included); None for an invalid problem."""
+    """Return the metrics of a run over its driven states, including the initial one; None for an invalid problem."""
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
@@ -222,7 +231,7 @@ def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> 
     accelerations = np.array([state.acceleration_mps2 for state in driven.states])
     motion = motion_figures(ego, accelerations, angles, step_s)
     nearness = drive_criticality(ego, driven.traffic.moving, driven.traffic.standing)
-    if driven.final.outcome == "off_road":  # the score rates what others are near, not a ditch
+    if driven.final.outcome == "off_road":  # the score rates proximity to others, not to a ditch
         nearness = replace(nearness, risk_score=None)
     figures = {
         **motion.totals,
@@ -234,13 +243,13 @@ def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> 
 
 
 def _largest(values: Values) -> float:
-    """Return the largest of some values; 0 without any, or if rounding alone has left something."""
+    """Return the largest of some values; 0 without any, or if it is only a rounding error."""
     largest = float(max(values, default=0.0))
     return largest if abs(largest) >= _ROUNDING else 0.0
 
 
 def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
-    """The driven states as a track with the ego's size; its id is of no obstacle."""
+    """Return the driven states as a track with the ego's size; no obstacle has its id."""
     return Track(
         obstacle_id=-1,
         kind="car",
@@ -254,7 +263,7 @@ def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
 
 
 def run_steps(driven: DrivenRun) -> RunSteps:
-    """The driven states; a term or constraint that a planning step did not have counts 0 there."""
+    """Return the driven states; a term or constraint that is missing from a planning step counts as 0 there."""
     states = driven.states
     terms = sorted({name for plan in driven.plans for name in plan.costs})
     constraints = sorted({name for counts in driven.rejections for name in counts})
@@ -274,7 +283,7 @@ def run_steps(driven: DrivenRun) -> RunSteps:
 
 
 def _normal(value: float) -> float:
-    """Return a number, 0 for one that is smaller than normal ones: that is what underflow leaves."""
+    """Return a number, or 0 if it is subnormal, since underflow leaves such values."""
     return 0.0 if abs(value) < sys.float_info.min else float(value)
 
 
@@ -296,49 +305,49 @@ def _driven_obstacle(track: Track) -> DrivenObstacle:
 
 
 def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
-    """Drive a run again and write its plans as JSON (``RunPlans``) to the request's path.
+    """Repeat a run and write its plans as JSON (``RunPlans``) to the request's path.
 
     If the run differs from the stored one by more than rounding on another machine explains (:func:`_difference`),
-    nothing is shown, and the note says by how much.
+    nothing is shown, and the note gives the difference.
 
     Raises:
-        UnsafeInput: the scenario's file cannot be read.
-        UnknownName: no such planning problem or planner.
-        PlannerFailure: a user's planner was edited since, or broke its contract.
+        UnsafeInput: The scenario's file cannot be read.
+        UnknownName: No such planning problem or planner.
+        PlannerFailure: A user's planner was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
     file = ScenarioFile(Path(request.run.scenario_path), str(start.loaded.scenario.scenario_id))
     _check_version(request.run)
     with ended_after(make_planner(request.run.configuration.planner, file)) as own:
-        planner = _Watched(own, start.loaded.step_s)
+        planner = _RecordingPlanner(own, start.loaded.step_s)
         driven = start.drive(planner, report)
     stored = RunSteps.model_validate_json(Path(request.steps_path).read_bytes())
     difference = _difference(run_steps(driven), stored)
     if difference is not None:
-        return Replayed(note=f"driven again here, the run {difference}, so its plans are not shown")
+        return Replayed(note=f"repeated here, the run {difference}, so its plans are not shown")
     plans = tuple(planner.plans[step] for step in driven.plan_steps)
     Path(request.path).write_text(RunPlans(plans=plans).model_dump_json(), encoding="utf-8")
     return Replayed(path=request.path)
 
 
 def _difference(here: RunSteps, stored: RunSteps) -> str | None:
-    """Return how a run that was driven again differs from the stored one, in words, or None if it is the same.
+    """Return the difference between a repeated run and the stored one as text, or None if they are equal.
 
-    It is the same if it has as many states, was planned at the same steps, and every state of the ego and of those that
-    reactive traffic moved is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other
-    processors and libraries round the last digits differently, which does not change the plans of the picture.
+    They are equal if they have the same number of states, were planned at the same steps, and every state of the ego
+    and of reactive traffic is within :data:`_SAME_M`, :data:`_SAME_RAD` and :data:`_SAME_MPS` of the stored one. Other
+    processors and libraries round the last digits differently, which does not change the plans in the picture.
     """
     if (here.first_step, len(here.x_m), here.plan_steps) != (stored.first_step, len(stored.x_m), stored.plan_steps):
         counts = [f"{len(one.x_m)} states planned in {len(one.plan_steps)} steps" for one in (here, stored)]
-        return f"has {counts[0]}, and the stored one {counts[1]}"
+        return f"has {counts[0]}, but the stored one has {counts[1]}"
     drivers: list[tuple[str, RunSteps | DrivenObstacle, RunSteps | DrivenObstacle]] = [("the ego", here, stored)]
     theirs = {one.obstacle_id: one for one in stored.others}
     if sorted(theirs) != sorted(one.obstacle_id for one in here.others):
-        return "moves other road users than it is stored"
+        return "moves other road users than the stored one"
     for one in here.others:
         other = theirs[one.obstacle_id]
         if (one.first_step, len(one.x_m)) != (other.first_step, len(other.x_m)):
-            return f"moves road user {one.obstacle_id} at other times than it is stored"
+            return f"moves road user {one.obstacle_id} at other times than the stored one"
         drivers.append((f"road user {one.obstacle_id}", one, other))
     for name, mine, its in drivers:
         away_m = np.hypot(np.subtract(mine.x_m, its.x_m), np.subtract(mine.y_m, its.y_m))
@@ -356,20 +365,20 @@ def _difference(here: RunSteps, stored: RunSteps) -> str | None:
 
 
 @dataclass
-class _Watched:
-    """A planner of which each planning step is kept, by its step."""
+class _RecordingPlanner:
+    """A planner that records its planning steps, by step."""
 
     planner: Planner
     step_s: float
     plans: dict[int, ShownPlan] = field(default_factory=dict)
 
     def reset(self, task: PlanningTask) -> None:
-        """Begin anew, as the planner does."""
+        """Start anew, as the planner does."""
         self.plans.clear()
         self.planner.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The planner's answer."""
+        """Return the planner's answer."""
         plan = self.planner.plan(observation)
         if plan.trajectory is not None:
             self.plans[observation.ego.step] = self._shown(observation, plan.trajectory.positions)
@@ -398,7 +407,7 @@ class _Watched:
         return [self._line(one.positions) for one in moving[:_MOST_PREDICTIONS]]
 
     def _line(self, positions: Points) -> tuple[float, ...]:
-        """x, y, x, y, … in m, to the centimetre, with the last point."""
+        """Return x, y, x, y, … in m, to the centimetre, including the last point."""
         every = max(round(_EVERY_S / self.step_s), 1)
         kept = positions[::every] if (len(positions) - 1) % every == 0 else [*positions[::every], positions[-1]]
         return tuple(np.round(np.asarray(kept), 2).ravel().tolist())

@@ -1,6 +1,6 @@
-"""Whether a trajectory is safe: clear of where the others are predicted, and of the edge of the road.
+"""Checks whether a trajectory is safe: clear of the predicted others, and of the edge of the road.
 
-What counts is the motion with which the vehicle follows it (``driving/following.py``).
+The check uses the motion with which the vehicle follows the trajectory (``driving/following.py``).
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -17,7 +17,7 @@ Objection = Literal["collision", "road_edge", "friction", "steering_rate"]
 
 
 class SafetyCheck:
-    """The checks of one planning step; the present state (index 0) is not judged, since no plan can change it."""
+    """The checks of one planning step; the present state (index 0) is not checked, since no plan can change it."""
 
     def __init__(self, task: PlanningTask, observation: Observation) -> None:
         from commonroad_dc import pycrcc
@@ -34,12 +34,12 @@ class SafetyCheck:
     def followed(
         self, trajectory: PlannedTrajectory, most_m: float, counted: int | None = None, *, is_safe: bool = False
     ) -> "FollowedPlan | Objection":
-        """Return the motion with which the vehicle follows a trajectory, or why it must not.
+        """Return the motion with which the vehicle follows a trajectory, or the reason for refusing it.
 
-        ``counted``: how many of its first states have to be safe; if None, all. ``is_safe``: the trajectory itself
-        has been checked by the planner's core, and only the motion that follows it is checked here.
+        ``counted``: the number of initial states that must be safe; None means all. ``is_safe``: True if the planner's
+        core has already checked the trajectory, so that only the motion that follows it is checked here.
 
-        ``steering_rate``: its wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do
+        ``steering_rate``: the wheels turn too slowly to stay within ``most_m`` of it; ``friction``: tyres or engine do
         not allow its accelerations.
         """
         refused = None if is_safe else self.objection(trajectory if counted is None else trajectory.until(counted))
@@ -54,9 +54,9 @@ class SafetyCheck:
         return self.objection(driven) or followed
 
     def objection(self, trajectory: PlannedTrajectory) -> Literal["collision", "road_edge"] | None:
-        """Why a trajectory is not safe, or None.
+        """Return why a trajectory is not safe, or None.
 
-        An ego that touches the edge of the road now is only asked to stay clear of it once it has left it.
+        An ego that touches the edge of the road at present must stay clear of it only after it has left it.
         """
         rectangles = _rectangles(trajectory, self._vehicle.length_m, self._vehicle.width_m)
         if self._others.collide(_motion(rectangles)):
@@ -72,7 +72,7 @@ class SafetyCheck:
 def _rectangles(
     driven: PlannedTrajectory | PredictedObstacle, length_m: float, width_m: float
 ) -> list["pycrcc.RectOBB"]:
-    """The body at each step but the present one."""
+    """Return the body at each step but the present one."""
     from commonroad_dc import pycrcc
 
     states = zip(driven.positions[1:].tolist(), driven.headings_rad[1:].tolist(), strict=True)

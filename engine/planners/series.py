@@ -1,4 +1,4 @@
-"""What is kept of a run over time besides its motion: its place on the route, its steering, and debug values."""
+"""The time series of a run in addition to its motion: its position on the route, its steering, and debug values."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -26,30 +26,30 @@ if TYPE_CHECKING:
     from .simulation import DrivenRun
 
 _DIGITS = 4
-"""Series are kept to 0.1 mm, 0.1 mm/s and 0.1 mrad, like the motion of others."""
+"""Series are stored to 0.1 mm, 0.1 mm/s and 0.1 mrad, like the motion of others."""
 _T = TypeVar("_T")
 
 
 def run_series(driven: "DrivenRun", vehicle: VehicleParameters, step_s: float) -> RunSeries | None:
-    """Return the series of a run; None for a run that never began to drive along a route."""
+    """Return the series of a run, or None for a run that never started along a route."""
     task, states = driven.task, driven.states
     if task is None:
         return None
     places = RoutePlaces(task)
     headings_rad = np.array([state.heading_rad for state in states])
-    offsets_m, errors_rad = places.beside(np.array([state.position for state in states]), headings_rad)
+    offsets_m, errors_rad = places.deviations(np.array([state.position for state in states]), headings_rad)
     speeds_mps = np.array([state.speed_mps for state in states])
     steering_rad = driven.steering_rad
     if steering_rad is None:
         steering_rad = steering_of(headings_rad, speeds_mps, step_s, vehicle.wheelbase_m)
     planned = [states[step - states[0].step] for step in driven.plan_steps]
     desired = places.desired_speeds(planned)
-    numbers, texts, polygons, left_out = _kept([plan.debug for plan in driven.plans], driven.plan_steps)
+    numbers, texts, polygons, left_out = _bounded_debug_values([plan.debug for plan in driven.plans], driven.plan_steps)
     return RunSeries(
-        lateral_offset_m=_rounded(offsets_m),
-        heading_error_rad=_rounded(errors_rad),
-        steering_rad=_rounded(steering_rad),
-        desired_speed_mps=_rounded(np.array([speed for speed, _ in desired])),
+        lateral_offset_m=_round(offsets_m),
+        heading_error_rad=_round(errors_rad),
+        steering_rad=_round(steering_rad),
+        desired_speed_mps=_round(np.array([speed for speed, _ in desired])),
         desired_speed_reasons=tuple(reason for _, reason in desired),
         numbers=numbers,
         texts=texts,
@@ -58,14 +58,14 @@ def run_series(driven: "DrivenRun", vehicle: VehicleParameters, step_s: float) -
     )
 
 
-def _rounded(values: Values) -> tuple[float, ...]:
+def _round(values: Values) -> tuple[float, ...]:
     return tuple((np.round(values, _DIGITS) + 0.0).tolist())
 
 
-def _kept(
+def _bounded_debug_values(
     reported: Sequence[DebugValues], steps: Sequence[int]
 ) -> tuple[dict[str, tuple[float | None, ...]], dict[str, tuple[str, ...]], tuple[DebugPolygon, ...], int]:
-    """Return the debug values of all planning steps within the bounds, and how many were beyond them."""
+    """Return the debug values of all planning steps within the bounds, and the number of values beyond them."""
     numbers, no_numbers = _columns([each.numbers for each in reported], _number, None)
     texts, no_texts = _columns([each.texts for each in reported], _text, "")
     polygons, no_polygons = _polygons(reported, steps)
@@ -75,7 +75,7 @@ def _kept(
 def _columns(
     reported: Sequence[Mapping[str, object]], read: Callable[[object], _T], absent: _T
 ) -> tuple[dict[str, tuple[_T, ...]], int]:
-    """Return a column for each name, with a value for each step; and how many values were beyond the bounds."""
+    """Return one column per name with a value for each step, and the number of values beyond the bounds."""
     columns: dict[str, list[_T]] = {}
     left_out = 0
     for row, values in enumerate(reported):
@@ -99,7 +99,7 @@ def _polygons(reported: Sequence[DebugValues], steps: Sequence[int]) -> tuple[tu
             if place >= MOST_DEBUG_POLYGONS or not fits or points > MOST_DEBUG_POINTS_A_RUN:
                 left_out += 1
             elif np.isfinite(corners).all():
-                x_m, y_m = _rounded(corners[:, 0]), _rounded(corners[:, 1])
+                x_m, y_m = _round(corners[:, 0]), _round(corners[:, 1])
                 kept.append(DebugPolygon(step=step, name=_name(name), x_m=x_m, y_m=y_m))
             else:
                 left_out += 1
@@ -115,6 +115,6 @@ def _text(text: object) -> str:
 
 
 def _number(value: object) -> float | None:
-    """Return a number, or None if it is not finite, such as the time to a collision that never comes."""
+    """Return a number, or None if it is not finite, such as the time to a collision that never happens."""
     number = float(value) if isinstance(value, int | float | np.number | np.bool_) else math.nan
     return number if math.isfinite(number) else None

@@ -30,17 +30,16 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
 
 _BEYOND_HORIZON_M = 40.0
-"""Chosen: the path goes on this much farther than the fastest candidate gets."""
+"""The path extends this much beyond the reach of the fastest candidate (chosen)."""
 
 
 @dataclass
 class DrivenRun:
     """The states, plans and verdict of a run.
 
-    ``plan_s`` and ``rejections`` hold the last attempt too where it gave no trajectory; ``plans`` does not.
-    ``task``: what the planner was asked, or None if it was not asked.
-    ``blended_over_m``: length of the curve by which the reference path leads the ego onto its route, where it needs
-    one (``eased_over_m`` of the record).
+    ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``task``: the
+    planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
+    reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record).
     """
 
     states: list[EgoState]
@@ -56,7 +55,7 @@ class DrivenRun:
 
     @property
     def rejected(self) -> Counter[str]:
-        """How many candidates each constraint rejected over the whole run."""
+        """The number of candidates that each constraint rejected over the whole run."""
         total: Counter[str] = Counter()
         for counts in self.rejections:
             total.update(counts)
@@ -64,7 +63,9 @@ class DrivenRun:
 
     @property
     def steering_rad(self) -> Values | None:
-        """The steering angles (n,) of a vehicle that follows its plans; None for states that are planned as such."""
+        """The steering angles (n,) of a vehicle that follows its plans; None if the planned states are
+        taken as driven.
+        """
         known = [state.steering_rad for state in self.states[1:]]
         if not known or None in known:
             return None
@@ -74,7 +75,7 @@ class DrivenRun:
 
     @property
     def has_not_begun(self) -> bool:
-        """Whether it ended because the first step found nothing that can be driven."""
+        """True if the run ended because the first step found no feasible motion."""
         return self.verdict is not None and self.verdict.outcome == "infeasible" and not self.plans
 
     @property
@@ -98,9 +99,8 @@ def simulate(
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
-    with a code and without a plan.
-    The traffic is the recorded one by default; one that reacts must stand at the ego's first step. ``vehicle``: the
-    ego's; None: what the configuration says of a car.
+    with a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's
+    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
@@ -127,7 +127,7 @@ def _task(
     ego: EgoState,
     vehicle: VehicleParameters,
 ) -> PlanningTask | Verdict:
-    """The task, or why there is none."""
+    """Return the task, or the reason why the problem is invalid."""
     network, step_s = scenario.lanelet_network, float(scenario.dt)
     if not problem.goal.state_list:
         return Verdict.invalid("no_goal_state", "the planning problem has no goal state")
@@ -151,7 +151,7 @@ def _task(
 
 @dataclass(frozen=True)
 class _Loop:
-    """What stays the same while runs of one planner are tried."""
+    """The constant part of all attempts to run one planner."""
 
     planner: Planner
     predict: Predictor
@@ -186,7 +186,9 @@ class _Loop:
                     return
 
     def drive_blended(self, task: PlanningTask, stuck: DrivenRun) -> DrivenRun:
-        """The run on the first blended path that the planner can begin on; the run as it was where there is none."""
+        """Return the run on the first blended path on which the planner can start, or the original run if there is
+        none.
+        """
         ego = stuck.states[0]
         rear = rear_axle(ego.position, ego.heading_rad, task.vehicle)
         for over_m in BLENDED_OVER_M:
@@ -202,7 +204,7 @@ class _Loop:
 
 
 def _stays_on(road: Road, blended: ReferencePath, ego: EgoState, over_m: float) -> bool:
-    """Whether the curve of a blended path does not cut a corner across the edge of the road."""
+    """Return True if the curve of a blended path does not cut a corner across the edge of the road."""
     begin = blended.follower().place(ego.position)[0]
     stations = arc_length(blended.points)
     curve = blended.points[(stations >= begin) & (stations <= begin + over_m)]
@@ -211,10 +213,10 @@ def _stays_on(road: Road, blended: ReferencePath, ego: EgoState, over_m: float) 
 
 def _infeasible(plan: Plan, ego: EgoState, time_s: float) -> Verdict:
     if "initial_state" in plan.rejected:
-        return Verdict("infeasible", f"at {time_s:.1f} s the ego's heading or place does not fit its route")
+        return Verdict("infeasible", f"at {time_s:.1f} s the ego's heading or position does not fit its route")
     most = sorted(plan.rejected.items(), key=lambda item: (-item[1], item[0]))
     why = ", ".join(f"{shown_name(name)} {count}" for name, count in most[:3])
     speed = f"{ego.speed_mps:.1f} m/s"
     return Verdict(
-        "infeasible", f"at {time_s:.1f} s and {speed} none of {plan.candidates} candidates can be driven ({why})"
+        "infeasible", f"at {time_s:.1f} s and {speed} no candidate of {plan.candidates} can be driven ({why})"
     )

@@ -1,18 +1,18 @@
-"""Pictures, animations, charts, reports and views.
+"""Renders scenarios and runs: pictures, animations, charts, reports and views.
 
-``render``: an operation: draws a picture, an animation or a chart into a folder.
-``write_report``: an operation: writes sections as one HTML page.
-``write_view``: an operation: writes the data of a view, which its page shows.
-``empty_page``: the page of a kind of view without data, for a host that brings them.
-``filled_page``: the page with its data, to be opened in a browser.
-``analysis_section``: a section of findings with the runs behind them.
-``batch_section``: a section of the runs of a batch, with outcome, reason and figures of each.
-``overview_section``: a section on what was tested, what came out, whose fault it was and what is next.
-``rules_section``: a section on the traffic rules that the runs of a batch broke.
-``run_section``: a section on one run.
-``comparison_section``: a section of verdicts, tests and flips.
-``report_image``: a drawn picture with its caption.
-``scenario_section``: a section on what a scenario shows, and how it was made.
+``render``: An operation that draws a picture, an animation or a chart into a folder.
+``write_report``: An operation that writes sections as one HTML page.
+``write_view``: An operation that writes the data of a view for its page.
+``empty_page``: Returns the page of a kind of view without data, for a host that supplies them.
+``filled_page``: Returns the page with its data, for a browser.
+``analysis_section``: Returns a section of findings with the runs behind them.
+``batch_section``: Returns a section of the runs of a batch, with outcome, reason and figures of each.
+``overview_section``: Returns a section on the tests, the results, their causes and the next step.
+``rules_section``: Returns a section on the traffic rules that the runs of a batch broke.
+``run_section``: Returns a section on one run.
+``comparison_section``: Returns a section of verdicts, tests and flips.
+``report_image``: Returns a drawn picture with its caption.
+``scenario_section``: Returns a section on the content of a scenario, and how it was created.
 """
 
 from typing import TYPE_CHECKING

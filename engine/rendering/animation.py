@@ -1,6 +1,6 @@
-"""An animated GIF of a scenario, with the ego of a run where there is one; slower around its decisive moment.
+"""An animated GIF of a scenario, with the ego of a run if there is one, slower around its decisive moment.
 
-Beside it a strip of its moments as PNG, for whoever sees no motion: most models see a GIF's first frame alone.
+It comes with a strip of its moments as PNG for viewers that show no motion; most models see only a GIF's first frame.
 The background is drawn once; every frame restores it and draws only what moves.
 """
 
@@ -26,24 +26,24 @@ if TYPE_CHECKING:
 
 _WIDTH_PX, _TALLEST_PLOT_PX = 1000, 760.0
 _MOST_FRAMES = 56
-"""Bounds drawing time and size (chosen)."""
+"""Limits drawing time and file size (chosen)."""
 _PAUSE_MS = 1500
-"""For which the last frame stays before the animation begins anew (chosen)."""
+"""Time that the last frame stays before the animation restarts (chosen)."""
 _SLOWED, _AROUND_S, _MOST_SLOW_FRAMES = 4, 1.0, 20
-"""So many times slower than real time, within so many seconds of the moment, in at most so many frames (chosen)."""
+"""Slow-motion factor, its half duration around the moment in s, and its largest number of frames (chosen)."""
 _HOLD_MS = 1000
-"""For which the frame of the moment stays (chosen)."""
+"""Time that the frame of the moment stays (chosen)."""
 _LARGEST_BYTES = 2_000_000
-"""Above this fewer colours are used (chosen)."""
+"""Larger files get fewer colours (chosen)."""
 _STRIP_FRAMES, _STRIP_COLUMNS, _STRIP_WIDTH_PX, _STRIP_GAP_PX = 6, 3, 1500, 6
-"""Moments of a strip, how many stand in a row, its width and the gaps between them (chosen)."""
+"""Moments of a strip, moments per row, its width and the gaps between them (chosen)."""
 _MOST_LABELLED = 40
-"""Vehicles up to which ids are written (chosen): more would cover each other."""
+"""Largest number of vehicles that get ids, since more would cover each other (chosen)."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Moment:
-    """What an animation slows at: its step, and what happens then in words."""
+    """The moment at which an animation slows down: its step and a description."""
 
     step: int
     words: str
@@ -51,18 +51,18 @@ class Moment:
 
 @dataclasses.dataclass(frozen=True)
 class _Pace:
-    """The steps that become frames, and which of them are shown slowly."""
+    """The steps that become frames, and those shown in slow motion."""
 
     steps: tuple[int, ...]
     step_s: float
     moment: Moment | None
 
     def is_slow(self, step: int) -> bool:
-        """Whether a step is near the moment."""
+        """Return True if a step is near the moment."""
         return self.moment is not None and abs(step - self.moment.step) * self.step_s <= _AROUND_S + 1e-9
 
     def durations_ms(self) -> list[int]:
-        """How long each frame stays: real time, longer around the moment, a while at it and at the end."""
+        """Return the duration of each frame: real time, longer around the moment, with a pause at it and at the end."""
         if len(self.steps) == 1:
             return [500]
         durations = []
@@ -77,9 +77,10 @@ class _Pace:
 def animate(
     view: ScenarioView, folder: Path, report: ProgressReporter, moment: Moment | None = None
 ) -> tuple[RenderedImage, RenderedImage]:
-    """Draw a scenario or its runs from the first to the last step: as GIF in real time, and as strip of its moments.
+    """Draw a scenario or its runs from the first to the last step: as a GIF in real time, and as a strip of its
+    moments.
 
-    Around the moment that is given the GIF is four times slower, which the frames say; the strip holds that moment.
+    Around the given moment the GIF is four times slower, and the frames say so; the strip includes that moment.
     """
     steps = _frame_steps(view, moment)
     pace = _Pace(tuple(steps), view.content.step_s, moment)
@@ -100,12 +101,14 @@ def animate(
     times = ", ".join(f"{steps[place] * view.content.step_s:.1f}" for place in chosen)
     return (
         image_at(path, frames[0].size, f"{text}, {runs or 'recorded traffic'}{kinds}.{slow}"),
-        image_at(strip_path, strip.size, f"The same at {times} s, row by row."),
+        image_at(strip_path, strip.size, f"The same scene at {times} s, row by row."),
     )
 
 
 def _strip_places(steps: Sequence[int], moment: Moment | None) -> list[int]:
-    """The frames of a strip: evenly spaced in time with the first and the last, the nearest one at the moment."""
+    """Return the frames of a strip, evenly spaced in time from first to last, with the nearest one moved to
+    the moment.
+    """
     times = np.linspace(steps[0], steps[-1], min(_STRIP_FRAMES, len(steps)))
     if moment is not None:
         nearest = int(np.argmin(np.abs(times - moment.step)))
@@ -114,7 +117,7 @@ def _strip_places(steps: Sequence[int], moment: Moment | None) -> list[int]:
 
 
 def _strip(frames: Sequence["Image"]) -> "Image":
-    """Frames beside and below each other."""
+    """Combine frames into a grid."""
     from PIL import Image
 
     columns = min(_STRIP_COLUMNS, len(frames))
@@ -131,7 +134,9 @@ def _strip(frames: Sequence["Image"]) -> "Image":
 
 
 def _frame_steps(view: ScenarioView, moment: Moment | None) -> list[int]:
-    """The time steps that become frames: evenly spaced, at most 56, the last one included; around the moment denser."""
+    """Return the time steps of the frames: at most 56, evenly spaced, including the last, and denser around
+    the moment.
+    """
     first = min((path.first_step for path in view.paths), default=view.content.ego_step)
     last = max((path.last_step for path in view.paths), default=view.content.last_step)
     last = max(last, first)
@@ -191,7 +196,7 @@ def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport, pace: 
 
 
 def _write_ids(axes: "Axes", vehicles: Sequence[VehicleShape], viewport: Viewport) -> None:
-    """Ids stand above their vehicles; the frames move too fast for anything cleverer."""
+    """Write ids above their vehicles; the frames move too fast for a better placement."""
     if len(vehicles) > _MOST_LABELLED:
         return
     lift = viewport.height_m * 0.008
@@ -222,7 +227,7 @@ def _write_state(axes: "Axes", view: ScenarioView) -> None:
 
 
 def _write_slowness(axes: "Axes", view: ScenarioView, moment: Moment) -> None:
-    """That time runs slower here, and how far the moment is."""
+    """Write that time runs slower, and the time to or since the moment."""
     away = (view.step - moment.step) * view.content.step_s
     when = "now" if view.step == moment.step else f"{abs(away):.1f} s {'before' if away < 0 else 'after'}"
     axes.annotate(
@@ -239,7 +244,7 @@ def _speed(path: DrivenPath, step: int, *, alone: bool) -> str:
 
 
 def _write_gif(frames: Sequence["Image"], path: Path, durations_ms: Sequence[int]) -> None:
-    """One palette for all frames, so that nothing flickers; fewer colours where the file grows too large."""
+    """Write frames with one palette, so that nothing flickers; use fewer colours if the file is too large."""
     from PIL import Image
 
     for colours in (128, 64, 32):

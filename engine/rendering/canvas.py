@@ -1,6 +1,6 @@
-"""Figures and their files: one look, and the same bytes every time.
+"""Creates figures and writes their files: one style, and the same bytes every time.
 
-Colours and line styles are told apart with any colour vision (Okabe and Ito 2008, Color universal design).
+Colours and line styles are distinguishable with any colour vision (Okabe and Ito 2008, Color universal design).
 """
 
 import io
@@ -29,7 +29,7 @@ _EXACT = (
     "#FFFFFF", INK, MUTED, ROAD, ROAD_EDGE, DIRECTION, _LIGHT_RED, _LIGHT_YELLOW, _LIGHT_GREEN, _LIGHT_OFF,
     _BLACK, _ORANGE, _SKY_BLUE, _GREEN, _YELLOW, _BLUE, _VERMILLION, _PURPLE, _GREY, _WINE,
 )  # fmt: skip
-"""Colours that carry a meaning: they stay exact where an image is reduced to a palette."""
+"""Colours with a meaning, which stay exact if an image is reduced to a palette."""
 _CLASS_COLOURS = {
     "car": _SKY_BLUE,
     "taxi": _ORANGE,
@@ -71,41 +71,43 @@ _SERIES: tuple[tuple[str, LineStyle], ...] = (
 
 
 def class_colour(obstacle_type: str) -> str:
-    """Fill colour of a CommonRoad obstacle type; grey for those without a class of their own."""
+    """Return the fill colour of a CommonRoad obstacle type, or grey if the type has no colour."""
     return _CLASS_COLOURS.get(obstacle_type, _GREY)
 
 
 def light_mark(state: str) -> tuple[str, str]:
-    """Marker and fill colour of a traffic light in a state: the shape says it as well; a light grey dot if inactive."""
+    """Return marker and fill colour of a traffic light in a state, which the shape shows too; a light grey dot if
+    inactive.
+    """
     return _LIGHT_MARKS.get(state, ("o", _LIGHT_OFF))
 
 
 def outcome_colour(outcome: str) -> str:
-    """Colour of a run's outcome in every chart."""
+    """Return the colour of a run's outcome in every chart."""
     return _OUTCOME_COLOURS.get(outcome, _GREY)
 
 
 def ink_on_outcome(outcome: str) -> str:
-    """Colour of text on the colour of an outcome."""
+    """Return the colour of text on the colour of an outcome."""
     return "white" if outcome in ("goal_reached", "collision", "off_road") else INK
 
 
 HATCHES = ("", "//", "..", "xx", "\\\\", "--")
-"""One a series of bars, for those who do not see its colour; further series are not drawn."""
+"""One hatch per series of bars, for viewers who cannot see its colour; further series are not drawn."""
 
 
 def series_style(index: int) -> tuple[str, LineStyle]:
-    """Colour and dash pattern of the n-th series; they repeat after six."""
+    """Return colour and dash pattern of the n-th series; they repeat after six."""
     return _SERIES[index % len(_SERIES)]
 
 
 PICTURE_WIDTH_PX = 1200
-"""Width of a single picture or chart (chosen): readable in a chat and on a page."""
+"""Width of a single picture or chart (chosen: readable in a chat and on a page)."""
 _DPI = 100
 SMALL_PT, TEXT_PT, TITLE_PT = 9.5, 11.0, 14.0
 """Sizes of ids and ticks, of text, and of titles (chosen)."""
 _CLOSE = 10
-"""Differences of a colour channel (of 255) that cannot be seen."""
+"""Invisible differences of a colour channel (of 255)."""
 _STYLE: Any = {  # Any: matplotlib's stubs list every key as a literal
     "font.family": "DejaVu Sans",
     "font.size": TEXT_PT,
@@ -128,7 +130,7 @@ _STYLE: Any = {  # Any: matplotlib's stubs list every key as a literal
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure that is ready to be written, what can be seen on it in words, and what was left out of it and why."""
+    """A figure that is ready to write, its description in words, and notes on what it leaves out."""
 
     figure: "Figure"
     alt_text: str
@@ -136,7 +138,7 @@ class Drawing:
 
 
 def new_figure(width_px: int, height_px: int) -> "Figure":
-    """An empty figure of a size in pixels, drawn by Agg and bound to no window."""
+    """Return an empty figure of a size in pixels, drawn by Agg and bound to no window."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -148,7 +150,7 @@ def new_figure(width_px: int, height_px: int) -> "Figure":
 
 
 def image_at(path: Path, size_px: tuple[int, int], alt_text: str) -> RenderedImage:
-    """An image file that was written, as answers name it."""
+    """Return the answer's entry for a written image file."""
     return RenderedImage(
         path=str(path),
         mime_type="image/gif" if path.suffix == ".gif" else "image/png",
@@ -160,7 +162,7 @@ def image_at(path: Path, size_px: tuple[int, int], alt_text: str) -> RenderedIma
 
 
 def write_png(figure: "Figure", path: Path) -> tuple[int, int]:
-    """Write a figure with at most 256 colours, which flat drawings do not miss: small files, no dates inside.
+    """Write a figure with at most 256 colours, which suffice for flat drawings: small files, no dates inside.
 
     Returns:
         The size in pixels.
@@ -177,7 +179,7 @@ def write_png(figure: "Figure", path: Path) -> tuple[int, int]:
 
 
 def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
-    """A palette in which the colours that mean something stay exact; the rest is chosen after the images."""
+    """Return a palette with the exact colours that have a meaning; the images determine the rest."""
     from PIL import Image
 
     height = max(image.height for image in images)
@@ -189,7 +191,7 @@ def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
     chosen = together.quantize(colors=colours - len(_EXACT), method=Image.Quantize.MEDIANCUT).getpalette() or []
     fixed = np.array([[int(colour[place : place + 2], 16) for place in (1, 3, 5)] for colour in _EXACT])
     free = np.array(chosen[: 3 * (colours - len(_EXACT))]).reshape(-1, 3)
-    # Pillow finds the nearest entry only roughly: entries close to an exact colour would win over it.
+    # Pillow finds only an approximate nearest entry: entries close to an exact colour would win over it.
     distance = np.abs(free[:, None, :] - fixed[None, :, :]).max(axis=2)
     free = np.where(distance.min(axis=1, keepdims=True) <= _CLOSE, fixed[distance.argmin(axis=1)], free)
     palette = Image.new("P", (1, 1))

@@ -1,4 +1,4 @@
-"""Charts of why runs fail: who hit whom and whether the ego could have prevented it; success by kinds of scenarios."""
+"""Charts of failure causes: who hit whom, whether the ego could have prevented it, and success by kind of scenario."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 _Fault = Literal["preventable", "the ego's own", "not preventable", "not judged"]
 _FAULTS: dict[_Fault, tuple[str, str, str]] = {
     "preventable": (outcome_colour("collision"), "", "a reference driver prevents it"),
-    "the ego's own": (outcome_colour("infeasible"), "..", "the ego made it"),
+    "the ego's own": (outcome_colour("infeasible"), "..", "the ego caused it"),
     "not preventable": (outcome_colour("goal_early"), "//", "no reference driver prevents it"),
     "not judged": ("#BDBDBD", "..", "not judged"),
 }
-"""Colour, hatch and words of each."""
+"""Colour, hatch and label of each."""
 _MOST_KINDS = 24
-"""Rows of a chart (chosen): as many as a screen shows."""
+"""Most rows of a chart, as many as a screen shows (chosen)."""
 
 
 def causes(runs: RunSet) -> Drawing:
-    """Collisions by kind and by whether any ego could have prevented them; below, success with and without the latter.
+    """Draw collisions by kind and preventability, and below them success with and without unpreventable ones.
 
     Raises:
-        NotPossible: no collision whose course is known.
+        NotPossible: There is no collision with a known course.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -40,7 +40,7 @@ def causes(runs: RunSet) -> Drawing:
     contacts = known_contacts(runs)
     if not contacts:
         raise NotPossible(
-            "no collision of these runs can be told apart" if hits else "none of these runs ended in a collision",
+            "the course of these collisions is unknown" if hits else "no run ended in a collision",
             next_step="render kind=outcomes",
         )
     names = short_names(runs.records)
@@ -71,13 +71,15 @@ def causes(runs: RunSet) -> Drawing:
     _label_rates(lower)
     _fault_legend(write_legend, figure)
     judged = sum(contact.prevention is not None for contact in contacts.values())
-    none = f"no reference driver prevents {len(not_preventable)} of the {judged} that could be judged"
+    none = f"no reference driver prevents {len(not_preventable)} of {judged} judged collisions"
     write_title(figure, "Who hit whom, and could it be prevented", f"{len(hits)} collisions; {none}")
-    kinds = "; ".join(f"{kind} under {names[config]} {_in_words(counts[kind, config])}" for kind, config in listed)
+    kinds = "; ".join(
+        f"{kind} under {names[config]} {_describe_faults(counts[kind, config])}" for kind, config in listed
+    )
     notes = [f"the reference drivers: {REFERENCE_DRIVERS_DO}"]
-    notes += [f"{len(counts) - len(listed)} more kinds are not drawn"] if len(counts) > len(listed) else []
+    notes += [f"{len(counts) - len(listed)} more kinds are not shown"] if len(counts) > len(listed) else []
     if len(contacts) < len(hits):
-        notes.append(f"a random {len(contacts)} of {len(hits)} collisions are drawn; the others were not looked at")
+        notes.append(f"the chart shows a random {len(contacts)} of {len(hits)} collisions; the others were not judged")
     return Drawing(figure, f"Collisions by kind: {kinds}. Of all, {none}.", tuple(notes))
 
 
@@ -92,7 +94,7 @@ def _fault(contact: Contact) -> _Fault:
 def _counts(
     groups: dict[str, list[RunRecord]], contacts: dict[str, Contact]
 ) -> dict[tuple[str, str], dict[_Fault, int]]:
-    """Collisions by kind and configuration, the most frequent kind first, and by whether they could be prevented."""
+    """Return collisions by kind and configuration, most frequent kind first, and by preventability."""
     counts: dict[tuple[str, str], dict[_Fault, int]] = {}
     totals: dict[str, int] = {}
     for config_id, records in groups.items():
@@ -105,7 +107,7 @@ def _counts(
     return dict(sorted(counts.items(), key=lambda item: (-totals[item[0][0]], item[0][0], order.index(item[0][1]))))
 
 
-def _in_words(by_fault: dict[_Fault, int]) -> str:
+def _describe_faults(by_fault: dict[_Fault, int]) -> str:
     parts = [f"{count} {fault}" for fault, count in by_fault.items() if count]
     return f"{sum(by_fault.values())} ({', '.join(parts)})"
 
@@ -122,7 +124,7 @@ def _draw_kind(axes: "Axes", row: int, by_fault: dict[_Fault, int]) -> None:
 
 
 def _draw_rate(axes: "Axes", y: float, rate: Rate, *, filled: bool, colour: str | None = None) -> None:
-    """A share with its interval and its counts beside it."""
+    """Draw a share with its interval and its counts."""
     if rate.share is None or rate.low is None or rate.high is None:
         return
     shown = colour or outcome_colour("goal_reached")
@@ -136,7 +138,7 @@ def _draw_rate(axes: "Axes", y: float, rate: Rate, *, filled: bool, colour: str 
 def _label_rates(axes: "Axes") -> None:
     axes.set_xlim(-2, 118)
     axes.set_xticks(range(0, 101, 20))
-    axes.set_xlabel("goal reached [%] with its 95 % interval; runs beside it")
+    axes.set_xlabel("goal reached [%] with 95 % interval and number of runs")
     axes.grid(axis="x", color="#DDDDDD", linewidth=0.8)
     axes.set_axisbelow(True)
 
@@ -158,26 +160,26 @@ def _fault_legend(write: Callable[..., None], figure: object) -> None:
 
 @dataclass(frozen=True)
 class _Stratum:
-    """Runs that have something in common: the factor, its level, the runs by configuration."""
+    """Runs with a common property: the factor, its level, and the runs by configuration."""
 
     factor: str
     level: str
     records: tuple[RunRecord, ...]
 
 
-_UNKNOWN = "not known"
+_UNKNOWN = "unknown"
 _DENSITIES = ((0.0, "0 vehicles/km"), (1e-9, "under 20/km"), (20.0, "20 to 50/km"), (50.0, "50/km and more"))
 """Lower bounds of the recorded vehicles per kilometre of lanelets (chosen)."""
 _MOST_STRATA = 24
 _FEW = 5
-"""Scenarios under which a share says little (chosen): its row is said to be of few."""
+"""Fewest scenarios for a meaningful share (chosen); rows with fewer are marked."""
 
 
 def strata(runs: RunSet) -> Drawing:
-    """Success with its interval by prediction and traffic, road and density, a dot for each configuration.
+    """Draw success with its interval by prediction and traffic, road and density, with a dot for each configuration.
 
     Raises:
-        NotPossible: no valid run, or all are alike in everything.
+        NotPossible: There is no valid run, or all runs are alike in every factor.
     """
     names = short_names(runs.records)
     configs = list(runs.by_config(runs.valid))
@@ -210,15 +212,15 @@ def strata(runs: RunSet) -> Drawing:
     write_title(
         figure,
         "Success by conditions and scenarios",
-        "the interval counts scenarios, not runs; configurations from above in the order of the legend",
+        "the interval counts scenarios, not runs; configurations from top to bottom as in the legend",
     )
     more = len(configs) - len(shown)
-    notes = (f"{more} more configurations are not drawn",) if more else ()
+    notes = (f"{more} more configurations are not shown",) if more else ()
     return Drawing(figure, f"Goal reached by stratum: {'; '.join(texts)}.", notes)
 
 
 _MOST_CONFIGS = 4
-"""Dots beside each other (chosen): more could not be told apart."""
+"""Most dots per row, since more would be indistinguishable (chosen)."""
 
 
 def _configuration_legend(figure: object, names: Sequence[str]) -> None:
@@ -239,7 +241,7 @@ def _stratum_label(stratum: _Stratum) -> str:
 
 
 def _strata_of(runs: RunSet, factor: str, level_of: Callable[[RunSet, RunRecord], str]) -> Iterable[_Stratum]:
-    """The strata of one factor, by level; none where all runs are of one."""
+    """Yield the strata of one factor, by level, unless all runs have the same level."""
     levels: dict[str, list[RunRecord]] = {}
     for record in runs.valid:
         levels.setdefault(level_of(runs, record), []).append(record)
@@ -273,4 +275,4 @@ _FACTORS: tuple[tuple[str, Callable[[RunSet, RunRecord], str]], ...] = (
     ("road", _road),
     ("density", _density),
 )
-"""What runs are told apart by, in the order of the chart."""
+"""The factors of the strata, in the order of the chart."""

@@ -1,8 +1,8 @@
-"""Charts of runs: how they ended, what their cost was made of, what flipped; and the table of all charts.
+"""Charts of runs: their outcomes, their cost terms and their flips; and the table of all charts.
 
-Those of causes and strata are in ``cause_charts.py``, of metrics in ``distributions.py``, of single runs over time in
-``courses.py``. A chart is a function ``(runs) -> Drawing``. To add one, write the function, put it into ``CHARTS`` and
-its kind into ``PictureKind``, and test it.
+Charts of causes and strata are in ``cause_charts.py``, of metrics in ``distributions.py``, of single runs over time in
+``courses.py``. A chart is a function ``(runs) -> Drawing``. To add one, write the function, add it to ``CHARTS`` and
+its kind to ``PictureKind``, and test it.
 """
 
 from collections import Counter
@@ -48,11 +48,11 @@ _OUTCOME_ORDER: tuple[Outcome, ...] = (
     "off_road",
     "collision",
 )
-"""From left to right in a bar."""
+"""The order of a bar from left to right."""
 
 
 def _outcomes(runs: RunSet) -> Drawing:
-    """Stacked shares by configuration on the left, success rate with its 95 % interval on the right."""
+    """Draw stacked shares by configuration on the left, and the success rate with its 95 % interval on the right."""
     from matplotlib.patches import Patch
 
     names = short_names(runs.records)
@@ -89,7 +89,7 @@ def _outcomes(runs: RunSet) -> Drawing:
         handlelength=1.5,
     )
     total = len(runs.sources)
-    write_title(figure, "Outcomes", f"{total} runs; numbers in the bars are runs; invalid runs are in no bar")
+    write_title(figure, "Outcomes", f"{total} runs; numbers in the bars count runs, without invalid ones")
     return Drawing(figure, f"Outcomes by configuration. {'; '.join(texts)}.")
 
 
@@ -122,10 +122,10 @@ def _label_outcome_axes(shares: "Axes", rates: "Axes", groups: Sequence[tuple[st
 
 
 def _costs(runs: RunSet) -> Drawing:
-    """Mean weighted cost per planning step of every term, one bar a configuration.
+    """Draw the mean weighted cost per planning step of every term, one bar per configuration.
 
     Raises:
-        NotPossible: no run has recorded cost terms.
+        NotPossible: No run has recorded cost terms.
     """
     costs = cost_shares(runs)
     if not costs:
@@ -159,29 +159,29 @@ def _costs(runs: RunSet) -> Drawing:
     )
     axes.margins(x=0.16)
     write_legend(figure, 0.21, 3)
-    write_title(figure, "Cost terms", "raw cost × weight; terms that were always 0 are left out")
+    write_title(figure, "Cost terms", "raw cost × weight; without terms that were always 0")
     texts = [f"{name}: {', '.join(_largest_shares(costs, config_id))}" for config_id, name in configs]
     return Drawing(figure, f"Weighted cost terms. {'; '.join(texts)}.")
 
 
 def _largest_shares(costs: Sequence[CostShare], config_id: str) -> list[str]:
-    """The four largest terms of a configuration with their shares."""
+    """Return the four largest terms of a configuration with their shares."""
     mine = [item for item in costs if item.config_id == config_id and item.share is not None]
     return [f"{item.term} {100 * (item.share or 0):.0f} %" for item in mine[:4]]
 
 
 _MOST_FLIPS = 24
-"""Rows of the chart of flips (chosen): as many as a screen shows."""
+"""Most rows of the chart of flips, as many as a screen shows (chosen)."""
 _LISTED_FLIPS = 12
-"""Flips each way that the comparison lists for it: half of them."""
+"""Flips per direction that the comparison lists for it, half of them."""
 
 
 def _flips(runs: RunSet) -> Drawing:
-    """The first two configurations: one row a flipped scenario, its outcome before and after; to success first.
+    """Draw the first two configurations: one row per flipped scenario with both outcomes, flips to success first.
 
     Raises:
-        NotPossible: fewer than two configurations, or not one pair in common.
-        InvalidRequest: a configuration holds the same problem twice.
+        NotPossible: There are fewer than two configurations, or no common pair.
+        InvalidRequest: A configuration has the same problem twice.
     """
     names = short_names(runs.records)
     sides = tuple(
@@ -212,7 +212,7 @@ def _flips(runs: RunSet) -> Drawing:
         axes.text(0.3, 0, "No scenario flipped.", va="center", color=MUTED)
     test = comparison.success
     subtitle = (
-        f"{test.pairs} pairs: {test.both} reach the goal on both sides, {test.neither} on neither, "
+        f"{test.pairs} pairs: {test.both} reach the goal on both sides, {test.neither} on neither side, "
         f"{test.only_after} flipped to success, {test.only_before} to failure"
     )
     more = comparison.to_success_count + comparison.to_failure_count - len(flips)
@@ -244,4 +244,4 @@ CHARTS: dict[PictureKind, Callable[[RunSet], Drawing]] = {
     "profile": profile,
     "timeline": timeline,
 }
-"""The charts by the kind that is asked for."""
+"""The charts by kind."""

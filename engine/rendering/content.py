@@ -1,7 +1,7 @@
-"""What a scenario and its runs show, as plain arrays: read once, drawn as often as there are frames.
+"""The drawable content of a scenario and its runs as plain arrays, read once and drawn for every frame.
 
 ``ScenarioContent`` is a scenario, ``DrivenPath`` a run over it, ``ScenarioView`` both at one step, ``Viewport`` the
-part that a picture shows. Lengths are in m, in the coordinates of the scenario.
+visible part of a picture. Lengths are in m, in the coordinates of the scenario.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LaneletShape:
-    """A lanelet's sides (n, 2), its centre line, and the lanelets beside it, in whichever direction they lead."""
+    """A lanelet's sides (n, 2), its centre line, and the neighbouring lanelets, in either direction."""
 
     lanelet_id: int
     left: Points
@@ -53,13 +53,13 @@ class _TrafficSignal:
     offset: int
 
     def state_at(self, step: int) -> str:
-        """Colour at a time step."""
+        """Return the colour at a time step."""
         return self.cycle[(step - self.offset) % len(self.cycle)] if self.cycle else "inactive"
 
 
 @dataclass(frozen=True)
 class VehicleShape:
-    """A vehicle or standing obstacle at one moment: corners (4, 2) counter-clockwise from the front left."""
+    """A vehicle or standing obstacle at one time: corners (4, 2) counter-clockwise from the front left."""
 
     vehicle_id: int
     kind: str
@@ -69,9 +69,9 @@ class VehicleShape:
 
 @dataclass(frozen=True)
 class ScenarioContent:
-    """Everything that is drawn of one scenario; ``goals`` are polygons (n, 2), none where any place counts.
+    """All drawn content of one scenario; ``goals`` are polygons (n, 2), empty if any position counts.
 
-    ``pavements`` and the stripes of ``crossings`` are polygons of ways that are open to pedestrians alone.
+    ``pavements`` and the stripes of ``crossings`` are polygons of paths for pedestrians only.
     """
 
     scenario_id: str
@@ -97,16 +97,18 @@ class ScenarioContent:
         return ego_class(self.ego_class).vehicle.size_m
 
     def positions_at(self, step: int) -> dict[int, Points]:
-        """Where the moving vehicles are at a step, by id; each a point (2,)."""
+        """Return the positions of the moving vehicles at a step, by id; each a point (2,)."""
         tracks = self.tracks.items()
         return {key: track.positions[index] for key, track in tracks if (index := track.index_at(step)) is not None}
 
     def places_at(self, step: int) -> dict[int, Points]:
-        """Return where all road users but the ego are at a step, standing obstacles too, by id; each a point (2,)."""
+        """Return the positions of all road users but the ego at a step, including standing obstacles, by id; each a
+        point (2,).
+        """
         return {shape.vehicle_id: shape.center for shape in self.vehicles_at(step)}
 
     def vehicles_at(self, step: int) -> list[VehicleShape]:
-        """All vehicles and standing obstacles that are there at a step, by id."""
+        """Return all vehicles and standing obstacles that are present at a step, by id."""
         present = [(track, index) for track in self.tracks.values() if (index := track.index_at(step)) is not None]
         moving = [
             VehicleShape(track.obstacle_id, track.kind, track.corners_at(index), track.positions[index])
@@ -116,7 +118,7 @@ class ScenarioContent:
 
 
 def content_of(recorded: "RecordedScenario") -> ScenarioContent:
-    """The drawable content of a scenario with its first planning problem, if it has one."""
+    """Return the drawable content of a scenario with its first planning problem, if it has one."""
     loaded = recorded.loaded
     scenario = loaded.scenario
     problem = loaded.problem() if loaded.planning_problems.planning_problem_dict else None
@@ -144,7 +146,7 @@ def content_of(recorded: "RecordedScenario") -> ScenarioContent:
 
 
 _STRIPE_M = 0.6
-"""Width of a stripe of a crossing, and of the gap beside it (chosen)."""
+"""Width of a stripe of a crossing, and of the gap next to it (chosen)."""
 
 
 def _crosses(footway: "Lanelet") -> bool:
@@ -156,7 +158,7 @@ def _outline(footway: "Lanelet") -> Points:
 
 
 def _stripes(footway: "Lanelet") -> list[Points]:
-    """The stripes of a crossing, along the road that it crosses."""
+    """Return the stripes of a crossing, along the road that it crosses."""
     count = 2 * max(round(length_m(np.asarray(footway.center_vertices)) / _STRIPE_M / 2), 1)
     left, right = (resample(np.asarray(side), count + 1) for side in (footway.left_vertices, footway.right_vertices))
     return [np.array([right[k], right[k + 1], left[k + 1], left[k]]) for k in range(0, count, 2)]
@@ -237,7 +239,7 @@ def _goals(problem: "PlanningProblem", scenario: "Scenario") -> tuple[Points, ..
 
 
 def _polygons(shape: Any) -> list[Points]:
-    """The outlines of a CommonRoad shape; a circle has 35 corners."""
+    """Return the outlines of a CommonRoad shape; a circle gets 35 corners."""
     if shape is None:
         return []
     if hasattr(shape, "shapes"):
@@ -252,10 +254,10 @@ def _polygons(shape: Any) -> list[Points]:
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step`` on.
+    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step``.
 
-    ``name``: what the picture calls the run; ``series``: number of its colour and dash pattern, the same for one
-    configuration in all pictures of a request. ``others``: how the obstacles moved that reacted to the ego, by id.
+    ``name``: the run's name in the picture; ``series``: number of its colour and dash pattern, the same for one
+    configuration in all pictures of a request. ``others``: the motion of the obstacles that reacted to the ego, by id.
     """
 
     record: RunRecord
@@ -269,20 +271,20 @@ class DrivenPath:
 
     @property
     def last_step(self) -> int:
-        """The last step that was driven."""
+        """The last driven step."""
         return self.first_step + len(self.positions) - 1
 
     def index_at(self, step: int) -> int:
-        """Index for a time step, clamped to what was driven: the ego stays where its run ended."""
+        """Return the index for a time step, clamped to the driven steps, so the ego stays where its run ended."""
         return int(np.clip(step - self.first_step, 0, len(self.positions) - 1))
 
     def position_at(self, step: int) -> Points:
-        """Where the ego is at a time step, shape (2,)."""
+        """Return the ego's position at a time step, shape (2,)."""
         position: Points = self.positions[self.index_at(step)]
         return position
 
     def corners_at(self, step: int) -> Points:
-        """Corners of the ego at a time step, shape (4, 2)."""
+        """Return the ego's corners at a time step, shape (4, 2)."""
         size = (self.record.ego_length_m, self.record.ego_width_m)
         return oriented_rectangle(self.position_at(step), float(self.headings_rad[self.index_at(step)]), size)
 
@@ -293,7 +295,7 @@ class DrivenPath:
 
 
 def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPath | None:
-    """The path of a run, by default with its configuration's name; None where it has no steps."""
+    """Return the path of a run, by default with its configuration's name; None if it has no steps."""
     steps = read_steps(source)
     if steps is None or not steps.x_m:
         return None
@@ -310,16 +312,16 @@ def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPat
 
 
 def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
-    """Names of configurations by id, without the planner where all runs are of one."""
+    """Return names of configurations by id, without the planner if all runs have the same one."""
     one_planner = len({run.planner for run in runs}) == 1
     return {run.config_id: run.config_name.removeprefix(f"{run.planner}:" if one_planner else "") for run in runs}
 
 
 @dataclass(frozen=True)
 class ScenarioView:
-    """One scenario to draw: its content, the runs over it and the step that is shown.
+    """One scenario to draw: its content, the runs over it and the shown step.
 
-    ``focus_id``: the road user in the middle, which is there at the step; None: the ego.
+    ``focus_id``: the road user in the middle, which is present at the step; None means the ego.
     """
 
     content: ScenarioContent
@@ -329,27 +331,29 @@ class ScenarioView:
 
     @property
     def time_s(self) -> float:
-        """The moment in seconds."""
+        """The shown time in seconds."""
         return self.step * self.content.step_s
 
     def ego_colour(self, number: int) -> str:
-        """Colour of the ego of the n-th run: its path's where several are to be told apart."""
+        """Return the colour of the ego of the n-th run, which is its path's if there are several."""
         return EGO_COLOUR if len(self.paths) == 1 else series_style(self.paths[number].series)[0]
 
     @property
     def ego_name(self) -> str:
-        """What the ego is called: ``ego``, with its class where that is no car."""
+        """The name of the ego: ``ego``, with its class if that is not a car."""
         driven = {path.record.ego_class for path in self.paths} or {self.content.ego_class}
         return "ego" if driven == {"car"} or len(driven) > 1 else f"ego ({driven.pop()})"
 
     @property
     def ego_size_m(self) -> tuple[float, float]:
-        """Length and width of the ego, of the first run where it drove."""
+        """Length and width of the ego, from the first run if there is one."""
         records = [path.record for path in self.paths[:1]]
         return (records[0].ego_length_m, records[0].ego_width_m) if records else self.content.ego_size_m
 
     def focus(self) -> Points:
-        """The point of interest: the chosen road user, else the first run's ego or its start, else the map's middle."""
+        """Return the point of interest: the chosen road user, otherwise the first run's ego or start, otherwise the
+        map's middle.
+        """
         if self.focus_id is not None:
             return self.content.places_at(self.step)[self.focus_id]
         if self.paths:
@@ -361,17 +365,17 @@ class ScenarioView:
 
 
 MARGIN_M = 14.0
-"""Around what a picture shows (chosen): about three car lengths."""
+"""Margin around the content of a picture: about three car lengths (chosen)."""
 _SMALLEST_SPAN_M, _LARGEST_SPAN_M = 80.0, 260.0
-"""Between these a car is large enough to be recognised and its surroundings are in view (chosen)."""
+"""Between these, a car is recognisable and its surroundings are in view (chosen)."""
 _FLATTEST_RATIO, _STEEPEST_RATIO = 3.0, 1.1
-"""Bounds of width by height (chosen): pictures keep a usable shape."""
+"""Bounds of width by height, which keep pictures in a usable shape (chosen)."""
 _GOAL_SHOWN_M = 30.0
-"""Of a goal, this much beyond its point that is nearest to the ego or its path (chosen)."""
+"""Length of a goal shown beyond its point nearest to the ego or its path (chosen)."""
 _NEIGHBOURS_M = 35.0
-"""Vehicles around the ego that are in view (chosen)."""
+"""Radius around the ego within which vehicles are in view (chosen)."""
 _LOOK_AHEAD_S = 2.5
-"""Without a run the ego's way over this time at its first speed is in view (chosen)."""
+"""Without a run, the ego's path over this time at its initial speed is in view (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -400,9 +404,10 @@ class Viewport:
 
     @classmethod
     def of(cls, content: ScenarioContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> "Viewport":
-        """The part that matters: ego, neighbours, driven paths, the near end of the goal; else the traffic or the map.
+        """Return the relevant part: ego, neighbours, driven paths and near end of the goal; otherwise the traffic or
+        the map.
 
-        At least 80 m wide, at most 260 m in each direction, no flatter than 3 to 1: pictures keep a usable shape.
+        It is at least 80 m wide, at most 260 m in each direction, and no flatter than 3 to 1.
         """
         points = _points_of_interest(content, paths, step)
         center = _anchor(content, paths, step, points)
@@ -414,27 +419,27 @@ class Viewport:
 
     @classmethod
     def near(cls, point: Points) -> "Viewport":
-        """The surroundings of a point (2,), as large as the smallest picture is wide."""
+        """Return the surroundings of a point (2,), with the width of the smallest picture."""
         return cls.around(point, _SMALLEST_SPAN_M, _SMALLEST_SPAN_M / _STEEPEST_RATIO)
 
     @classmethod
     def around(cls, middle: Points, width_m: float, height_m: float) -> "Viewport":
-        """The rectangle of a size around a point (2,)."""
+        """Return the rectangle of a size around a point (2,)."""
         x, y = middle
         return cls(x - width_m / 2, y - height_m / 2, x + width_m / 2, y + height_m / 2)
 
     def fitted(self, ratio: float) -> "Viewport":
-        """Widened to the shape of the axes (width by height), so that both scales are the same."""
+        """Return the viewport widened to the shape of the axes (width by height), so that both scales are equal."""
         wider, higher = max(self.width_m, self.height_m * ratio), max(self.height_m, self.width_m / ratio)
         return Viewport.around(self.middle, wider, higher)
 
     def joined(self, other: "Viewport") -> "Viewport":
-        """The smallest viewport that holds both: for pictures that are compared."""
+        """Return the smallest viewport that contains both, for pictures that are compared."""
         low = min(self.x_min, other.x_min), min(self.y_min, other.y_min)
         return Viewport(*low, max(self.x_max, other.x_max), max(self.y_max, other.y_max))
 
     def contains(self, points: Points) -> bool:
-        """Whether any of the points (n, 2) lies inside."""
+        """Return True if any of the points (n, 2) is inside."""
         x, y = points[:, 0], points[:, 1]
         inside = (self.x_min <= x) & (x <= self.x_max) & (self.y_min <= y) & (y <= self.y_max)
         return bool(inside.any())
@@ -471,7 +476,7 @@ def _anchor(content: ScenarioContent, paths: Sequence[DrivenPath], step: int | N
 
 
 def _limited(low: Points, high: Points, center: Points) -> tuple[Points, Points]:
-    """Cut an extent that is too large, keeping the centre of interest inside."""
+    """Limit an extent that is too large, with the centre of interest inside."""
     for axis in (0, 1):
         if high[axis] - low[axis] > _LARGEST_SPAN_M:
             start = np.clip(center[axis] - _LARGEST_SPAN_M / 2, low[axis], high[axis] - _LARGEST_SPAN_M)

@@ -1,4 +1,6 @@
-"""Charts of single runs over time: speeds of several, the cost terms of one, the timeline of one with its moments."""
+"""Charts of single runs over time: speeds of several runs, the cost terms of one, the timeline of one with
+its moments.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,14 +23,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_PROFILES = 6
-"""Runs of a profile: as many as there are line styles."""
+"""Most runs of a profile: the number of line styles."""
 
 
 def profile(runs: RunSet) -> Drawing:
-    """Speed and acceleration over time since the start, one line a run (at most six), its end marked by outcome.
+    """Draw speed and acceleration over time since the start, one line per run (at most six), with its end marked by
+    outcome.
 
     Raises:
-        NotPossible: no run has recorded steps.
+        NotPossible: No run has recorded steps.
     """
     driven = [(record, runs.steps[record.run_id]) for record in runs.records if record.run_id in runs.steps]
     driven = [(record, steps) for record, steps in driven if steps.speed_mps]
@@ -71,22 +74,22 @@ def profile(runs: RunSet) -> Drawing:
     write_title(
         figure,
         f"Speed and acceleration on {scenarios[0] if len(scenarios) == 1 else f'{len(scenarios)} scenarios'}",
-        "the ego; a disc ends a run that reached its goal, a cross one that did not",
+        "the ego's motion; a disc marks a run that reached its goal, a cross one that did not",
     )
     more = len(driven) - len(shown)
-    notes = (f"{more} more runs are not drawn",) if more else ()
+    notes = (f"{more} more runs are not shown",) if more else ()
     return Drawing(figure, f"Speed and acceleration of the ego. {'; '.join(texts)}.", notes)
 
 
 _MOST_TERMS = 6
-"""Terms of a run that are drawn by themselves (chosen): as many as there are colours; the rest is one."""
+"""Terms of a run with their own band, one per colour; the rest share one (chosen)."""
 
 
 def terms(runs: RunSet) -> Drawing:
-    """The weighted cost terms of one run over time: their sums above, their shares below; its moments marked.
+    """Draw the weighted cost terms of one run over time: their sums above, their shares below, with marked moments.
 
     Raises:
-        NotPossible: no run has recorded cost terms.
+        NotPossible: No run has recorded cost terms.
     """
     candidates = [record for record in _failures_first(runs) if record.run_id in runs.steps]
     priced = [record for record in candidates if runs.steps[record.run_id].costs]
@@ -97,7 +100,10 @@ def terms(runs: RunSet) -> Drawing:
     names, values = _stacked(steps)
     planned = (np.array(steps.plan_steps[: values.shape[1]]) - steps.first_step) * record.step_s
     end_s = max(float(planned[-1]), _end_s(record, steps), record.step_s)
-    times, values = np.append(planned, end_s), np.column_stack([values, values[:, -1]])  # a plan holds until the next
+    times, values = (
+        np.append(planned, end_s),
+        np.column_stack([values, values[:, -1]]),
+    )  # a plan applies until the next one
     marks = _marks(record, _review_of(runs, record))
     legend_px = 24 * (-(-len(names) // 3)) + 10
     height = 78 + 2 * 240 + 24 + 62 + 22 * len(marks) + legend_px
@@ -127,16 +133,20 @@ def terms(runs: RunSet) -> Drawing:
     write_title(
         figure,
         f"Cost terms over time: {shortened(record.config_name, 30)} on {record.scenario_id}",
-        f"of the chosen candidate at each planning step, raw cost × weight; {record.run_id}",
+        f"chosen candidate of each planning step, raw cost × weight; {record.run_id}",
     )
     mean = {name: float(row[:-1].mean()) for name, row in zip(names, parts, strict=True)}
-    told = ", ".join(f"{name} {value:.0f} %" for name, value in sorted(mean.items(), key=lambda one: -one[1])[:4])
-    text = f"Cost terms of {record.run_id} over {times[-1]:.1f} s: mean shares {told}. Marked: {_told(marks)}."
+    shares = ", ".join(f"{name} {value:.0f} %" for name, value in sorted(mean.items(), key=lambda one: -one[1])[:4])
+    text = (
+        f"Cost terms of {record.run_id} over {times[-1]:.1f} s: mean shares {shares}. Marked: {_describe_marks(marks)}."
+    )
     return Drawing(figure, text, _others_left_out(len(priced)))
 
 
 def _stacked(steps: RunSteps) -> tuple[list[str], Values]:
-    """Terms by mean, the largest first, the small ones together; their values, shape (terms, planning steps)."""
+    """Return the terms by mean, largest first and small ones combined, and their values, shape (terms,
+    planning steps).
+    """
     count = min([len(steps.plan_steps), *(len(values) for values in steps.costs.values())])
     series = {name: np.maximum(np.array(values[:count]), 0.0) for name, values in steps.costs.items()}
     order = sorted((name for name in series if series[name].any()), key=lambda name: (-series[name].mean(), name))
@@ -158,12 +168,12 @@ def _term_hatch(number: int) -> str:
 
 
 def timeline(runs: RunSet) -> Drawing:
-    """Draw a run over time: speed, accelerations, gap, time to collision, and with series its place on the route.
+    """Draw a run over time: speed, accelerations, gap, time to collision, and its position on the route if recorded.
 
     Its decisive moments are marked. If there are several runs, the first that failed is drawn.
 
     Raises:
-        NotPossible: no run has recorded steps.
+        NotPossible: No run has recorded steps.
     """
     courses = ((record, course) for record in _failures_first(runs) if (course := course_of(runs, record)) is not None)
     record, course = next(courses, (None, None))
@@ -209,18 +219,18 @@ def timeline(runs: RunSet) -> Drawing:
         f"Timeline: {shortened(record.config_name, 30)} on {record.scenario_id}",
         shortened(f"{record.run_id}: {end}", 145),
     )
-    text = f"Timeline of {record.run_id} over {course.time_s[-1]:.1f} s: {end}. Marked: {_told(marks)}."
+    text = f"Timeline of {record.run_id} over {course.time_s[-1]:.1f} s: {end}. Marked: {_describe_marks(marks)}."
     return Drawing(figure, text, _others_left_out(sum(record.run_id in runs.steps for record in runs.records)))
 
 
 _MARGIN = 1.01
-"""The axis of time by the time that is drawn: a mark at the end is whole."""
+"""Factor between the time axis and the drawn time, so that a mark at the end is fully visible."""
 _SHOWN_GAP_M, _SHOWN_TTC_S = 20.0, 6.0
-"""Upper ends of the axes of nearness (chosen): what is farther away decides nothing."""
+"""Upper ends of the gap and time-to-collision axes; larger values decide nothing (chosen)."""
 
 
 def _draw_nearness(axes: "Axes", course: Course, styles: Sequence[tuple[str, object]]) -> None:
-    """The gap to the nearest other on the left axis, the time to collision with any on the right one."""
+    """Draw the gap to the nearest other on the left axis, and the time to collision with any other on the right one."""
     (gap_colour, _), (time_colour, time_dashes) = styles
     axes.plot(course.time_s, course.gap_m, color=gap_colour, linewidth=2.2)
     axes.set_ylim(0, _SHOWN_GAP_M)
@@ -241,7 +251,7 @@ def _draw_nearness(axes: "Axes", course: Course, styles: Sequence[tuple[str, obj
 def _draw_desired_speed(
     axes: "Axes", steps: RunSteps, series: RunSeries, step_s: float, style: tuple[str, object]
 ) -> None:
-    """The speed that the built-in planners would aim at, which holds from one planning step to the next."""
+    """Draw the speed that the built-in planners would aim at, which applies until the next planning step."""
     count = min(len(steps.plan_steps), len(series.desired_speed_mps))
     times = (np.array(steps.plan_steps[:count]) - steps.first_step) * step_s
     axes.step(
@@ -252,7 +262,7 @@ def _draw_desired_speed(
 
 
 def _draw_place(axes: "Axes", course: Course, series: RunSeries, styles: Sequence[tuple[str, object]]) -> None:
-    """The offset from the reference path on the left axis; heading error and steering on the right one."""
+    """Draw the offset from the reference path on the left axis, and heading error and steering on the right one."""
     (offset_colour, _), (angle_colour, dashes) = styles
     axes.plot(course.time_s, series.lateral_offset_m, color=offset_colour, linewidth=2.2)
     axes.axhline(0, color="#9A9A9A", linewidth=0.9)
@@ -269,7 +279,7 @@ def _draw_place(axes: "Axes", course: Course, series: RunSeries, styles: Sequenc
 
 @dataclass(frozen=True)
 class _Mark:
-    """A moment of a run, and what happened then; ``decisive``: the one that ended it."""
+    """A moment of a run and its description; ``decisive``: True if it ended the run."""
 
     time_s: float
     words: str
@@ -282,7 +292,7 @@ def _review_of(runs: RunSet, record: RunRecord) -> RunReview:
 
 
 def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
-    """The moments of a run in order of time; those of one time in order of weight."""
+    """Return the moments of a run in order of time, and by weight at equal times."""
     marks = list(_contact_marks(review.contact)) if review.contact is not None else []
     if review.contact is None:
         near, urgent = review.closest, review.most_urgent
@@ -305,22 +315,22 @@ def _marks(record: RunRecord, review: RunReview) -> list[_Mark]:
 def _contact_marks(contact: Contact) -> Iterable[_Mark]:
     yield _Mark(contact.time_s, contact.in_words().partition(";")[0], decisive=True)
     if contact.came_in_s is not None:
-        yield _Mark(contact.came_in_s, f"{contact.obstacle_class} {contact.obstacle_id} and ego come into one way")
+        yield _Mark(contact.came_in_s, f"{contact.obstacle_class} {contact.obstacle_id} and the ego enter one path")
     if contact.braked_since_s is not None:
-        yield _Mark(contact.braked_since_s, "from here on the ego brakes")
+        yield _Mark(contact.braked_since_s, "the ego starts to brake")
     if contact.ego_stood_since_s is not None:
-        yield _Mark(contact.ego_stood_since_s, "from here on the ego stands")
+        yield _Mark(contact.ego_stood_since_s, "the ego has stopped")
     prevention = contact.prevention
     if prevention is not None and prevention.by_braking_until_s is not None:
-        yield _Mark(prevention.by_braking_until_s, "until here full braking prevents the collision")
+        yield _Mark(prevention.by_braking_until_s, "last moment at which full braking prevents the collision")
 
 
 _CLOSE_SHARE = 0.018
-"""Of the axis: numbers that are nearer to each other would overlap."""
+"""Share of the axis below which two numbers would overlap."""
 
 
 def _draw_marks(figure: "Figure", panels: Sequence["Axes"], marks: Sequence[_Mark], *, first_px: int) -> None:
-    """A line through all panels for each moment with its number above; what the numbers mean stands at the bottom."""
+    """Draw a numbered line through all panels for each moment; the bottom of the figure explains the numbers."""
     height = figure.get_figheight() * figure.dpi
     low, high = panels[0].get_xlim()
     last, level = -np.inf, 0
@@ -342,7 +352,7 @@ def _draw_marks(figure: "Figure", panels: Sequence["Axes"], marks: Sequence[_Mar
         figure.text(0.08, bottom / height, words, fontsize=SMALL_PT + 0.5, fontweight=weight, va="bottom")
 
 
-def _told(marks: Sequence[_Mark]) -> str:
+def _describe_marks(marks: Sequence[_Mark]) -> str:
     return "; ".join(f"{mark.time_s:.1f} s {mark.words}" for mark in marks) or "nothing"
 
 
@@ -351,7 +361,7 @@ def _failures_first(runs: RunSet) -> list[RunRecord]:
 
 
 def _others_left_out(count: int) -> tuple[str, ...]:
-    return (f"one run is drawn, the first that failed, of {count}: name its id for another",) if count > 1 else ()
+    return (f"shows one of {count} runs, the first that failed; give an id to see another",) if count > 1 else ()
 
 
 def _end_s(record: RunRecord, steps: RunSteps) -> float:

@@ -1,4 +1,4 @@
-"""The distribution of every metric by configuration; of two configurations the pairs too."""
+"""Draws the distribution of every metric by configuration, and the pairs of two configurations."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 _COLUMNS, _MOST_CONFIGS, _ROW_PX, _HEAD_PX = 2, 4, 34, 82
 """Chosen for the sizes of text."""
 _FAR = 5.0
-"""A value beyond the middle 80 % by more than so many times their range (chosen) is drawn at the edge."""
+"""Values farther beyond the middle 80 % than this multiple of their range are drawn at the edge (chosen)."""
 _BETTER, _WORSE = series_style(2)[0], series_style(1)[0]
 _Pair = tuple[float, float]
 
 
 def distributions(runs: RunSet) -> Drawing:
-    """A panel for each metric: every run a dot, the middle half a box, the median a line; pairs joined.
+    """Draw a panel per metric: each run a dot, the middle half a box, the median a line, and pairs joined.
 
     Raises:
-        NotPossible: no valid run has a metric.
+        NotPossible: No valid run has a metric.
     """
     groups = dict(list(runs.by_config(runs.valid).items())[:_MOST_CONFIGS])
     names = short_names(runs.records)
@@ -53,11 +53,11 @@ def distributions(runs: RunSet) -> Drawing:
     paired = len(groups) == 2
     if len(groups) > 1:
         _legend(figure, [names[config] for config in groups], paired=paired)
-    joined = "; lines join the runs of one problem" if paired else ""
-    told = "dots are runs, boxes their middle half, bars their medians; ↑ more is better, ↓ less"
-    write_title(figure, "Metrics of the runs", f"{told}{joined}")
+    joined = "; lines join runs of the same problem" if paired else ""
+    explanation = "dots: runs, boxes: middle half, bars: medians; ↑ more is better, ↓ less"
+    write_title(figure, "Metrics of the runs", f"{explanation}{joined}")
     more = len(runs.by_config(runs.valid)) - len(groups)
-    notes = (f"{more} more configurations are not drawn",) if more else ()
+    notes = (f"{more} more configurations are not shown",) if more else ()
     return Drawing(figure, f"Distributions: {'; '.join(texts)}.", notes)
 
 
@@ -67,7 +67,7 @@ def _values(spec: MetricSpec, records: Sequence[RunRecord]) -> Values:
 
 
 def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecord]], names: dict[str, str]) -> str:
-    """Draw one metric; what was drawn in words."""
+    """Draw one metric and return its description."""
     from matplotlib.ticker import MaxNLocator
 
     samples = [_values(spec, records) for records in groups.values()]
@@ -98,7 +98,7 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
     unit = "" if spec.unit == "1" else f" [{spec.unit}]"
     better = "" if spec.better is None else " ↑" if spec.better == "higher" else " ↓"
     basis = "" if spec.basis == "valid" else " · goal reached"
-    far = f" · {beyond} beyond, at the edge" if beyond else ""
+    far = f" · {beyond} outliers at the edge" if beyond else ""
     words = metric_words(spec.name).partition(" (")[0]
     axes.set_title(f"{words}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
     medians = [
@@ -109,7 +109,7 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
 
 
 def _shown_range(values: Values) -> tuple[float, float]:
-    """From the least to the largest value that is not far out; of one value a range around it."""
+    """Return the range of the values without outliers; a range around the value if all are equal."""
     first, last = np.percentile(values, [10, 90])
     reach = _FAR * (last - first) or np.inf
     inside = values[(values >= first - reach) & (values <= last + reach)]
@@ -128,7 +128,7 @@ def _draw_sample(axes: "Axes", row: int, values: Values, colour: str) -> None:
 
 
 def _spread(count: int) -> Values:
-    """Offsets across the row that keep neighbours apart: the fractional parts of multiples of the golden ratio."""
+    """Return offsets across the row that separate neighbours: the fractional parts of multiples of the golden ratio."""
     golden = (np.sqrt(5) - 1) / 2
     offsets: Values = 0.44 * ((np.arange(count) * golden) % 1.0 - 0.5)
     return offsets
@@ -142,7 +142,7 @@ def _draw_pairs(
     *,
     span: tuple[float, float],
 ) -> None:
-    """A line for each problem that both have, green where the second configuration is better."""
+    """Draw a line for each common problem, green if the second configuration is better."""
     for first, second in _pairs(spec, before, after):
         moved = spec.difference(first, second)
         if moved == 0 or spec.better is None:
@@ -167,7 +167,7 @@ def _pairs(spec: MetricSpec, before: Sequence[RunRecord], after: Sequence[RunRec
 
 
 def _legend(figure: "Figure", names: Sequence[str], *, paired: bool) -> None:
-    """The configurations with their full names; of two, what the colours of the joining lines mean."""
+    """Draw the legend of the configurations with full names and, for two, of the joining lines' colours."""
     from matplotlib.lines import Line2D
 
     handles = [

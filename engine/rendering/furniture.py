@@ -1,4 +1,4 @@
-"""What stands around a drawing: its title, and a legend of what it shows."""
+"""Draws the surroundings of a drawing: its title, and a legend of its content."""
 
 import math
 from collections.abc import Sequence
@@ -15,26 +15,26 @@ Handle = TypeVar("Handle")
 
 
 def write_title(figure: "Figure", title: str, subtitle: str, *, x: float = 0.012, top_px: float = 10) -> None:
-    """Title and subtitle at the top left, in pixels from the top edge."""
+    """Write title and subtitle at the top left, in pixels from the top edge."""
     height = figure.get_figheight() * figure.dpi
     figure.text(x, 1 - top_px / height, title, fontsize=TITLE_PT, fontweight="bold", va="top")
     figure.text(x, 1 - (top_px + 26) / height, subtitle, fontsize=TEXT_PT, color=MUTED, va="top")
 
 
 def write_legend(figure: "Figure", x: float, columns: int, **style: Any) -> None:
-    """A legend at the bottom of the figure, from ``x`` (share of the width) on."""
+    """Draw a legend at the bottom of the figure, starting at ``x`` (share of the width)."""
     corner, size = (x, 0), SMALL_PT + 0.5
     figure.legend(loc="lower left", ncols=columns, frameon=False, bbox_to_anchor=corner, fontsize=size, **style)
 
 
 def shortened(text: str, length: int) -> str:
-    """The text cut to a length, with an ellipsis where something is missing."""
+    """Return the text cut to a length, with an ellipsis if something is missing."""
     return text if len(text) <= length else text[: length - 1] + "…"
 
 
 @dataclass(frozen=True)
 class Inventory:
-    """What a picture shows; everything named here gets an entry in the legend; ``runs``: label and series."""
+    """The content of a picture; each entry here gets an entry in the legend; ``runs``: label and series."""
 
     kinds: tuple[str, ...]
     signals: tuple[str, ...]
@@ -49,7 +49,7 @@ class Inventory:
     def of(
         cls, views: Sequence[ScenarioView], viewports: Sequence[Viewport], steps: Sequence[int] | None = None
     ) -> "Inventory":
-        """What these views show at their own step, or at any of ``steps``."""
+        """Return the content of these views at their own step, or at any of ``steps``."""
         kinds, signals = set(), set()
         runs: dict[int, str] = {}
         stop_lines = collision = False
@@ -77,12 +77,12 @@ class Inventory:
 
     @property
     def columns(self) -> int:
-        """Entries beside each other; runs have long names."""
+        """Legend entries per row; runs have long names."""
         return 4 if self.runs else 7
 
     @property
     def rows(self) -> int:
-        """Lines of the legend."""
+        """Rows of the legend."""
         flags = (self.has_ego, self.has_goal, self.has_stop_lines, self.has_collision)
         entries = len(self.kinds) + len(self.signals) + len(self.runs) + sum(flags)
         return max(math.ceil(entries / self.columns), 1)
@@ -93,7 +93,7 @@ _LIGHT_WORDS = {"redYellow": "red and yellow", "inactive": "off"}
 
 
 def draw_legend(figure: "Figure", shown: Inventory) -> None:
-    """One legend at the bottom of the figure, naming only what is there."""
+    """Draw one legend at the bottom of the figure with only what is present."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -134,7 +134,7 @@ def draw_legend(figure: "Figure", shown: Inventory) -> None:
 
 
 def _by_rows(handles: list[Handle], columns: int) -> list[Handle]:
-    """Matplotlib fills a legend column by column; this order makes it read row by row."""
+    """Reorder legend entries so that they read row by row, since matplotlib fills columns."""
     rows = math.ceil(len(handles) / columns)
     if rows == 1:
         return handles

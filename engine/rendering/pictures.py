@@ -1,4 +1,4 @@
-"""One operation for all pictures: chooses the kind, reads the files, draws, writes.
+"""One operation for all pictures: selects the kind, reads the files, draws, and writes.
 
 Kinds are ``picture`` and ``animation``, which show scenarios from above, and the charts of ``CHARTS``.
 """
@@ -20,15 +20,16 @@ from .search_charts import study_chart
 from .top_view import draw_picture
 
 _MOST_SCENARIOS, _MOST_PATHS = 2, 4
-"""Scenarios side by side, and runs over one of them (chosen): more could not be told apart."""
+"""Most scenarios side by side, and most runs over one of them, since more would be indistinguishable (chosen)."""
 
 
 def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
-    """Draw what is asked for into ``request.folder``; ``auto``: outcomes for runs on several scenarios, else a picture.
+    """Draw the request into ``request.folder``; ``auto`` means outcomes for runs on several scenarios, otherwise a
+    picture.
 
     Raises:
-        NotPossible: the kind needs runs, steps or a second configuration that are not there.
-        InvalidRequest: a moment outside the scenario, or a moment or road user for a kind that shows none.
+        NotPossible: The kind needs runs, steps or a second configuration that are missing.
+        InvalidRequest: The time is outside the scenario, or the kind shows no time or road user.
     """
     kind = request.kind
     if kind == "auto" and request.study is not None:
@@ -42,7 +43,7 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
         views, notes = _views(request, most=1)
         moment = _decisive_moment(request, views[0])
         if request.time_s is not None:
-            moment = Moment(views[0].step, "the time asked for")
+            moment = Moment(views[0].step, "the requested time")
         images = animate(views[0], Path(request.folder), report, moment)
     else:
         path = Path(request.folder) / f"{kind}.png"
@@ -56,8 +57,8 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios, request.lineage))
         else:
             raise NotPossible(
-                f"kind {kind} draws runs, and no run was named",
-                next_step="name run or batch ids in ids",
+                f"kind {kind} draws runs, but no run was given",
+                next_step="pass run or batch ids in ids",
                 remedies=[with_values(kind=None)],
             )
         images = (image_at(path, write_png(drawing.figure, path), drawing.alt_text),)
@@ -67,14 +68,14 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
 
 
 _LOOKS: dict[str, tuple[PictureKind, ...]] = {"time_s": ("picture", "animation"), "focus": ("picture",)}
-"""The kinds that show a moment, and those that show the surroundings of a road user."""
+"""The kinds that show a time, and those that show the surroundings of a road user."""
 
 
 def _check_look(request: RenderRequest, kind: PictureKind) -> None:
-    """Refuse a moment or a road user that the kind would not show.
+    """Refuse a time or a road user that the kind would not show.
 
     Raises:
-        InvalidRequest: it names what does not belong to the kind.
+        InvalidRequest: An argument does not belong to the kind.
     """
     given = {"time_s": request.time_s, "focus": request.focus}
     foreign = [name for name, kinds in _LOOKS.items() if given[name] is not None and kind not in kinds]
@@ -91,19 +92,19 @@ def _check_look(request: RenderRequest, kind: PictureKind) -> None:
 def _search(request: RenderRequest) -> Drawing:
     if request.study is None:
         raise NotPossible(
-            "kind search draws a study, and none was named",
-            next_step="name a study id in ids",
+            "kind search draws a study, but no study was given",
+            next_step="pass a study id in ids",
             remedies=[with_values(kind=None)],
         )
     return study_chart(request.study)
 
 
 _DECIDING_GAP_M = 5.0
-"""A closest encounter that is farther away than this decides nothing (chosen)."""
+"""Largest gap of a closest encounter that can be decisive (chosen)."""
 
 
 def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | None:
-    """The first collision of the runs that are drawn; of a single run without one its closest encounter, where near."""
+    """Return the first collision of the drawn runs, or a single run's closest encounter if it is near."""
     hits = [(path, path.record.collision) for path in view.paths]
     collisions = sorted((hit.step, path.name, hit) for path, hit in hits if hit is not None)
     if collisions:
@@ -122,12 +123,12 @@ def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | Non
 
 
 def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], list[str]]:
-    """The scenarios to draw with the runs over them, and notes on what is not drawn."""
+    """Return the scenarios to draw with the runs over them, and notes on what is left out."""
     notes = []
     if not request.scenarios:
-        raise NotPossible("there is no scenario to draw", next_step="name a scenario, or a run on one")
+        raise NotPossible("there is no scenario to draw", next_step="pass a scenario, or a run on one")
     if len(request.scenarios) > most:
-        notes.append(f"{len(request.scenarios) - most} more scenarios are not drawn")
+        notes.append(f"{len(request.scenarios) - most} more scenarios are not shown")
     configs = list(dict.fromkeys((run.record.config_id, run.record.prediction) for run in request.runs))
     names = short_names([run.record for run in request.runs])
     views = []
@@ -137,12 +138,12 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], li
         numbered = [(run, configs.index((run.record.config_id, run.record.prediction))) for run in mine]
         paths = [path for run, at in numbered if (path := driven_path(run, names[run.record.config_id], at))]
         if len(paths) > _MOST_PATHS:
-            notes.append(f"{len(paths) - _MOST_PATHS} more runs on {source.scenario_id} are not drawn")
+            notes.append(f"{len(paths) - _MOST_PATHS} more runs on {source.scenario_id} are not shown")
         if len(paths) == 1:
             content = replace(content, tracks=content.tracks | paths[0].others)
         elif any(path.others for path in paths):
             notes.append(
-                f"the others are drawn on {source.scenario_id} as recorded: they moved differently in each run"
+                f"the others on {source.scenario_id} are shown as recorded, since they moved differently in each run"
             )
         shown = tuple(paths[:_MOST_PATHS])
         step = _step(content, shown, request.time_s)
@@ -151,10 +152,10 @@ def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], li
 
 
 def _focus(content: ScenarioContent, step: int, focus_id: int | None) -> int | None:
-    """Return the road user to look at, if it is there at the step.
+    """Return the road user to focus on, if it is present at the step.
 
     Raises:
-        UnknownName: it is not.
+        UnknownName: There is no such road user.
     """
     if focus_id is None:
         return None
@@ -164,7 +165,7 @@ def _focus(content: ScenarioContent, step: int, focus_id: int | None) -> int | N
     track = content.tracks.get(focus_id)
     if track is None:
         raise UnknownName(
-            f"{content.scenario_id} holds no road user {focus_id}",
+            f"{content.scenario_id} has no road user {focus_id}",
             valid=[str(key) for key in there],
             next_step="choose one of these, or leave focus out to see the ego",
             remedies=[with_values(focus=key) for key in list(there)[:1]],
@@ -173,13 +174,13 @@ def _focus(content: ScenarioContent, step: int, focus_id: int | None) -> int | N
     raise InvalidRequest(
         f"{track.kind} {focus_id} is in {content.scenario_id} from {first_s:.1f} to {last_s:.1f} s",
         valid=[f"time_s={first_s:.1f}", f"time_s={last_s:.1f}"],
-        next_step="choose a time_s at which it is there",
+        next_step="choose a time_s at which it is present",
         remedies=[with_values(time_s=round(first_s, 3))],
     )
 
 
 def _step(content: ScenarioContent, paths: tuple[DrivenPath, ...], time_s: float | None) -> int:
-    """The step that is shown: that of the time asked for, else the first end of a run, else the start."""
+    """Return the shown step: the requested time, otherwise the first end of a run, otherwise the start."""
     last = max([content.last_step, *(path.last_step for path in paths)])
     if time_s is None:
         return min((path.last_step for path in paths), default=content.ego_step)

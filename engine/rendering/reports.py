@@ -1,6 +1,6 @@
-"""The report: one HTML file with everything in it, readable on a phone, printable, without scripts.
+"""The report: one self-contained HTML file, readable on a phone, printable, without scripts.
 
-Its sections are made from what was stored and computed, one function a kind of thing, words and figures only.
+Its sections come from stored and computed results, with one function per kind of artifact, as text and figures only.
 """
 
 import base64
@@ -35,12 +35,12 @@ _MEDIA_TYPES = {b"\x89PNG\r\n\x1a\n": "image/png", b"GIF89a": "image/gif", b"GIF
 
 
 def scenario_section(record: ScenarioRecord, recipe: Recipe, images: Sequence[ReportImage]) -> ReportSection:
-    """What a scenario shows, and how it was made."""
+    """Return a section on a scenario's content and origin."""
     facts = record.facts
     return ReportSection(
         title=f"{_ORIGINS[record.origin]}: {facts.scenario_id}",
-        asked=_asked(recipe),
-        text=(_in_words(facts),),
+        asked=_describe_request(recipe),
+        text=(_describe_facts(facts),),
         tables=(ReportTable(columns=("fact", "value"), rows=tuple(_fact_rows(facts))),),
         images=tuple(images),
     )
@@ -55,11 +55,11 @@ _BEHAVIOUR = {
 def overview_section(
     batch: BatchRecord, names: Mapping[str, str], result: AnalyzeResultsResult, comparison: CompareResultsResult | None
 ) -> ReportSection:
-    """What was tested, what came out, whose fault it was and what is next, for readers who did not make the runs.
+    """Return a summary of tests, results, causes and the next step, for readers who did not run the tests.
 
     Args:
-        names: of the configurations, by id.
-        result: the analysis of the whole batch with a breakdown by configuration.
+        names: The names of the configurations, by id.
+        result: The analysis of the whole batch, with a breakdown by configuration.
     """
     count = len(batch.scenarios)
     configurations = f"{len(names)} configuration{'' if len(names) == 1 else 's'} ({'; '.join(names.values())})"
@@ -69,10 +69,10 @@ def overview_section(
     )
     rows = [
         ("What was tested", tested),
-        ("What came out", f"{_came_out(result)}{_failed(result)}.{_by_any_motion(result)}"),
-        *_of_configurations(result),
+        ("Results", f"{_describe_success(result)}{_describe_failures(result)}.{_by_any_motion(result)}"),
+        *_configuration_rows(result),
         *((f"{one.after} against {one.before}", _verdict(one).partition(". ")[0]) for one in _compared(comparison)),
-        ("What is next", f"{_next(result, names)}."),
+        ("Next step", f"{_describe_next_step(result, names)}."),
     ]
     tables = [ReportTable(columns=("question", "answer"), rows=tuple(rows))]
     return ReportSection(
@@ -80,17 +80,17 @@ def overview_section(
     )
 
 
-def _of_configurations(result: AnalyzeResultsResult) -> Iterable[tuple[str, str]]:
-    """Yield what is said of the runs of one configuration; of several, each by itself."""
+def _configuration_rows(result: AnalyzeResultsResult) -> Iterable[tuple[str, str]]:
+    """Yield the statements on one configuration's runs, or on each of several configurations separately."""
     for own in [result] if result.success is not None else result.groups:
         of = f", {own.name}" if isinstance(own, Group) else ""
         if own.trivial is not None:
-            yield f"Goals that asked for no driving{of}", own.trivial.in_words()
+            yield f"Goals reached without driving{of}", own.trivial.in_words()
         if own.beyond_vehicle is not None:
             yield f"Motions beyond the vehicle's limits{of}", own.beyond_vehicle.in_words()
-        yield f"Who caused the collisions{of}", _whose_fault(own.causes)
+        yield f"Who caused the collisions{of}", _describe_causes(own.causes)
         if own.causes is not None and own.causes.laid_to:
-            yield f"What the collisions are attributed to{of}", _laid_to(own.causes)
+            yield f"Attributed causes of the collisions{of}", _describe_attribution(own.causes)
 
 
 def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]:
@@ -98,88 +98,89 @@ def _compared(comparison: CompareResultsResult | None) -> tuple[Comparison, ...]
 
 
 def _verdict(comparison: Comparison) -> str:
-    """Return the verdict with the names of metrics as people say them."""
+    """Return the verdict with the metrics' names in words."""
     words = {name: metric_words(name) for name in sorted(RunMetrics.model_fields, key=len, reverse=True)}
     return re.sub("|".join(map(re.escape, words)), lambda found: words[found[0]], comparison.verdict)
 
 
-def _came_out(result: AnalyzeResultsResult) -> str:
-    """Return the runs that reached the goal, of each configuration by itself."""
+def _describe_success(result: AnalyzeResultsResult) -> str:
+    """Return the share of runs that reached the goal, for each configuration separately."""
     if result.success is not None:
         return f"{_reached(result.success)} reached the goal"
     return "; ".join(
-        f"{group.name}: {_reached(group.success)} reached the goal{_ends(group)}" for group in result.groups
+        f"{group.name}: {_reached(group.success)} reached the goal{_describe_other_outcomes(group)}"
+        for group in result.groups
     )
 
 
-def _ends(group: Group) -> str:
-    """Return how the other runs of a configuration ended."""
+def _describe_other_outcomes(group: Group) -> str:
+    """Return the outcomes of a configuration's other runs."""
     failed = [f"{count} {key.replace('_', ' ')}" for key, count in group.outcomes.items() if key != "goal_reached"]
-    return f"; the others ended as {', '.join(failed)}" if failed else ""
+    return f"; other outcomes: {', '.join(failed)}" if failed else ""
 
 
 def _reached(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
-        return "no run could be attempted, so none"
+        return "0 runs (all problems are invalid)"
     interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
     return f"{rate.count} of {rate.of} valid runs ({100 * rate.share:.0f} %, {interval})"
 
 
-def _failed(result: AnalyzeResultsResult) -> str:
+def _describe_failures(result: AnalyzeResultsResult) -> str:
     failed = [
         f"{one.count} {one.outcome.replace('_', ' ')}" for one in result.outcomes if one.outcome != "goal_reached"
     ]
-    invalid = [f"{result.invalid_count} could not be attempted and count nowhere"] if result.invalid_count else []
-    return f"; the others ended as {', '.join(failed)}" * bool(failed) + "".join(f"; {one}" for one in invalid)
+    invalid = [f"{result.invalid_count} invalid, which count in no rate"] if result.invalid_count else []
+    return f"; other outcomes: {', '.join(failed)}" * bool(failed) + "".join(f"; {one}" for one in invalid)
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> str:
     """Return the rate by the paper's rule if it differs."""
     rate = result.by_any_motion
-    return "" if rate is None else f" By the paper's rule, a goal by any motion, {_reached(rate)}."
+    return "" if rate is None else f" By the paper's rule, which accepts any motion: {_reached(rate)}."
 
 
-def _whose_fault(causes: CollisionCauses | None) -> str:
-    """Return who caused the collisions, as far as the reference drivers tell."""
+def _describe_causes(causes: CollisionCauses | None) -> str:
+    """Return who caused the collisions, as far as the reference drivers show."""
     if causes is None:
-        return "There was no collision whose course is known."
+        return "There was no collision with a known course."
     none = len(causes.not_preventable)
     kinds = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in causes.kinds.items())
-    others = f"; in {causes.from_behind} of these another drove into the ego from behind" if causes.from_behind else ""
+    others = f"; in {causes.from_behind} another hit the ego from behind" if causes.from_behind else ""
     recorded = (
-        ", following its recording, which does not react to the ego"
+        ", on a recorded motion that does not react to the ego"
         if causes.from_behind and causes.recorded_traffic
         else ""
     )
-    edge = ", the road's edge included" if "road_boundary" in causes.kinds else ""
-    sample = f"; a random {causes.looked_at} of them were looked at" if causes.is_sample else ""
+    edge = ", including the road's edge" if "road_boundary" in causes.kinds else ""
+    sample = f"; a random {causes.looked_at} of them were judged" if causes.is_sample else ""
     own = causes.laid_to.get("ego", 0)
     prevented = sum(one.preventable is True and one.laid_to != "ego" for one in causes.evidence)
-    made = f"The ego caused {own} by itself. " if own else ""
+    made = f"The ego alone caused {own}. " if own else ""
     learn = ", so the planner could have avoided these" if prevented else ""
     left = causes.success_without
     without = f" Without these runs {_reached(left)} reached the goal." if none and left is not None else ""
     return (
         f"{causes.collisions} collisions{edge} ({kinds}{sample}). A reference driver in the ego's place prevents "
-        f"{prevented} of the {causes.judged} that could be judged{learn}. {made}"
+        f"{prevented} of {causes.judged} judged collisions{learn}. {made}"
         f"No reference driver prevents the other {none} ({REFERENCE_DRIVERS_DO}){others}{recorded}.{without}"
     )
 
 
-def _laid_to(causes: CollisionCauses) -> str:
+def _describe_attribution(causes: CollisionCauses) -> str:
     """Return how many collisions are attributed to each cause."""
-    told: dict[LaidTo, str] = {
+    phrases: dict[LaidTo, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
         "prediction": "to the prediction",
         "planning": "to the plan",
         "neither": "to neither side",
     }
-    return f"{', '.join(f'{count} {told[cause]}' for cause, count in causes.laid_to.items())}."
+    return f"{', '.join(f'{count} {phrases[cause]}' for cause, count in causes.laid_to.items())}."
 
 
-def _next(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
-    """The step that the analysis names, and the first changes that findings suggest, tried or not."""
+def _describe_next_step(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
+    """Return the analysis's next step, and the first changes that findings suggest, tried or not."""
     given = result.answer().next_step
     hints = [one.suggestion for one in result.findings if one.suggestion is not None][:_SHOWN_HINTS]
     parts = [
@@ -187,11 +188,11 @@ def _next(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
         f"{'untried so far' if hint.tried is None else hint.tried.in_words()})"
         for hint in hints
     ]
-    return "; ".join([*([given] if given else []), *parts]) or "nothing failed in a way that asks for a change"
+    return "; ".join([*([given] if given else []), *parts]) or "no failure suggests a change"
 
 
 _SHOWN_HINTS = 2
-"""Suggested changes of the overview (chosen): the findings have all."""
+"""Most suggested changes in the overview; the findings list all (chosen)."""
 
 
 def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
@@ -218,15 +219,15 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
 
 
 def rules_section(result: AnalyzeResultsResult) -> ReportSection:
-    """How many runs broke each traffic rule, by configuration; rules that no run had to do with are named."""
+    """Return how many runs broke each traffic rule, by configuration; lists the rules that applied to no run."""
     several = len({one.config_id for one in result.rule_shares}) > 1
-    asked = [one for one in result.rule_shares if one.violated.of]
+    applicable = [one for one in result.rule_shares if one.violated.of]
     absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares)
-    for one in asked:
+    for one in applicable:
         absent.pop(f"{one.rule} {one.name}", None)
     table = ReportTable(
-        caption="Runs that broke a rule, of those in which there was something that it is about",
-        columns=("rule", *(["configuration"] if several else []), "broken in", "95 % interval", "at worst by", "run"),
+        caption="Runs that broke a rule, out of the runs to which it applies",
+        columns=("rule", *(["configuration"] if several else []), "broken in", "95 % interval", "worst excess", "run"),
         rows=tuple(
             (
                 f"{one.rule} {one.name}",
@@ -236,13 +237,13 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
                 "–" if one.worst is None else f"{figure(one.worst)} {one.unit}",
                 one.run_ids[0] if one.run_ids else "–",
             )
-            for one in sorted(asked, key=lambda one: one.rule)
+            for one in sorted(applicable, key=lambda one: one.rule)
         ),
     )
-    none = [f"In no run was there anything that these are about: {', '.join(absent)}."] if absent else []
+    none = [f"These rules applied to no run: {', '.join(absent)}."] if absent else []
     return ReportSection(
         title="Traffic rules",
-        asked="which rules of the road the runs broke, and by how much",
+        asked="which traffic rules the runs broke, and by how much",
         text=(*none, *result.notes),
         tables=(table,),
     )
@@ -251,45 +252,45 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
 def run_section(
     record: RunRecord, analysis: AnalyzeResultsResult, measures: Sequence[MeasuredValue] = ()
 ) -> ReportSection:
-    """One run in detail: how it ended, how near others were, its largest motions, the traffic rules that it broke."""
-    review, told = analysis.review, list[str]()
+    """Return one run in detail: outcome, nearness to others, largest motions, and broken traffic rules."""
+    review, sentences = analysis.review, list[str]()
     if review is not None:
         near = [review.nearness_in_words()] if review.contact is None and review.closest is not None else []
-        told = [*near, review.motion_in_words()]
+        sentences = [*near, review.motion_in_words()]
     broken = [verdict.in_words() for verdict in analysis.rules if verdict.violated]
-    told += [f"Traffic rules broken: {'; '.join(broken)}."] if broken else []
-    told += [f"Also: {excesses_in_words(record.beyond_vehicle)}."] if record.beyond_vehicle else []
+    sentences += [f"Traffic rules broken: {'; '.join(broken)}."] if broken else []
+    sentences += [f"Also: {excesses_in_words(record.beyond_vehicle)}."] if record.beyond_vehicle else []
     return ReportSection(
         title=f"One run in detail: {record.run_id}",
         asked=f"{record.config_name} on {record.scenario_id}",
-        text=(f"It ended so: {ending(record.outcome, record.reason, review)}.", *filter(None, told)),
+        text=(f"Ending: {ending(record.outcome, record.reason, review)}.", *filter(None, sentences)),
         tables=(_measured(measures),) if measures else (),
     )
 
 
-MEASURED_CAPTION = "What was measured of it; the words are explained at the end"
+MEASURED_CAPTION = "Measures of the run; terms are explained at the end"
 
 
 def _measured(measures: Sequence[MeasuredValue]) -> ReportTable:
-    """A row a measure: name, value or why there is none, with whom and when."""
+    """Return one row per measure: name, value or why it is missing, with which road user, and when."""
 
     def row(one: MeasuredValue) -> tuple[str, ...]:
         known = measure_named(one.name)
         words = metric_words(one.name).partition(" (")[0]
         name = words if known is None or not known.abbreviation else f"{words} ({known.abbreviation})"
-        value = f"none: {one.why}" if one.value is None else measured_figure(one)
+        value = f"not available: {one.why}" if one.value is None else measured_figure(one)
         moment = "–" if one.time_s is None else f"{one.time_s:.1f} s"
         return name, f"{value} ({one.note})" if one.note else value, one.partner or "–", moment
 
     return ReportTable(
         caption=MEASURED_CAPTION,
-        columns=("measure", "value", "with whom", "when"),
+        columns=("measure", "value", "other", "when"),
         rows=tuple(row(one) for one in measures),
     )
 
 
 def batch_section(batch: BatchRecord, runs: Sequence[RunRecord]) -> ReportSection:
-    """Every run of a batch with its outcome, the reason, and its figures; failures first."""
+    """Return every run of a batch with its outcome, the reason and its figures, failures first."""
     measured = ("distance (m)", "time to collision (s)", "jerk (m/s³)")
     order = {"goal_reached": 1, "invalid": 2}
     table = ReportTable(
@@ -305,7 +306,7 @@ def batch_section(batch: BatchRecord, runs: Sequence[RunRecord]) -> ReportSectio
 
 
 def comparison_section(result: CompareResultsResult) -> ReportSection:
-    """Verdicts, tests and flips."""
+    """Return verdicts, tests and flips."""
     return ReportSection(
         title="Comparison",
         asked=" against ".join(side.label for side in result.sides),
@@ -315,10 +316,10 @@ def comparison_section(result: CompareResultsResult) -> ReportSection:
 
 
 def analysis_section(result: AnalyzeResultsResult) -> ReportSection:
-    """Findings with the runs behind them."""
+    """Return findings with the runs behind them."""
     findings, hints = list[str](), list[str]()
     for finding in result.findings:
-        else_ = f" What else it may be: {finding.alternatives}." if finding.alternatives else ""
+        else_ = f" Alternative explanation: {finding.alternatives}." if finding.alternatives else ""
         findings.append(f"{finding.statement}{else_} Evidence: {', '.join(finding.run_ids)}.")
         hint = finding.suggestion
         if hint is not None:
@@ -333,17 +334,17 @@ def analysis_section(result: AnalyzeResultsResult) -> ReportSection:
 
 
 def report_image(image: RenderedImage, caption: str) -> ReportImage:
-    """A drawn picture with its caption."""
+    """Return a drawn picture with its caption."""
     return ReportImage(path=image.path, caption=caption, alt_text=image.alt_text)
 
 
-def _asked(recipe: Recipe) -> str:
+def _describe_request(recipe: Recipe) -> str:
     given = [(key, value) for key, value in sorted(recipe.arguments.items()) if value not in (None, [], {}, "")]
     shown = ", ".join(f"{key} {json.dumps(value, ensure_ascii=False)}" for key, value in given if key != "map_content")
     return f"{recipe.tool}: {shown}" if shown else recipe.tool
 
 
-def _in_words(facts: ScenarioFacts) -> str:
+def _describe_facts(facts: ScenarioFacts) -> str:
     counts = ", ".join(f"{count} {kind}" for kind, count in facts.participants.counts.items()) or "no traffic"
     features = ", ".join(name.replace("_", " ") for name in facts.features) or "no special feature"
     return (
@@ -358,7 +359,7 @@ def _fact_rows(facts: ScenarioFacts) -> Iterable[tuple[str, str]]:
         yield "ego's speed at the start", f"{ego.speed_mps:.1f} m/s"
         yield "lanes in the ego's direction", str(ego.lanes)
         yield "goal", ", ".join(form.replace("_", " ") for form in ego.goal_forms) or "none"
-        yield "lanelets to the goal", " → ".join(map(str, ego.route)) or "no way on the lanelets"
+        yield "lanelets to the goal", " → ".join(map(str, ego.route)) or "no route on the lanelets"
     yield "posted limits on the map", ", ".join(f"{limit:g} km/h" for limit in facts.roads.limits_map_kmh) or "none"
     yield "traffic lights on the map", str(facts.roads.traffic_lights_map)
     yield "tags in the file", ", ".join(facts.tags) or "none"
@@ -389,7 +390,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
     flips = (*comparison.to_success, *comparison.to_failure)
     if flips:
         yield ReportTable(
-            caption=f"Scenarios that one side masters alone: {comparison.to_success_count} to success, "
+            caption=f"Scenarios that only one side solves: {comparison.to_success_count} to success, "
             f"{comparison.to_failure_count} to failure",
             columns=("scenario", "before", "after", "why"),
             rows=tuple(
@@ -399,7 +400,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
         )
     yield ReportTable(
         caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p. A side is "
-        "named as better only where p after Holm's adjustment is below 0.05 and the shift above the resolution.",
+        "better only if p after Holm's adjustment is below 0.05 and the shift exceeds the resolution.",
         columns=("metric", "pairs", "before", "after", "shift", "p", "p after Holm", "better"),
         rows=tuple(
             (
@@ -418,7 +419,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
 
 
 def _figure(value: float | None, digits: int = 2) -> str:
-    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus before a zero
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}"  # + 0.0: no minus sign before a zero
 
 
 _LEAST_P = 0.001
@@ -430,7 +431,7 @@ def _p_value(p: float | None) -> str:
 
 @dataclass(frozen=True)
 class _Embedded:
-    """A picture as it stands in the page."""
+    """A picture as embedded in the page."""
 
     data_uri: str
     caption: str
@@ -440,11 +441,11 @@ class _Embedded:
 
 
 def write_report(request: ReportRequest, report: ProgressReporter) -> ReportWritten:
-    """Write the page; pictures become data URIs, all text is escaped.
+    """Write the page; pictures become data URIs, and all text is escaped.
 
     Raises:
-        ResourceFailure: a picture cannot be read, or the page not be written.
-        UnsafeInput: a picture is no PNG or GIF, or larger than 8 MB.
+        ResourceFailure: A picture cannot be read, or the page cannot be written.
+        UnsafeInput: A picture is not a PNG or GIF, or larger than 8 MB.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -480,7 +481,7 @@ def _embed(image: ReportImage) -> _Embedded:
         raise ResourceFailure(f"The picture {shown_name(path.name)} cannot be read: {error.strerror}") from error
     media_type = next((kind for start, kind in _MEDIA_TYPES.items() if content.startswith(start)), None)
     if media_type is None or len(content) > _LARGEST_IMAGE_BYTES:
-        raise UnsafeInput(f"{shown_name(path.name)} is no PNG or GIF of at most {_LARGEST_IMAGE_BYTES:,} bytes")
+        raise UnsafeInput(f"{shown_name(path.name)} is not a PNG or GIF of at most {_LARGEST_IMAGE_BYTES:,} bytes")
     with Image.open(path) as opened:
         width, height = opened.size
     encoded = base64.b64encode(content).decode("ascii")

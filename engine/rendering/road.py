@@ -1,7 +1,7 @@
 """The road: lanelets, their edges and directions, stop lines, traffic lights and the goal.
 
-The lines between lanes are dashed by pieces of the road, not by a style of a line: a style's dashes begin where a
-renderer cuts a line off, so that the same road would look different in two pictures side by side.
+The dashes of lane lines are pieces of the road, not a line style: a renderer starts a style's dashes where it clips the
+line, so the same road would look different in two pictures side by side.
 """
 
 import itertools
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _DASH_SHARE, _GAP_SHARE = 1 / 54, 1 / 75
-"""Of the picture's width (chosen)."""
+"""Shares of the picture's width (chosen)."""
 _ON_SURFACE_M = 0.15
-"""An edge that runs this far inside another lanelet lies on its surface; neighbours only touch."""
+"""An edge that runs this far inside another lanelet is on its surface; neighbours only touch."""
 _PIECE_M, _LARGEST_GAP_PIECES = 2.0, 5
-"""Edges are judged by pieces of this length; where so few between two covered ones are free, lanelets cross."""
+"""Length of the judged edge pieces, and the largest number of free pieces between covered ones where lanelets cross."""
 _LANE_LINE = "#FFFFFF"
 
 
 def draw_road(axes: "Axes", content: ScenarioContent, viewport: Viewport) -> None:
-    """Draw what does not move: the lanelets that the viewport shows, direction marks, stop lines and the goal."""
+    """Draw the static parts: the lanelets in the viewport, direction marks, stop lines and the goal."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     shown = [lanelet for lanelet in content.lanelets if _may_be_seen(lanelet, viewport)]
@@ -47,21 +47,21 @@ def draw_road(axes: "Axes", content: ScenarioContent, viewport: Viewport) -> Non
     axes.add_collection(PolyCollection(marks, facecolors=DIRECTION, edgecolors="none", zorder=2.2))
     goal: Any = {"facecolors": "none", "edgecolors": EGO_COLOUR, "linewidths": 1.2}
     axes.add_collection(PolyCollection(content.goals, hatch="////", alpha=0.55, zorder=2.5, **goal))
-    # A small goal may lie under a vehicle: its outline stays visible.
+    # A small goal may be under a vehicle; its outline stays visible.
     axes.add_collection(PolyCollection(content.goals, alpha=0.8, zorder=6, **goal))
     axes.add_collection(LineCollection(content.stop_lines, colors=INK, linewidths=2.6, zorder=2.6))
 
 
 def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
     low, high = lanelet.outline.min(axis=0), lanelet.outline.max(axis=0)
-    beside = high[0] < viewport.x_min or low[0] > viewport.x_max
-    return not (beside or high[1] < viewport.y_min or low[1] > viewport.y_max)
+    is_outside_x = high[0] < viewport.x_min or low[0] > viewport.x_max
+    return not (is_outside_x or high[1] < viewport.y_min or low[1] > viewport.y_max)
 
 
 def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:
-    """Short pieces (2, 2) of the edges, without those that run over another lanelet.
+    """Return short pieces (2, 2) of the edges, without those that run over another lanelet.
 
-    Where lanelets cross or merge, the edge of one lies on the surface of another: no edge of the road.
+    Where lanelets cross or merge, the edge of one is on the surface of another, so it is not an edge of the road.
     """
     import shapely
 
@@ -76,7 +76,7 @@ def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> li
 
 
 def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Short gaps between covered pieces count as covered: there, crossing lanelets only just fail to touch."""
+    """Count short gaps between covered pieces as covered, since crossing lanelets just fail to touch there."""
     closed = covered.copy()
     for first, second in itertools.pairwise(np.flatnonzero(covered)):
         if second - first <= _LARGEST_GAP_PIECES:
@@ -85,7 +85,7 @@ def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def dividers(lanelets: Sequence[LaneletShape]) -> Iterator[Points]:
-    """The borders (n, 2) that lanelets have in common with a neighbour, each once."""
+    """Yield the borders (n, 2) that lanelets share with a neighbour, each once."""
     known = {lanelet.lanelet_id: lanelet for lanelet in lanelets}
     for lanelet in lanelets:
         for side, neighbour in ((lanelet.left, lanelet.left_neighbour), (lanelet.right, lanelet.right_neighbour)):
@@ -96,7 +96,7 @@ def dividers(lanelets: Sequence[LaneletShape]) -> Iterator[Points]:
 
 
 def dashes(lines: Iterable[Points], viewport: Viewport) -> list[Points]:
-    """The dashes (n, 2) of lines, which begin at a line's first point, as far as a viewport shows them."""
+    """Return the dashes (n, 2) of lines within a viewport; they start at a line's first point."""
     dash_m, gap_m = _DASH_SHARE * viewport.width_m, _GAP_SHARE * viewport.width_m
     return [dash for line in lines for dash in _dashes(without_repeats(line), dash_m, gap_m) if viewport.contains(dash)]
 
@@ -110,7 +110,7 @@ def _dashes(line: Points, dash_m: float, gap_m: float) -> Iterator[Points]:
 
 
 def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:
-    """Small triangles along the centre line, one every eighth of the picture, at least one a lanelet."""
+    """Return small triangles along the centre line, one per eighth of the picture, at least one per lanelet."""
     if lanelet.inside_intersection:
         return []
     size = max(viewport.width_m / 110, 0.8)
@@ -128,7 +128,7 @@ def _direction_marks(lanelet: LaneletShape, viewport: Viewport) -> list[Points]:
 
 
 def draw_signals(axes: "Axes", content: ScenarioContent, step: int, viewport: Viewport) -> None:
-    """Draw the traffic lights with the marks of the moment."""
+    """Draw the traffic lights with their marks at a step."""
     for signal in content.signals:
         if not viewport.contains(signal.position[None, :]):
             continue

@@ -1,4 +1,6 @@
-"""The chart of a study: the candidates of a search with the best so far and what its changes bring, or what matters."""
+"""The chart of a study: a search's candidates with the best so far and the gain of each change, or the weights'
+effects.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -15,7 +17,7 @@ _HEIGHT_PX = 480
 
 
 def study_chart(study: StudyRecord) -> Drawing:
-    """Candidates in their order, and the changes of the found configuration by what each brings; or the effects."""
+    """Draw candidates in order and the gain of each change of the found configuration, or the effects."""
     figure = new_figure(PICTURE_WIDTH_PX, _HEIGHT_PX)
     if study.effects:
         return _effects(figure, study)
@@ -35,7 +37,9 @@ def _score(trial: TrialLine) -> float:
 
 
 def _draw_candidates(axes: "Axes", study: StudyRecord) -> str:
-    """A mark each: whole, given up early (hollow), or breaking a constraint (cross); the best so far as a line."""
+    """Draw one mark each: complete, stopped early (hollow), or breaking a constraint (cross), and the best so far as a
+    line.
+    """
     colour, given_up = series_style(0)[0], series_style(1)[0]
     best: list[float] = []
     for trial in study.trials:
@@ -47,7 +51,7 @@ def _draw_candidates(axes: "Axes", study: StudyRecord) -> str:
         best.append(max([*best[-1:], *([_score(trial)] if counts else [])], default=_score(trial)))
     axes.step([trial.number for trial in study.trials], best, where="post", color=INK, linewidth=1.6)
     axes.axhline(_score(study.trials[0]), color=MUTED, linewidth=1, linestyle=(0, (4, 3)))
-    axes.set_xlabel("candidate; hollow: given up early, ×: breaks a constraint, dashed: the base")
+    axes.set_xlabel("candidate; hollow: stopped early, ×: breaks a constraint, dashed: the base")
     axes.set_ylabel("training score")
     return f"the base has {_score(study.trials[0]):.3f}, the best {best[-1]:.3f}"
 
@@ -63,7 +67,7 @@ def _draw_changes(axes: "Axes", study: StudyRecord) -> str:
     axes.barh(range(len(shares)), gains, color=outcome_colour("goal_reached"), height=0.6)
     axes.set_yticks(range(len(shares)), labels, fontsize=SMALL_PT)
     axes.axvline(0, color=INK, linewidth=1)
-    axes.set_xlabel("score lost without it")
+    axes.set_xlabel("score lost without the change")
     parts = [
         f"{one.change.name} from {one.change.before:g} to {one.change.after:g} brings {one.gain:.3f}" for one in shares
     ]
@@ -71,7 +75,7 @@ def _draw_changes(axes: "Axes", study: StudyRecord) -> str:
 
 
 def _effects(figure: "Figure", study: StudyRecord) -> Drawing:
-    """The effects with their intervals, the largest on top."""
+    """Draw the effects with their intervals, the largest on top."""
     axes = figure.add_axes((0.24, 0.14, 0.72, 0.68))
     rows = list(reversed(study.effects))
     for row, one in enumerate(rows):
@@ -81,6 +85,6 @@ def _effects(figure: "Figure", study: StudyRecord) -> Drawing:
     axes.set_yticks(range(len(rows)), [one.name for one in rows])
     axes.set_xlabel("μ*, with its 95 % interval" if study.method == "morris" else "total index, with its 95 % interval")
     subtitle = f"{study.method}, {' + '.join(study.objective)}, {study.training_scenarios} scenarios"
-    write_title(figure, "What matters", subtitle)
-    told = "; ".join(f"{one.name} {one.effect:.3g} ({one.verdict})" for one in study.effects)
-    return Drawing(figure, f"What matters: {subtitle}: {told}")
+    write_title(figure, "Sensitivity", subtitle)
+    effects = "; ".join(f"{one.name} {one.effect:.3g} ({one.verdict})" for one in study.effects)
+    return Drawing(figure, f"Sensitivity: {subtitle}: {effects}")

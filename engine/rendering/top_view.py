@@ -1,7 +1,7 @@
-"""A scenario from above at one moment, or two side by side.
+"""A scenario from above at one time, or two side by side.
 
-Side by side on one map, scenarios are drawn to one scale, and the picture is widened to what differs between them, so
-that before and after show what was changed.
+Two scenarios on one map have the same scale, and the picture covers their differences, so that before and after show
+what was changed.
 """
 
 import functools
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 HEADER_PX, SIDE_PX = 62, 10
 _SECOND_LINE_PX, _LEGEND_ROW_PX, _GAP_PX, _PAIR_WIDTH_PX = 18, 24, 24, 1500
-"""Chosen for the sizes of text; a pair is wider, so that each of the two stays readable."""
+"""Chosen for the sizes of text; a pair is wider, so that both parts stay readable."""
 _MOVED_M = 0.5
-"""A vehicle or goal counts as moved from this distance on (chosen): less cannot be seen."""
+"""Smallest visible move of a vehicle or goal (chosen)."""
 _LARGEST_COMPARED_M = 400.0
-"""A difference that would widen a picture beyond this is left outside: nothing could be recognised in it."""
+"""A difference that would widen a picture beyond this is left out, since nothing would be recognisable."""
 
 
 def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
-    """One scenario, or several side by side; where these share a map, with one scale and all differences in view."""
+    """Draw one or several scenarios side by side; on a shared map they have one scale and show all differences."""
     viewports = [_viewport(view) for view in views]
     if _on_one_map(views) and all(view.focus_id is None for view in views):
         viewports = [_widened(functools.reduce(Viewport.joined, viewports), views)] * len(views)
@@ -53,7 +53,7 @@ def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
         )
         texts.append(_alt_text(view, counts))
     draw_legend(figure, shown)
-    return Drawing(figure, " Beside it: ".join(texts))
+    return Drawing(figure, " Next to it: ".join(texts))
 
 
 def _viewport(view: ScenarioView) -> Viewport:
@@ -63,7 +63,7 @@ def _viewport(view: ScenarioView) -> Viewport:
 
 
 def draw_background(axes: "Axes", view: ScenarioView, viewport: Viewport) -> None:
-    """Draw all that does not move: road, goal, driven paths, scale bar; the viewport has the shape of the axes."""
+    """Draw the static parts: road, goal, driven paths, scale bar; the viewport has the shape of the axes."""
     axes.set_xlim(viewport.x_min, viewport.x_max)
     axes.set_ylim(viewport.y_min, viewport.y_max)
     axes.set_xticks([])
@@ -77,7 +77,7 @@ def draw_background(axes: "Axes", view: ScenarioView, viewport: Viewport) -> Non
 
 
 def _draw_moment(axes: "Axes", view: ScenarioView, viewport: Viewport) -> VehicleCounts:
-    """Draw one moment: the background, the lights, the vehicles with their ids, the egos."""
+    """Draw one time: the background, the lights, the vehicles with their ids, the egos."""
     draw_background(axes, view, viewport)
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = view.content.vehicles_at(view.step)
@@ -88,7 +88,7 @@ def _draw_moment(axes: "Axes", view: ScenarioView, viewport: Viewport) -> Vehicl
 
 
 def _draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
-    """A bar of a round length at the lower left of the axes, on a white ground."""
+    """Draw a bar of a round length at the lower left of the axes, on a white background."""
     length = round_length(viewport.width_m / 5)
     x, y = _scale_bar_area(viewport)[0] + (0, viewport.height_m * 0.02)
     tick = viewport.height_m * 0.012
@@ -100,25 +100,25 @@ def _draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
 
 
 def _scale_bar_area(viewport: Viewport) -> Points:
-    """Lower left and upper right corner of what the scale bar covers, in scenario coordinates, shape (2, 2)."""
+    """Return lower left and upper right corner of the scale bar's area, in scenario coordinates, shape (2, 2)."""
     low = np.array([viewport.x_min + viewport.width_m * 0.02, viewport.y_min + viewport.height_m * 0.025])
     size = np.array([round_length(viewport.width_m / 5), viewport.height_m * 0.06])
     return np.stack([low, low + size])
 
 
 def round_length(about_m: float) -> float:
-    """The largest of 1, 2, 5 × 10ⁿ metres that is not above the given length."""
+    """Return the largest of 1, 2, 5 × 10ⁿ metres that does not exceed the given length."""
     power = 10.0 ** math.floor(math.log10(about_m))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about_m)
 
 
 def figure_height(plot_height_px: float, shown: Inventory, header_px: int = HEADER_PX) -> int:
-    """Height of the whole figure in pixels: title, plot and as many legend rows as are needed."""
+    """Return the height of the whole figure in pixels: title, plot and the legend rows."""
     return round(header_px + plot_height_px + shown.rows * _LEGEND_ROW_PX + 10)
 
 
 def _alt_text(view: ScenarioView, counts: VehicleCounts) -> str:
-    """What the picture shows, for those who cannot see it."""
+    """Describe the picture for viewers who cannot see it."""
     parts = [f"{view.content.scenario_id} from above at {view.time_s:.1f} s: {counts.in_words()}"]
     if counts.labelled:
         parts.append(f"labelled {', '.join(map(str, counts.labelled))}")
@@ -131,7 +131,7 @@ def _alt_text(view: ScenarioView, counts: VehicleCounts) -> str:
 
 
 def _subtitle(view: ScenarioView, counts: VehicleCounts, *, alone: bool) -> str:
-    """Time, speed and counts; beside another scenario the outcomes too, which one legend cannot tell for both."""
+    """Return time, speed and counts; next to another scenario also the outcomes, which a common legend cannot show."""
     speed = ""
     if len(view.paths) == 1:
         path = view.paths[0]
@@ -144,13 +144,13 @@ def _subtitle(view: ScenarioView, counts: VehicleCounts, *, alone: bool) -> str:
 
 
 def _on_one_map(views: Sequence[ScenarioView]) -> bool:
-    """Whether the scenarios have the same lanelets, by their ids."""
+    """Return True if the scenarios have the same lanelets, by their ids."""
     maps = [frozenset(lanelet.lanelet_id for lanelet in view.content.lanelets) for view in views]
     return all(lanelets == maps[0] for lanelets in maps)
 
 
 def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
-    """The viewport with every goal and vehicle that is elsewhere, or only in one of the views, the nearest first."""
+    """Widen the viewport to goals and vehicles that moved or are in only one view, nearest first."""
     middle = viewport.middle
     points = [point for view in views[1:] for point in _differing(views[0], view)]
     for point in sorted(points, key=lambda point: (float(np.linalg.norm(point - middle)), *point.tolist())):
@@ -161,7 +161,7 @@ def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
 
 
 def _differing(first: ScenarioView, second: ScenarioView) -> list[Points]:
-    """Where vehicles are that moved or are in one view only, and both goals where they differ."""
+    """Return the positions of vehicles that moved or are in only one view, and both goals if they differ."""
     before, after = (view.content.positions_at(view.step) for view in (first, second))
     moved = []
     for key in sorted({*before, *after}):

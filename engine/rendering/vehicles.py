@@ -1,6 +1,6 @@
-"""The vehicles of one moment and the egos of runs: rectangles with a nose at the front, driven paths, and their ids.
+"""The vehicles at one time and the egos of runs: rectangles with a marked front, driven paths, and their ids.
 
-Ids are placed so that no two labels, and no label and vehicle, cover each other.
+Labels cover neither each other nor any vehicle.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def draw_vehicles(axes: "Axes", vehicles: Sequence[VehicleShape]) -> None:
-    """Draw rectangles in the colour of their class with a dark nose at the front."""
+    """Draw rectangles in the colour of their class with a dark front."""
     from matplotlib.collections import PolyCollection
 
     bodies, colours = [vehicle.corners for vehicle in vehicles], [class_colour(vehicle.kind) for vehicle in vehicles]
@@ -28,7 +28,7 @@ def draw_vehicles(axes: "Axes", vehicles: Sequence[VehicleShape]) -> None:
 
 
 def _nose(corners: Points) -> Points:
-    """The triangle that marks the front of a rectangle, shape (3, 2)."""
+    """Return the triangle that marks the front of a rectangle, shape (3, 2)."""
     front = (corners[0] + corners[3]) / 2
     back = (corners[1] + corners[2]) / 2
     inset = 0.28 * (back - front)
@@ -36,10 +36,10 @@ def _nose(corners: Points) -> Points:
 
 
 def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[tuple[str, Points]]:
-    """Draw the egos of all runs, and faded the place where they started; without runs the ego's start.
+    """Draw the egos of all runs, and faded their start; without runs, draw the ego's start.
 
     Returns:
-        Label and corners (4, 2) of each ego, for the placing of labels.
+        Label and corners (4, 2) of each ego, for placing the labels.
     """
     content = view.content
     begin = None
@@ -66,7 +66,9 @@ def _draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded:
 
 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
-    """Draw the driven paths, each in a colour and a dash pattern of its own; later ones thinner, so none is hidden."""
+    """Draw the driven paths, each with its own colour and dash pattern, later ones thinner so that no path
+    is hidden.
+    """
     for number, path in enumerate(paths):
         colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)
@@ -74,7 +76,7 @@ def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
 
 
 def draw_endings(axes: "Axes", paths: Sequence[DrivenPath], step: int) -> None:
-    """Mark where runs ended in a collision that had happened by this step."""
+    """Mark the end of runs in a collision up to this step."""
     style: Any = {"marker": "X", "markersize": 13, "color": "white", "markeredgecolor": INK, "markeredgewidth": 1.6}
     for path in paths:
         hit = path.record.collision
@@ -84,14 +86,14 @@ def draw_endings(axes: "Axes", paths: Sequence[DrivenPath], step: int) -> None:
 
 @dataclass(frozen=True)
 class VehicleCounts:
-    """Which vehicles carry a label, which are in view without one, and how many are there but outside the view."""
+    """The vehicles with a label, the vehicles in view without one, and the number of those outside the view."""
 
     labelled: tuple[int, ...]
     unlabelled: tuple[int, ...]
     outside: int
 
     def in_words(self) -> str:
-        """How many vehicles are in view, without a label, and outside the picture."""
+        """Describe the numbers of vehicles in view, without a label, and outside the picture."""
         seen = len(self.labelled) + len(self.unlabelled)
         parts = [f"{seen} vehicle{'' if seen == 1 else 's'} in view"]
         if self.unlabelled:
@@ -102,7 +104,7 @@ class VehicleCounts:
 
 
 _EGO_KEY = -1
-"""Stands for the egos among the labels; obstacle ids are positive."""
+"""The egos' key among the labels; obstacle ids are positive."""
 
 
 def label_vehicles(
@@ -113,15 +115,15 @@ def label_vehicles(
     viewport: Viewport,
     keep_free: Points,
 ) -> VehicleCounts:
-    """Write the ids beside the vehicles in view, those nearest to ``near`` first.
+    """Write the ids next to the vehicles in view, starting with those nearest to ``near``.
 
     Args:
-        axes: drawn with their final limits and position.
-        vehicles: all vehicles of the moment.
-        egos: labels and corners of the egos, which no label may cover and which are labelled first.
-        near: the point of interest.
-        viewport: what the axes show.
-        keep_free: further points (n, 2) whose box no label may cover.
+        axes: The axes with their final limits and position.
+        vehicles: All vehicles at the shown time.
+        egos: Labels and corners of the egos, which are labelled first and which no label may cover.
+        near: The point of interest.
+        viewport: The visible part of the axes.
+        keep_free: Further points (n, 2); no label may cover their bounding box.
     """
     to_pixels = axes.transData.transform
     seen = [vehicle for vehicle in vehicles if viewport.contains(vehicle.corners)]
@@ -149,7 +151,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Label:
-    """A text that belongs to a point in pixels; ``reach_px``: half the width and height of the thing around it."""
+    """A text that belongs to a point in pixels; ``reach_px``: half the width and height of the object around it."""
 
     key: int
     text: str
@@ -159,7 +161,7 @@ class Label:
 
 @dataclass(frozen=True)
 class _PlacedLabel:
-    """A label with the place of its centre; ``is_far``: a line has to lead to what it belongs to."""
+    """A label with the position of its centre; ``is_far``: True if a line must lead to its object."""
 
     label: Label
     center_px: tuple[float, float]
@@ -174,10 +176,10 @@ def _label(key: int, text: str, corners_px: Points) -> Label:
 def place_labels(
     labels: Sequence[Label], occupied: Sequence[Box], frame: Box, character_px: tuple[float, float]
 ) -> tuple[tuple[_PlacedLabel, ...], tuple[int, ...]]:
-    """Place labels greedily in the given order, the important ones first.
+    """Place labels greedily in the given order, so the important ones come first.
 
     Returns:
-        The placed labels, and the keys of those for which no free place was found.
+        The placed labels, and the keys of those without a free position.
     """
     taken = list(occupied)
     placed: list[_PlacedLabel] = []
@@ -196,11 +198,11 @@ def place_labels(
 
 
 _DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0), (0.8, 0.8), (-0.8, 0.8), (0.8, -0.8), (-0.8, -0.8))
-"""From a vehicle to its label, in the order of preference: above, below, beside, then across."""
+"""Directions from a vehicle to its label, in order of preference: above, below, left and right, then diagonally."""
 _RINGS_PX = (0.0, 12.0, 26.0)
-"""Distances of a label beyond the nearest one (chosen); beyond the first a line leads to the vehicle."""
+"""Distances of a label beyond the nearest one; from the second on, a line leads to the vehicle (chosen)."""
 _APART_PX = 3.0
-"""Between a vehicle and its label (chosen)."""
+"""Distance between a vehicle and its label (chosen)."""
 
 
 def _candidates(label: Label, width: float, height: float) -> Iterator[tuple[tuple[float, float], bool]]:
@@ -213,7 +215,7 @@ def _candidates(label: Label, width: float, height: float) -> Iterator[tuple[tup
 
 
 def _bounding_box(points_px: Points) -> Box:
-    """The box around points in pixels, one pixel larger on each side."""
+    """Return the box around points in pixels, one pixel larger on each side."""
     (x_min, y_min), (x_max, y_max) = points_px.min(axis=0) - 1.0, points_px.max(axis=0) + 1.0
     return float(x_min), float(y_min), float(x_max), float(y_max)
 

@@ -1,4 +1,4 @@
-"""What the words of a report mean, for readers who did not make the runs; rules in full are in ``docs/runs.md``."""
+"""The terms of a report, explained for readers who did not run the tests; full rules are in ``docs/runs.md``."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -9,71 +9,71 @@ from ...schemas.reviews import ContactKind
 from ...schemas.runs import Outcome, Prediction, Traffic
 
 _OUTCOMES: dict[Outcome, str] = {
-    "goal_reached": "the ego was in the goal's place, in its time, with its speed and heading where the goal has them",
-    "goal_refused": "the ego reached the goal, but by a motion that CommonRoad's benchmark refuses",
-    "goal_early": "the ego was in the goal's place, but only before its time",
-    "goal_late": "the ego was in the goal's place, but only after its time",
-    "goal_missed": "the ego passed the goal or ended elsewhere, or was there without the goal's speed or heading",
-    "timeout": "the ego had not come to the goal when 1.7 times the time until the goal's end was over",
+    "goal_reached": "the ego was in the goal area within its time, with the required speed and heading, if any",
+    "goal_refused": "the ego reached the goal, but CommonRoad's benchmark refuses the motion",
+    "goal_early": "the ego was in the goal area, but only before its time",
+    "goal_late": "the ego was in the goal area, but only after its time",
+    "goal_missed": "the ego passed the goal, ended elsewhere, or was there with a wrong speed or heading",
+    "timeout": "the ego had not reached the goal after 1.7 times the time until the goal's end",
     "infeasible": "the planner found no trajectory that the vehicle can drive",
     "off_road": "the ego left the road",
-    "collision": "the ego's body touched another's; the run ends there",
-    "invalid": "the problem has no solution, which is known before the run; such runs count in no rate",
+    "collision": "the ego's body touched another body; the run ends there",
+    "invalid": "the problem has no solution, as known before the run; these runs count in no rate",
 }
 _KINDS: dict[ContactKind, str] = {
-    "rear_end_by_other": "another drove into the ego from behind",
-    "rear_end_by_ego": "the ego drove into the back of another",
-    "cut_in": "another came into the ego's way within the last 3 s, and the ego ran into it",
-    "cut_in_by_ego": "the ego came into another's way within the last 3 s, and was hit by it",
-    "oncoming": "both came from opposite directions",
-    "crossing": "both came from directions that cross",
-    "side": "both drove side by side in one direction and touched",
-    "into_standing": "the ego drove into another that stood",
-    "onto_standing_ego": "another drove into an ego that stood",
+    "rear_end_by_other": "another road user drove into the ego from behind",
+    "rear_end_by_ego": "the ego drove into the rear of another road user",
+    "cut_in": "another road user entered the ego's path within the last 3 s, and the ego hit it",
+    "cut_in_by_ego": "the ego entered another road user's path within the last 3 s, and was hit by it",
+    "oncoming": "both drove in opposite directions",
+    "crossing": "both drove in crossing directions",
+    "side": "both drove side by side in the same direction",
+    "into_standing": "the ego drove into a standing road user",
+    "onto_standing_ego": "another road user drove into the standing ego",
     "road_boundary": "the ego left the road",
-    "unclear": "who was hit is not recorded",
+    "unclear": "the other road user is not recorded",
 }
 _PREDICTIONS: dict[Prediction, str] = {
-    "constant_velocity": "the planner expects that others keep course and speed",
-    "growing_covariance": "the planner expects that others keep course and speed, ever less surely",
-    "lane": "the planner expects that others follow their lanes",
-    "ground_truth": "the planner knows what others will do",
+    "constant_velocity": "the planner expects others to keep course and speed",
+    "growing_covariance": "the planner expects others to keep course and speed, with growing uncertainty",
+    "lane": "the planner expects others to follow their lanes",
+    "ground_truth": "the planner knows the others' future motion",
 }
 _TRAFFIC: dict[Traffic, str] = {
-    "recorded": "the others repeat their recording whatever the ego does: they cannot brake for it",
+    "recorded": "the others repeat their recording regardless of the ego, and cannot brake for it",
     "reactive": "the others are simulated and react to the ego",
 }
 _TERMS: dict[str, str] = {
     "ego": "the vehicle that the planner drives",
-    "scenario": "a piece of road with recorded or simulated traffic, and the task to bring the ego to a goal",
-    "configuration": "a planner with the weights and settings that it runs with",
-    "weight": "how much one term of the cost counts for the planner",
-    "cost": "what the planner minimises when it chooses a trajectory: the sum of its terms, each times its weight",
+    "scenario": "a piece of road with recorded or simulated traffic, and the task of driving the ego to a goal",
+    "configuration": "a planner with its weights and settings",
+    "weight": "the factor of one cost term",
+    "cost": "the quantity that the planner minimises when it chooses a trajectory: the weighted sum of its terms",
     "lanelet": "a piece of a lane, driven in one direction",
-    "reference driver": "a driver with stated reactions, put in the ego's place after the fact: full braking, the "
-    "careful and the fuzzy driver of UN Regulation 157, and one that keeps the safe distances of RSS",
-    "laid to": "what decides a collision: the ego, which stood or braked without a reason or made it otherwise; "
-    "another that follows a recording and cannot brake; a prediction that had the other elsewhere; a plan that had "
-    "it there; or neither, if it is not attributable",
-    "traffic rule": "a rule of the road as a formula over the run; by how much it is broken is in its own unit "
+    "reference driver": "a driver model with defined reactions, put in the ego's place afterwards: full braking, the "
+    "careful and the fuzzy driver of UN Regulation 157, and one with the safe distances of RSS",
+    "laid to": "the cause of a collision: the ego, which stood or braked without a reason, or caused it otherwise; "
+    "a recorded road user that cannot brake; a prediction that placed the other elsewhere; a plan that accepted "
+    "it there; or neither, if no cause can be attributed",
+    "traffic rule": "a rule of the road as a formula over the run; each violation is measured in the rule's unit "
     "(docs/traffic_rules.md)",
-    "beyond the vehicle": "the driven motion exceeds a limit of the ego's vehicle, such as how fast its wheels turn",
+    "beyond the vehicle": "the driven motion exceeds a limit of the ego's vehicle, such as its steering rate",
     "preventable": "at least one reference driver in the ego's place prevents the collision",
     "RSS": "Responsibility-Sensitive Safety (Shalev-Shwartz et al. 2017): a rule for safe distances",
-    "95 % interval": "the values that the runs leave open: of intervals made so, 95 in 100 hold the true value; the "
+    "95 % interval": "the values that fit the runs: 95 of 100 intervals of this kind contain the true value; the "
     "scenario is the unit",
-    "median": "half of the values are below it, half above",
+    "median": "half of the values are below it, half above it",
     "baseline": "the configuration that the others are compared with",
     "paired": "compared on the same problem under the same conditions",
-    "shift": "by how much the pairs moved from before to after (Hodges and Lehmann)",
-    "Holm": "an adjustment of p for several tests at once, so that none is found by chance alone",
-    "Wilcoxon": "a test whether paired values moved, by the ranks of their differences",
-    "p": "how often chance alone would show such a difference; below 0.05 it is called shown",
+    "shift": "the typical change of the pairs from before to after (Hodges and Lehmann)",
+    "Holm": "an adjustment of p for several simultaneous tests, to avoid findings by chance",
+    "Wilcoxon": "a test of whether paired values changed, by the ranks of their differences",
+    "p": "how often chance alone would show this difference; below 0.05 the difference counts as shown",
     "finding": "a statement computed from the runs, with the runs behind it",
 }
 
 
-def _spoken(name: str) -> str:
+def _without_underscores(name: str) -> str:
     return name.replace("_", " ")
 
 
@@ -83,27 +83,27 @@ def _defined(measure: Measure) -> str:
 
 DEFINITIONS: dict[str, str] = (
     _TERMS
-    | {_spoken(name): text for name, text in _KINDS.items()}
-    | {_spoken(name): text for name, text in _OUTCOMES.items()}
+    | {_without_underscores(name): text for name, text in _KINDS.items()}
+    | {_without_underscores(name): text for name, text in _OUTCOMES.items()}
     | {one.words.partition(" (")[0]: _defined(one) for one in MEASURES}
-    | {f"{_spoken(name)} prediction": text for name, text in _PREDICTIONS.items()}
+    | {f"{_without_underscores(name)} prediction": text for name, text in _PREDICTIONS.items()}
     | {f"{name} traffic": text for name, text in _TRAFFIC.items()}
 )
-"""Word → what it means; the words as reports write them."""
+"""Maps terms to their meaning, in the spelling of reports."""
 DEFINED = frozenset((*_OUTCOMES, *_KINDS, *(one.name for one in MEASURES), *_PREDICTIONS, *_TRAFFIC))
-"""The names of outcomes, kinds of contact, measures, predictions and traffic modes that are defined."""
+"""The names of outcomes, kinds of contact, measures, predictions and traffic modes that have a definition."""
 _AS_WRITTEN = ("p", "RSS", "Holm", "Wilcoxon")
-"""Words that are found in this spelling alone."""
+"""Terms that match only in this spelling."""
 
 
 def words_used(sections: Sequence[ReportSection]) -> list[tuple[str, str]]:
-    """The defined words that stand in the text, tables and captions of a report, in alphabetical order."""
-    text = _spoken("\n".join(part for section in sections for part in _parts(section)))
-    used = [(word, meaning) for word, meaning in DEFINITIONS.items() if _stands_in(word, text)]
+    """Return the defined terms that occur in the text, tables and captions of a report, in alphabetical order."""
+    text = _without_underscores("\n".join(part for section in sections for part in _parts(section)))
+    used = [(word, meaning) for word, meaning in DEFINITIONS.items() if _occurs_in(word, text)]
     return sorted(used, key=lambda item: item[0].lower())
 
 
-def _stands_in(word: str, text: str) -> bool:
+def _occurs_in(word: str, text: str) -> bool:
     flags = 0 if word in _AS_WRITTEN else re.IGNORECASE
     return re.search(rf"(?<![\w-]){re.escape(word)}s?(?![\w-])", text, flags) is not None
 

@@ -1,31 +1,31 @@
-"""Configurations of planners: what can be set in each, presets, changes, and the files that hold them.
+"""Configurations of planners: the available weights and settings, presets, changes, and their files.
 
-``DEFAULT_CONFIGURATION``: The name of the configuration in force while none is named.
-``changed_configuration``: A base with a preset's weights (where one is named) and changes, and remarks on them.
-``from_file``: The configuration of a weight file, which keeps the file's comments, order and layout.
-``differences``: The weights and settings in which two configurations of a planner differ, in their order.
-``named_configuration``: The configuration that ``PLANNER:PRESET`` or ``PLANNER`` means; None for other texts.
-``preset_configuration``: The configuration of a preset as it stands, with the default settings.
-``Objective``: A measure that a search raises, with its weight in a sum.
-``parse_objective``: The objective that a text such as ``comfort*0.2`` means.
+``DEFAULT_CONFIGURATION``: The configuration that applies by default.
+``changed_configuration``: Applies a preset's weights (if given) and changes to a base, with remarks.
+``from_file``: Returns the configuration of a weight file, which keeps the file's comments, order and layout.
+``differences``: Returns the weights and settings in which two configurations of a planner differ, in order.
+``named_configuration``: Resolves ``PLANNER:PRESET`` or ``PLANNER`` to a configuration; None for other texts.
+``preset_configuration``: Returns the unchanged configuration of a preset, with the default settings.
+``Objective``: A measure that a search maximises, with its weight in a sum.
+``parse_objective``: Parses an objective such as ``comfort*0.2``.
 ``Constraint``: A bound on the mean of a measure.
-``parse_constraint``: The constraint that a text such as ``success>=base`` means.
+``parse_constraint``: Parses a constraint such as ``success>=base``.
 ``Dimension``: A weight or setting that a search varies.
-``dimensions``: What a search varies, from the words of a call.
-``values_at``: The values at a point of the space of a search.
-``point_of``: The point of a configuration in the space of a search.
-``propose``: an operation: the next points of a search.
-``judge_gain``: an operation: a mean difference over scenarios with its interval.
-``fewest_configurations``: How many configurations the smallest design of a sensitivity analysis drives.
-``sensitivity_design``: an operation: the points at which a sensitivity analysis looks.
-``sensitivity_effects``: an operation: which weights matter, from the objective at these points.
-``known_settings``: All settings by name, in their order.
-``setting_values``: Every setting with the value in force, in their order.
-``PlannerTuning``: What can be set in one planner: weights, presets, and settings that do nothing in it.
-``tuning_of``: The tuning of a planner by its name.
-``read_weight_file``: What a cost-weight file holds; ``UnsafeInput`` where it is not of that form.
-``read_yaml``: A YAML file as mappings, lists and texts; ``UnsafeInput`` where it is hostile.
-``to_yaml``: A configuration as the text of a cost-weight file.
+``dimensions``: Returns the dimensions of a search from the texts of a call.
+``values_at``: Returns the values at a point of a search space.
+``point_of``: Returns the point of a configuration in a search space.
+``propose``: An operation that returns the next points of a search.
+``judge_gain``: An operation that returns a mean difference over scenarios with its interval.
+``fewest_configurations``: Returns the number of configurations in the smallest design of a sensitivity analysis.
+``sensitivity_design``: An operation that returns the points of a sensitivity analysis.
+``sensitivity_effects``: An operation that finds the weights that matter, from the objective at these points.
+``known_settings``: Returns all settings by name, in order.
+``setting_values``: Returns every setting with its effective value, in order.
+``PlannerTuning``: The options of one planner: weights, presets, and settings without effect.
+``tuning_of``: Returns the tuning of a planner by its name.
+``read_weight_file``: Reads a cost-weight file; raises ``UnsafeInput`` if it has another form.
+``read_yaml``: Reads a YAML file as mappings, lists and texts; raises ``UnsafeInput`` if it is hostile.
+``to_yaml``: Returns a configuration as the text of a cost-weight file.
 """
 
 from typing import TYPE_CHECKING

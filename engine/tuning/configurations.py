@@ -1,4 +1,4 @@
-"""Planner configurations: made from a preset or another configuration, named by their content."""
+"""Planner configurations, created from a preset or another configuration, with ids derived from their content."""
 
 from collections.abc import Sequence
 
@@ -10,16 +10,16 @@ from .tunings import tuning_of
 from .weight_file import WeightFile, to_yaml
 
 _MOST_NAMED = 3
-"""Weights and settings that a configuration's name tells (chosen)."""
+"""Weights and settings that a configuration's name includes (chosen)."""
 DEFAULT_CONFIGURATION = "frenetix:Default"
-"""The configuration in force while none is named: the reference's own tuning of Frenetix."""
+"""The default configuration: the reference's own tuning of Frenetix."""
 
 
 def preset_configuration(planner: str, preset: str | None = None) -> PlannerConfiguration:
-    """The configuration of a preset as it stands, by default the planner's first, with the default settings.
+    """Return the unchanged configuration of a preset (by default the planner's first) with the default settings.
 
     Raises:
-        UnknownName: no such planner or preset.
+        UnknownName: No such planner or preset.
     """
     name, tuning = known_planner(planner), tuning_of(planner)
     chosen = tuning.presets[tuning.first_preset] if preset is None else tuning.preset(preset)
@@ -28,10 +28,10 @@ def preset_configuration(planner: str, preset: str | None = None) -> PlannerConf
 
 
 def named_configuration(text: str) -> PlannerConfiguration | None:
-    """The configuration that ``PLANNER:PRESET`` or ``PLANNER`` (its Default) means; None where it is no such name.
+    """Resolve ``PLANNER:PRESET`` or ``PLANNER`` (its Default) to a configuration; None if the text is no such name.
 
     Raises:
-        UnknownName: a known form with an unknown planner or preset.
+        UnknownName: The form is right, but the planner or preset is unknown.
     """
     planner, colon, preset = text.partition(":")
     if not colon and text.lower().startswith("cfg_"):
@@ -42,13 +42,13 @@ def named_configuration(text: str) -> PlannerConfiguration | None:
 def changed_configuration(
     base: PlannerConfiguration, preset: str | None, changes: Sequence[str], settings: Sequence[str] = ()
 ) -> tuple[PlannerConfiguration, tuple[str, ...]]:
-    """A base with all weights replaced by a preset's (where one is named), then changed; and remarks.
+    """Apply a preset's weights (if given) and then changes to a base; return the result and remarks.
 
-    ``settings`` are assignments as well; a preset does not touch them.
+    ``settings`` are assignments, too; a preset does not affect them.
 
     Raises:
-        UnknownName: a preset, weight or setting that does not exist or is another planner's.
-        InvalidRequest: a change that is malformed or leads out of the range.
+        UnknownName: A preset, weight or setting does not exist, or belongs to another planner.
+        InvalidRequest: A change is malformed or leads out of the range.
     """
     tuning = tuning_of(base.planner)
     start = base
@@ -58,7 +58,7 @@ def changed_configuration(
         if preset is not None:
             chosen = tuning.preset(preset)
             if preset.strip().lower() not in (chosen.name.lower(), chosen.short_name.lower()):
-                taken.append(f"{preset.strip()!r} is taken as the preset {chosen.name}")
+                taken.append(f"{preset.strip()!r} is read as the preset {chosen.name}")
             start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
     with faults.collecting():
         values, elsewhere = start.weights | start.external_weights, _names_elsewhere(base.planner)
@@ -75,13 +75,13 @@ def changed_configuration(
 
 
 def from_file(file: WeightFile) -> PlannerConfiguration:
-    """The configuration of a weight file, which keeps the file's comments, order and layout.
+    """Return the configuration of a weight file, which keeps the file's comments, order and layout.
 
-    A file that is written here as it stands needs no keeping: its configuration is that of the same values.
+    A file in our own form needs no template: its configuration is that of the same values.
 
     Raises:
-        UnknownName: no such planner, weight or setting.
-        InvalidRequest: a value out of its range.
+        UnknownName: No such planner, weight or setting.
+        InvalidRequest: A value is out of its range.
     """
     made, _ = changed_configuration(preset_configuration(file.planner), None, file.weights, file.settings)
     if to_yaml(made) == file.text:
@@ -93,34 +93,34 @@ def from_file(file: WeightFile) -> PlannerConfiguration:
 
 
 def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tuple[WeightChange, ...]:
-    """The weights and settings in which two configurations of a planner differ, in their order."""
+    """Return the weights and settings in which two configurations of a planner differ, in order."""
     old = before.weights | before.external_weights | setting_values(before.settings)
     new = after.weights | after.external_weights | setting_values(after.settings)
     return tuple(WeightChange(name=name, before=old[name], after=new[name]) for name in old if old[name] != new[name])
 
 
 def _names_elsewhere(planner: str) -> dict[str, str]:
-    """Names that are no weights of this planner → what they are: weights of others, and settings."""
+    """Map names that are not weights of this planner to an explanation: weights of other planners, and settings."""
     names: dict[str, str] = {}
     for other in PLANNERS:
         tuning = tuning_of(other)
         of_other = dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
-        names = of_other | names  # the first planner that has it
-    return names | dict.fromkeys(known_settings(), "it is a setting; give it in settings")
+        names = of_other | names  # the first planner that has it wins
+    return names | dict.fromkeys(known_settings(), "it is a setting; pass it in settings")
 
 
 def _idle_notes(base: PlannerConfiguration, made: PlannerConfiguration) -> list[str]:
-    """Remarks on what is kept but changes nothing in this planner."""
+    """Return remarks on values that are kept but have no effect in this planner."""
     notes = []
     idle = [name for name, value in made.external_weights.items() if value > 0]
     if idle:
-        notes.append(f"{', '.join(idle)}: kept, but acts on nothing (the module is not part of this planner)")
+        notes.append(f"{', '.join(idle)}: kept, but without effect (this planner does not include the module)")
     before, after = setting_values(base.settings), setting_values(made.settings)
     unused = [name for name in tuning_of(made.planner).idle_settings if before[name] != after[name]]
     if made.settings.vehicle_stated and not base.settings.states_vehicle:
-        notes.append("vehicle=2 now holds for every ego; without it the ego's class decides, a car being vehicle 2")
+        notes.append("vehicle=2 now applies to every ego; without it the ego's class decides (a car is vehicle 2)")
     if unused:
-        notes.append(f"{', '.join(unused)}: kept, but acts on nothing in {made.planner}")
+        notes.append(f"{', '.join(unused)}: kept, but without effect in {made.planner}")
     return notes
 
 
@@ -132,15 +132,15 @@ def _configuration(
     settings: PlannerSettings,
     template: str = "",
 ) -> PlannerConfiguration:
-    """The configuration with its id; its name is ``planner:preset``, with what differs from it."""
+    """Return the configuration with its id; its name is ``planner:preset`` plus the differences from it."""
     stated = settings.model_dump(exclude_defaults=True)
     known = () if any(external.values()) else tuning_of(planner).presets.values()
     same = [entry.name for entry in known if entry.weights == weights]
     origin = same[0] if same else preset
     usual = tuning_of(planner).presets[origin].weights if origin in tuning_of(planner).presets else {}
-    told = {"vehicle": settings.vehicle} if stated.pop("vehicle_stated", False) else {}
+    vehicle = {"vehicle": settings.vehicle} if stated.pop("vehicle_stated", False) else {}
     changed = (
-        {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | told | stated
+        {key: value for key, value in (weights | external).items() if value != usual.get(key, 0.0)} | vehicle | stated
     )
     parts = [f"{key}={value:g}" for key, value in changed.items()]
     more = f" and {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""

@@ -1,7 +1,7 @@
-"""What a search for a configuration aims at, and the bounds that it must keep.
+"""The objectives of a search for a configuration, and the constraints that it must satisfy.
 
-Every measure is a number from 0 to 1 for each run, so that sums mean the same on every set of scenarios. A run that
-does not reach its goal has no comfort and takes all the time there is: no configuration gains by failing early.
+Every measure is a number from 0 to 1 per run, so that sums are comparable between sets of scenarios. A run that does
+not reach its goal has no comfort and the worst time, so no configuration gains by failing early.
 """
 
 import re
@@ -18,12 +18,12 @@ _HALF_COMFORT = 4.0
 _HALF_TIME_S = 10.0
 """Duration at which time is one half (chosen: about the length of a public scenario)."""
 _MOST_RISK = 5
-"""Risk scores go from 0 (collision) to 5."""
+"""Risk scores range from 0 (collision) to 5."""
 
 
 @dataclass(frozen=True)
 class _Measure:
-    """A measure of a run; ``sign``: 1 where more is better, −1 where less is."""
+    """A measure of a run; ``sign`` is 1 if more is better, and −1 if less is better."""
 
     sign: int
     of: Callable[[RunRecord], float]
@@ -76,21 +76,21 @@ class Objective:
     factor: float
 
     def score(self, run: RunRecord) -> float:
-        """The run's part of the sum; higher is better."""
+        """Return the run's part of the sum; higher is better."""
         measure = _MEASURES[self.name]
         return self.factor * measure.sign * measure.of(run)
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """A bound on the mean of a measure; ``bound`` None: the base's own mean on the same scenarios."""
+    """A bound on the mean of a measure; ``bound`` None means the base's own mean on the same scenarios."""
 
     name: str
     is_least: bool
     bound: float | None
 
     def holds(self, runs: Sequence[RunRecord], base: Sequence[RunRecord]) -> bool:
-        """Whether a candidate's runs keep it, given the base's on the same scenarios."""
+        """Return True if a candidate's runs satisfy it, given the base's runs on the same scenarios."""
         if not runs:
             return True
         mean = fmean(_MEASURES[self.name].of(run) for run in runs)
@@ -99,28 +99,30 @@ class Constraint:
 
 
 def parse_objective(text: str) -> Objective:
-    """``success`` or ``comfort*0.2``.
+    """Parse an objective such as ``success`` or ``comfort*0.2``.
 
     Raises:
-        InvalidRequest: malformed.
-        UnknownName: no such measure.
+        InvalidRequest: The text is malformed.
+        UnknownName: No such measure.
     """
     found = _TERM.fullmatch(text.strip())
     if found is None:
-        raise InvalidRequest(f"{quoted(text)} is no objective", valid=["success", "comfort*0.2"])
+        raise InvalidRequest(f"{quoted(text)} is not an objective", valid=["success", "comfort*0.2"])
     return Objective(_known(found["name"]), float(found["factor"] or 1.0))
 
 
 def parse_constraint(text: str) -> Constraint:
-    """``success>=base`` or ``collisions<=0.1``.
+    """Parse a constraint such as ``success>=base`` or ``collisions<=0.1``.
 
     Raises:
-        InvalidRequest: malformed.
-        UnknownName: no such measure.
+        InvalidRequest: The text is malformed.
+        UnknownName: No such measure.
     """
     found = _BOUND.fullmatch(text.strip())
     if found is None:
-        raise InvalidRequest(f"{quoted(text)} is no constraint", valid=["success>=base", "collisions<=0.1"], given=text)
+        raise InvalidRequest(
+            f"{quoted(text)} is not a constraint", valid=["success>=base", "collisions<=0.1"], given=text
+        )
     bound = None if found["bound"] == "base" else float(found["bound"])
     return Constraint(_known(found["name"]), found["operator"] == ">=", bound)
 

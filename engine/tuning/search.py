@@ -1,8 +1,8 @@
-"""Searches over weights and settings: the space, and new candidates by Optuna.
+"""Searches over weights and settings: the search space, and new candidates from Optuna.
 
-A search goes in rounds of a fixed size: all candidates of a round are drawn before one of them is told, and told in
-their order, so that what is found does not depend on which worker was faster. New candidates are drawn from all that
-was told, played again from the start: a search that was broken off goes on by the runs that the workspace keeps.
+A search runs in rounds of a fixed size. All candidates of a round are drawn before the first result is reported, and
+results are reported in order, so the outcome does not depend on the speed of the workers. Every draw replays all
+earlier results from the start, so an interrupted search continues from the runs in the workspace.
 """
 
 import math
@@ -24,24 +24,25 @@ if TYPE_CHECKING:
     import optuna
 
 _OFF = 0.1
-"""The part of a weight's range that means 0 (chosen: off is as likely as a tenth of what it can be)."""
+"""The part of a weight's range that means 0 (chosen: off is as likely as a tenth of the range)."""
 _SMALLEST, _LARGEST = 0.01, 100.0
-"""Weights that a search tries beside 0 (chosen: an order beyond those of the presets on both sides)."""
+"""Range of weights in a search, in addition to 0 (chosen: an order of magnitude beyond the presets on both sides)."""
 _USUAL = with_values(vary=None)
-"""What a refusal proposes where a name to vary cannot be corrected: those that are varied usually."""
+"""The remedy of a refusal if a name to vary cannot be corrected: the usual dimensions."""
 _VARIED = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\s*=\s*(?P<low>\d+(?:\.\d+)?)\s*\.\.\s*(?P<high>\d+(?:\.\d+)?))?")
 
 
 def legacy_seed(seed: int) -> int:
-    """A seed for generators that take 32 bits (NumPy's legacy one, by which Optuna and SALib draw)."""
+    """Return a seed for 32-bit generators (NumPy's legacy one, which Optuna and SALib use)."""
     return seed % 2**32
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """A weight or setting that is varied, and how [0, 1] stands for its values.
+    """A weight or setting that a search varies, and the mapping of [0, 1] to its values.
 
-    ``can_be_off``: the lowest tenth is 0; ``is_log``: evenly in the logarithm; ``is_whole``: whole numbers only.
+    ``can_be_off``: the lowest tenth means 0; ``is_log``: evenly spaced in the logarithm; ``is_whole``: only whole
+    numbers.
     """
 
     name: str
@@ -53,7 +54,7 @@ class Dimension:
     is_whole: bool = False
 
     def value(self, place: float) -> float:
-        """The value at a place in [0, 1], with three significant digits."""
+        """Return the value at a position in [0, 1], with three significant digits."""
         if self.can_be_off:
             if place < _OFF:
                 return 0.0
@@ -65,7 +66,7 @@ class Dimension:
         return min(self.high, max(self.low, float(f"{value:.3g}")))
 
     def place(self, value: float) -> float:
-        """The place of a value, the nearest end where it lies outside."""
+        """Return the position of a value, or the nearest end if the value is outside."""
         if self.can_be_off and value < self.low:
             return _OFF / 2
         inside = min(self.high, max(self.low, value))
@@ -77,11 +78,11 @@ class Dimension:
 
 
 def dimensions(planner: str, vary: Sequence[str]) -> tuple[Dimension, ...]:
-    """What a search varies: all weights that act, or those that are named, as ``jerk`` or ``horizon_s=2..5``.
+    """Return the dimensions of a search: all active weights, or those given, such as ``jerk`` or ``horizon_s=2..5``.
 
     Raises:
-        UnknownName: no weight or setting of the planner.
-        InvalidRequest: malformed, a range that is none or lies outside, or a name twice.
+        UnknownName: The planner has no such weight or setting.
+        InvalidRequest: A text is malformed, its range is empty or outside the limits, or a name occurs twice.
     """
     tuning = tuning_of(planner)
     if not vary:
@@ -91,7 +92,7 @@ def dimensions(planner: str, vary: Sequence[str]) -> tuple[Dimension, ...]:
         with faults.collecting():
             dimension = _dimension(planner, text)
             if dimension.name in made:
-                raise InvalidRequest(f"{dimension.name} is varied twice", next_step="name it once")
+                raise InvalidRequest(f"{dimension.name} is given twice", next_step="give it once")
             made[dimension.name] = dimension
     faults.raise_all()
     return tuple(made.values())
@@ -101,7 +102,7 @@ def _dimension(planner: str, text: str) -> Dimension:
     found = _VARIED.fullmatch(text.strip())
     if found is None:
         raise InvalidRequest(
-            f"{quoted(text)} names nothing to vary", valid=["jerk", "prediction=0.1..50", "horizon_s=2..5"]
+            f"{quoted(text)} is not a weight or setting to vary", valid=["jerk", "prediction=0.1..50", "horizon_s=2..5"]
         ).also(_USUAL)
     name, tuning, settings = found["name"], tuning_of(planner), known_settings()
     given = None if found["low"] is None else (float(found["low"]), float(found["high"]))
@@ -109,7 +110,7 @@ def _dimension(planner: str, text: str) -> Dimension:
         valid = [f"{name}={given[1]:g}..{given[0]:g}"]
         is_known = name in tuning.weights or name in tuning.external or name in settings
         raise InvalidRequest(
-            f"{quoted(text)} is no range", valid=valid, given=text if is_known and given[0] > given[1] else ""
+            f"{quoted(text)} is not a range", valid=valid, given=text if is_known and given[0] > given[1] else ""
         ).also(_USUAL)
     if name in tuning.weights or name in tuning.external:
         return _weight(planner, name, given)
@@ -145,12 +146,12 @@ def _refuse_outside(name: str, given: tuple[float, float], limits: tuple[float, 
 
 
 def values_at(space: Sequence[Dimension], point: Sequence[float]) -> dict[str, float]:
-    """The values of a point by name."""
+    """Return the values of a point by name."""
     return {one.name: one.value(place) for one, place in zip(space, point, strict=True)}
 
 
 def point_of(space: Sequence[Dimension], configuration: PlannerConfiguration) -> tuple[float, ...]:
-    """The point of a configuration; values outside the space are moved to its edge."""
+    """Return the point of a configuration; values outside the space move to its edge."""
     values: Mapping[str, float] = (
         configuration.weights | configuration.external_weights | setting_values(configuration.settings)
     )
@@ -158,30 +159,31 @@ def point_of(space: Sequence[Dimension], configuration: PlannerConfiguration) ->
 
 
 def propose(request: ProposeRequest, report: ProgressReporter) -> Proposals:
-    """An operation: the next points of a search.
+    """Return the next points of a search (an operation).
 
     Raises:
-        UnexpectedFailure: playing the search again gave other points than were told: the libraries have changed.
+        UnexpectedFailure: Replaying the search gave points other than the reported ones, since the libraries have
+            changed.
     """
     import optuna
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(directions=["maximize"] * request.objectives, sampler=_sampler(request))
     space = {name: optuna.distributions.FloatDistribution(0.0, 1.0) for name in request.names}
-    for told in request.enqueued:
-        params = dict(zip(request.names, told.point, strict=True))
-        study.add_trial(optuna.trial.create_trial(params=params, distributions=dict(space), values=list(told.values)))
-    for number, told_round in enumerate(request.rounds):
-        trials = [study.ask(dict(space)) for _ in told_round]
-        for trial, told in zip(trials, told_round, strict=True):
+    for result in request.enqueued:
+        params = dict(zip(request.names, result.point, strict=True))
+        study.add_trial(optuna.trial.create_trial(params=params, distributions=dict(space), values=list(result.values)))
+    for number, results in enumerate(request.rounds):
+        trials = [study.ask(dict(space)) for _ in results]
+        for trial, result in zip(trials, results, strict=True):
             if any(
-                abs(trial.params[name] - place) > 1e-9 for name, place in zip(request.names, told.point, strict=True)
+                abs(trial.params[name] - place) > 1e-9 for name, place in zip(request.names, result.point, strict=True)
             ):
-                raise UnexpectedFailure("propose", f"round {number} of the search was drawn otherwise before")
-            study.tell(trial, list(told.values))
-        report(0.9 * (number + 1) / len(request.rounds), "playing the search again")
-    asked = [study.ask(dict(space)) for _ in range(request.count)]
-    return Proposals(points=tuple(tuple(float(one.params[name]) for name in request.names) for one in asked))
+                raise UnexpectedFailure("propose", f"round {number} of the search gave other points before")
+            study.tell(trial, list(result.values))
+        report(0.9 * (number + 1) / len(request.rounds), "replaying the search")
+    drawn = [study.ask(dict(space)) for _ in range(request.count)]
+    return Proposals(points=tuple(tuple(float(one.params[name]) for name in request.names) for one in drawn))
 
 
 def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
@@ -189,7 +191,9 @@ def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
 
     import optuna
 
-    with warnings.catch_warnings():  # on experimental and ageing options; the version of the library is fixed
+    with (
+        warnings.catch_warnings()
+    ):  # warnings about experimental and ageing options; the version of the library is fixed
         warnings.simplefilter("ignore")
         if request.method == "random":
             return optuna.samplers.RandomSampler(seed=legacy_seed(request.seed))
@@ -205,7 +209,7 @@ def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
 
 
 def judge_gain(request: GainRequest, report: ProgressReporter) -> Gain:
-    """An operation: the mean difference over scenarios with its 95 % interval by Student's distribution."""
+    """Return the mean difference over scenarios with its 95 % interval by Student's distribution (an operation)."""
     from scipy.special import stdtrit
 
     groups: dict[str, list[float]] = {}

@@ -1,12 +1,12 @@
-"""Which weights matter on some scenarios: screening by Morris, total indices by Sobol, both of SALib.
+"""Finds the weights that matter on some scenarios: screening by Morris, total indices by Sobol, both from SALib.
 
 Morris (1991, "Factorial sampling plans for preliminary computational experiments") changes one weight at a time along
-random ways through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is the mean absolute change. Sobol's total
-index is the share of the objective's variance in which a weight has a part. Intervals are SALib's bootstraps.
+random paths through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is the mean absolute change. Sobol's total
+index is the share of the objective's variance to which a weight contributes. Intervals are SALib's bootstraps.
 
-A change of a weight that turns some scenarios to success and as many to failure moves the mean a little too. So a
+A change of a weight that turns some scenarios to success and as many to failure also moves the mean a little. So a
 weight matters only if its effect is larger than expected if each scenario's changes were as likely to have the opposite
-sign (a permutation test with the scenario as the unit), and if its bootstrapped interval lies above 0; both conditions
+sign (a permutation test with the scenario as the unit), and if its bootstrapped interval is above 0; both conditions
 are adjusted for the number of tested weights (Bonferroni).
 """
 
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 _LEVELS = 4
 """Levels of a Morris design, as usual."""
 _FEWEST_WAYS = 4
-"""Fewest ways of a Morris design (Saltelli et al. 2008, "Global Sensitivity Analysis: The Primer": four to ten)."""
+"""Fewest paths of a Morris design (Saltelli et al. 2008, "Global Sensitivity Analysis: The Primer": four to ten)."""
 _FEWEST_SAMPLES = 2
-"""Fewest base samples of a Sobol design: with one there is no variance."""
+"""Fewest base samples of a Sobol design, since one sample has no variance."""
 _MOST_EXACT = 13
-"""Scenarios up to which all signs are tried: 2¹³ are fewer than the drawn ones."""
+"""Most scenarios for which all signs are evaluated: 2¹³ are fewer than the drawn ones."""
 _DRAWN = 9_999
-"""Signs that are drawn beyond that; with the observed ones p is a multiple of 1/10,000 (Davison and Hinkley 1997)."""
+"""Number of signs drawn beyond that; with the observed ones, p is a multiple of 1/10,000 (Davison and Hinkley 1997)."""
 
 
 def fewest_configurations(method: Literal["morris", "sobol"], weights: int) -> int:
-    """Return how many configurations the smallest design over so many weights drives."""
+    """Return the number of configurations in the smallest design over ``weights`` weights."""
     return _FEWEST_WAYS * (weights + 1) if method == "morris" else _FEWEST_SAMPLES * (weights + 2)
 
 
@@ -48,7 +48,7 @@ def sensitivity_design(request: DesignRequest, report: ProgressReporter) -> Prop
 
 
 def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Effects:
-    """An operation: the effect of each weight, from the objective at the points of the design."""
+    """Return the effect of each weight, from the objective at the points of the design (an operation)."""
     import numpy as np
 
     design = request.design
@@ -72,7 +72,7 @@ def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Ef
 
 
 def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]") -> tuple[list[float], list[float]]:
-    """Return the effect of each weight with half of its 95 % interval; all are 0 where the objective never changes."""
+    """Return the effect of each weight with half of its 95 % interval; all are 0 if the objective never changes."""
     if values.std() == 0:
         return [0.0] * len(design.names), [0.0] * len(design.names)
     problem, seed = _problem(design), legacy_seed(design.seed)
@@ -88,7 +88,7 @@ def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]")
 
 
 def _effect(name: str, effect: float, margin: float, p: float | None, tested: int) -> Effect:
-    """Return the effect of a weight with what may be said of it, one of so many that are tested."""
+    """Return the effect of a weight with its verdict, as one of ``tested`` weights."""
     if effect == 0 and p is None:
         return Effect(name=name, effect=0.0, margin=0.0, verdict="none")
     normal = NormalDist()
@@ -113,7 +113,7 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
     """Return by weight each scenario's change of objective between points that differ only in it, (pairs, s).
 
-    Scenarios that lack a score at any point are left out; empty if no scores are given.
+    Scenarios without a score at some point are left out; the result is empty if no scores are given.
     """
     import numpy as np
 
@@ -129,7 +129,7 @@ def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
 
 
 def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: DesignRequest) -> float:
-    """Return how often signs of scenarios by chance give an effect as large as the observed one; never 0."""
+    """Return how often random signs of scenarios give an effect as large as the observed one; never 0."""
     import numpy as np
 
     names = list(dict.fromkeys(units))
@@ -150,7 +150,7 @@ def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: Design
 
 
 def _largest(design: DesignRequest, place: int, changes: "NDArray[np.float64] | None") -> tuple[int, int, int] | None:
-    """Return the two points and the scenario between which a weight changed most, or None if it changed nothing."""
+    """Return the two points and the scenario of a weight's largest change, or None if it changed nothing."""
     import numpy as np
 
     if changes is None or not changes.any():
@@ -165,7 +165,7 @@ def _problem(request: DesignRequest) -> dict[str, Any]:
 
 
 def _points(request: DesignRequest) -> Any:
-    """The design, an array with a row a point."""
+    """Return the design as an array with one row per point."""
     count = len(request.names)
     if request.method == "morris":
         from SALib.sample import morris

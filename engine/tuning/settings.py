@@ -1,6 +1,6 @@
-"""Named numbers of a configuration, its weights and settings, and their changes by assignments.
+"""The numeric values of a configuration, its weights and settings, and their changes by assignments.
 
-An assignment reads ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
+An assignment has the form ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
 """
 
 import math
@@ -17,7 +17,7 @@ from .tunings import LARGEST_WEIGHT
 
 @dataclass(frozen=True)
 class _ChangedValues:
-    """All values after the changes, and remarks on changes that changed nothing."""
+    """All values after the changes, and remarks on changes without effect."""
 
     values: dict[str, float]
     notes: tuple[str, ...]
@@ -31,14 +31,14 @@ def apply_assignments(
     kind: str = "cost weight",
     elsewhere: Mapping[str, str] | None = None,
 ) -> _ChangedValues:
-    """The weights (or settings) after all changes in their order; all are applied or none.
+    """Return the weights (or settings) after all changes, in order; applies either all or no change.
 
-    ``jerk=lateral_jerk`` copies the value that the other weight has at that point. ``limits``: ranges of single names,
-    0 to 1e6 otherwise; ``elsewhere``: names that do not belong here → where they do.
+    ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
+    to 1e6; ``elsewhere``: maps names that do not belong here to an explanation.
 
     Raises:
-        UnknownName: a weight that does not exist, with the nearest.
-        InvalidRequest: malformed, or a result outside its range or not finite; all faults at once.
+        UnknownName: A weight does not exist; the error lists the nearest names.
+        InvalidRequest: A change is malformed, or its result is out of range or not finite; the error lists all faults.
     """
     limits, elsewhere = limits or {}, elsewhere or {}
     result, faults = dict(values), Faults()
@@ -66,7 +66,7 @@ def apply_assignments(
             result[name] = after
             if after == before:
                 is_idle = before == 0 and change.operator == "*"
-                zero = " (0 times anything stays 0; set a value instead)" if is_idle else ""
+                zero = " (0 times a number is 0; set a value instead)" if is_idle else ""
                 notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
     faults.raise_all()
     return _ChangedValues(result, tuple(notes))
@@ -95,7 +95,7 @@ def _range_text(name: str, limits: Mapping[str, tuple[float, float]]) -> str:
 
 
 def _without_value(text: str, before: float) -> InvalidRequest:
-    """The refusal of a name without a value; it proposes the value that there is, written as it should be."""
+    """Return the refusal of a name without a value; it suggests an assignment with the current value."""
     name = text.partition("=")[0].strip()
     remedies = [instead(text, f"{name}={before:g}")]
     return InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"], remedies=remedies)
@@ -108,19 +108,19 @@ def _value(change: Assignment, before: float, text: str) -> float:
     if change.operator == "*":
         return before * operand
     if change.operator == "+":
-        return round(before + operand, 12)  # 0.1 + 0.2 shall read 0.3
+        return round(before + operand, 12)  # 0.1 + 0.2 must read 0.3
     return round(before - operand, 12) if change.operator == "-" else operand
 
 
 def _copied(name: str, values: Mapping[str, float], text: str, kind: str, before: float) -> str:
-    """The name whose value another one is to have, where a number was expected."""
+    """Return the name of the value to copy, in place of a number."""
     folded = name if name in values else name.lower()
     if folded not in values:
         near = closest(name, values, 3)
         raise UnknownName(
             f"'{text}': '{name}' is neither a number nor the name of a {kind}",
             valid=["a number", *near],
-            next_step="set a number, or copy the value of another one by its name",
+            next_step="set a number, or copy another value by its name",
         ).also(instead(text, f"{text.partition('=')[0].strip()}={before:g}"))
     return folded
 
@@ -130,7 +130,7 @@ def _known(name: str, values: Mapping[str, float], kind: str, elsewhere: Mapping
     if folded in values:
         return folded
     if folded in elsewhere:
-        raise UnknownName(f"'{folded}' is no {kind} here: {elsewhere[folded]}", valid=list(values)[:5])
+        raise UnknownName(f"'{folded}' is not a {kind} here: {elsewhere[folded]}", valid=list(values)[:5])
     raise UnknownName(
         f"there is no {kind} '{name}'",
         valid=closest(name, values) or list(values)[:5],
@@ -151,23 +151,23 @@ class Setting:
 
     @property
     def range_text(self) -> str:
-        """The range as it is written in tables and errors: ``1.5 to 6 s``."""
+        """The range as shown in tables and errors, such as ``1.5 to 6 s``."""
         unit = f" {self.unit}" if self.unit else ""
         return f"{self.lowest:g} to {self.highest:g}{unit}"
 
 
 _SETTINGS = (
-    Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all parameters of the vehicle", whole=True),
+    Setting("vehicle", "", 1, 4, "CommonRoad vehicle; replaces all vehicle parameters", whole=True),
     Setting("length_m", "m", 1.0, 20.0, "length of the ego"),
     Setting("width_m", "m", 0.5, 3.0, "width of the ego"),
-    Setting("wheelbase_m", "m", 0.8, 12.0, "distance of the axles"),
+    Setting("wheelbase_m", "m", 0.8, 12.0, "distance between the axles"),
     Setting("rear_axle_behind_center_m", "m", 0.2, 8.0, "rear axle to centre"),
     Setting("maximum_acceleration_mps2", "m/s²", 1.0, 15.0, "limit of acceleration and braking"),
     Setting("maximum_speed_mps", "m/s", 1.0, 70.0, "top speed"),
     Setting("switching_speed_mps", "m/s", 1.0, 30.0, "above it the power limits the acceleration"),
     Setting("maximum_steering_rad", "rad", 0.1, 1.4, "largest steering angle"),
-    Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "how fast it can change"),
-    Setting("horizon_s", "s", 1.5, 6.0, "how far a plan and the prediction reach"),
+    Setting("maximum_steering_rate_radps", "rad/s", 0.05, 2.0, "largest steering rate"),
+    Setting("horizon_s", "s", 1.5, 6.0, "duration of a plan and its prediction"),
     Setting("replan_steps", "steps", 1, 10, "time steps driven before the next plan", whole=True),
     Setting("sampling_level", "", 0, 3, "candidates: 3, 5, 9 or 17 speeds and offsets", whole=True),
     Setting("search", "", 0, 3, "of fiss: 0 fop, 1 fop_plus, 2 fiss, 3 fiss_plus", whole=True),
@@ -175,23 +175,23 @@ _SETTINGS = (
 
 
 def known_settings() -> dict[str, Setting]:
-    """All settings by name, in their order."""
+    """Return all settings by name, in order."""
     return {setting.name: setting for setting in _SETTINGS}
 
 
 def setting_values(settings: PlannerSettings) -> dict[str, float]:
-    """Every setting with the value in force, in their order."""
+    """Return every setting with its effective value, in order."""
     own = parameter_values(VEHICLES[settings.vehicle])
     stated = {name: value for name, value in settings if value is not None}
     return {name: stated.get(name, own.get(name, 0.0)) for name in known_settings()}
 
 
 def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple[PlannerSettings, tuple[str, ...]]:
-    """The settings after the changes in their order, and remarks; ``vehicle`` replaces all its parameters.
+    """Return the settings after the changes, in order, and remarks; ``vehicle`` replaces all its parameters.
 
     Raises:
-        UnknownName: a setting that does not exist.
-        InvalidRequest: malformed, out of its range, or a vehicle whose parameters do not fit together.
+        UnknownName: A setting does not exist.
+        InvalidRequest: A change is malformed or out of its range, or the vehicle's parameters do not fit together.
     """
     values, notes, known = setting_values(settings), list[str](), known_settings()
     limits = {name: (setting.lowest, setting.highest) for name, setting in known.items()}
@@ -201,7 +201,7 @@ def changed_settings(settings: PlannerSettings, changes: Iterable[str]) -> tuple
         values, notes = changed.values, [*notes, *changed.notes]
         name = parse_assignment(text).name.lower()
         if known[name].whole and values[name] != int(values[name]):
-            raise InvalidRequest(f"'{text}': {name} is a whole number", valid=[known[name].range_text])
+            raise InvalidRequest(f"'{text}': {name} must be a whole number", valid=[known[name].range_text])
         if name == "vehicle":
             values |= parameter_values(VEHICLES[int(values[name])])
             names_vehicle = True
@@ -216,7 +216,8 @@ def _fits_together(values: dict[str, float]) -> None:
     length, wheelbase, rear = (values[name] for name in ("length_m", "wheelbase_m", "rear_axle_behind_center_m"))
     if not fits_together(length, wheelbase, rear):
         raise InvalidRequest(
-            f"length_m={length:g}, wheelbase_m={wheelbase:g} and rear_axle_behind_center_m={rear:g} are no vehicle",
+            f"length_m={length:g}, wheelbase_m={wheelbase:g} and rear_axle_behind_center_m={rear:g}"
+            " do not form a vehicle",
             valid=["wheelbase_m <= length_m", "rear_axle_behind_center_m <= length_m / 2 and <= wheelbase_m"],
             next_step="set the three together",
         )

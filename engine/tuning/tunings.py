@@ -1,7 +1,7 @@
-"""What can be set in each planner: weights, presets, and the settings that do nothing in it.
+"""The options of each planner: weights, presets, and settings without effect.
 
-Nothing heavy is imported here: the server reads the tables without loading a planner. To add a planner, add a
-``PlannerTuning`` to ``TUNINGS`` under the name that ``engine/planners/registry.py`` has.
+This module imports nothing heavy, so that the server reads the tables without loading a planner. To add a planner, add
+a ``PlannerTuning`` to ``TUNINGS`` under its name in ``engine/planners/registry.py``.
 """
 
 from collections.abc import Mapping
@@ -20,17 +20,17 @@ LARGEST_WEIGHT = 1e6
 
 @dataclass(frozen=True)
 class Weight:
-    """One weight: a factor ≥ 0 on the raw value of a cost term; or a parameter of a planner that has no such terms.
+    """One weight: a factor ≥ 0 on the raw value of a cost term, or a parameter of a planner that has no such terms.
 
-    ``raising`` says what a larger value does. ``computed_by``: the C++ core, this program, or nothing. ``of_cost``:
-    whether it is a factor on a cost term of what is driven; hard limits, desired distances, and what acts on the search
-    alone are not. ``term``: the recorded term that holds it, if that has another name.
+    ``raising`` describes the effect of a larger value. ``computed_by``: the C++ core, this program, or absent.
+    ``of_cost``: True for a factor on a cost term of the driven plan, False for hard limits, desired distances, and
+    values that affect only the search. ``term``: the recorded term that includes it, if that has another name.
     """
 
     name: str
     meaning: str
     raising: str
-    computed_by: Literal["core", "ours", "nobody"]
+    computed_by: Literal["core", "ours", "absent"]
     lowest: float = 0.0
     highest: float = LARGEST_WEIGHT
     of_cost: bool = True
@@ -38,15 +38,15 @@ class Weight:
 
     @property
     def acts(self) -> bool:
-        """Whether the weight changes what is driven."""
-        return self.computed_by != "nobody"
+        """True if the weight affects the driven motion."""
+        return self.computed_by != "absent"
 
 
 @dataclass(frozen=True)
 class Preset:
-    """A full set of weights by name, in their order.
+    """A full set of weights by name, in order.
 
-    ``short_name`` is the one in the paper's comparison figure.
+    ``short_name`` is the name in the paper's comparison figure.
     """
 
     name: str
@@ -57,9 +57,9 @@ class Preset:
 
 @dataclass(frozen=True)
 class PlannerTuning:
-    """Weights by name in their order; ``external`` ones are kept but act on nothing; presets by name.
+    """Weights by name in order; ``external`` weights are kept but have no effect; presets by name.
 
-    ``first_preset`` is what the bare name of the planner means; ``idle_settings`` do nothing in this planner.
+    ``first_preset`` is the preset of the planner's bare name; ``idle_settings`` have no effect in this planner.
     """
 
     summary: str
@@ -71,15 +71,15 @@ class PlannerTuning:
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Ranges of the weights that do not go from 0 to 1e6."""
+        """Ranges of the weights that differ from 0 to 1e6."""
         ranges = {name: (weight.lowest, weight.highest) for name, weight in self.weights.items()}
         return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 
     def preset(self, word: str) -> Preset:
-        """The preset of a name, a short name or a usual word for it, whatever the case.
+        """Return a preset by its name, short name or usual synonym, ignoring case.
 
         Raises:
-            UnknownName: with the names, the likeliest first.
+            UnknownName: No such preset; the error lists the names, likeliest first.
         """
         folded = word.strip().lower()
         for preset in self.presets.values():
@@ -90,7 +90,7 @@ class PlannerTuning:
         raise UnknownName(
             f"there is no preset '{word}'",
             valid=[*likely, *(name for name in self.presets if name not in likely)],
-            next_step="name one of them, or set single weights with name=value",
+            next_step="choose one of them, or set single weights with name=value",
         )
 
 
@@ -104,29 +104,29 @@ _PRESET_WORDS = MappingProxyType(
         "Cautious": ("careful", "defensive"),
     }
 )
-"""What the prompts of the paper's released code let users say for presets, besides their names."""
+"""Synonyms for presets in the prompts of the paper's released code."""
 _Named = TypeVar("_Named", Weight, Preset)
 
 
 def tuning_of(planner: str) -> PlannerTuning:
-    """What can be set in a planner.
+    """Return the options of a planner.
 
     Raises:
-        UnknownName: no such planner.
-        PlannerFailure: a planner of others that cannot be imported.
+        UnknownName: No such planner.
+        PlannerFailure: A user-supplied planner cannot be imported.
     """
     name = known_planner(planner)
     return TUNINGS[name] if name in TUNINGS else _declared(own_planner(name).declaration)
 
 
 def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
-    """What can be set in a planner of others, all of it its own."""
+    """Return the options of a user-supplied planner, all of them its own."""
     defaults = {name: weight.default for name, weight in declaration.weights.items()}
     weights = {
         name: Weight(
             name,
             weight.meaning,
-            weight.raising or "as it says",
+            weight.raising or "as declared",
             "ours",
             weight.lowest,
             weight.highest,
@@ -135,7 +135,7 @@ def _declared(declaration: PlannerDeclaration) -> PlannerTuning:
         for name, weight in declaration.weights.items()
     }
     presets = {"Default": Preset("Default", "Default", "its defaults", defaults)} | {
-        name: Preset(name, name, preset.intent or "as it says", defaults | preset.weights)
+        name: Preset(name, name, preset.intent or "as declared", defaults | preset.weights)
         for name, preset in declaration.presets.items()
     }
     return PlannerTuning(declaration.summary, weights, {}, presets, idle_settings=("search",))
@@ -165,17 +165,18 @@ _COST_WEIGHTS = (
     Weight("distance_to_reference_path", "norm of the offset over the second half", "keeps to the path", "core"),
     Weight("distance_to_obstacles", "Σ 1 / smallest distance², others standing", "keeps away from others", "core"),
     Weight("prediction", "collision probability with predicted others × 1000", "avoids predicted motion", "core"),
-    Weight("responsibility", "nearness the ego would answer for", "keeps lane, distance, right of way", "ours"),
+    Weight("responsibility", "proximity that the ego is responsible for", "keeps lane, distance, right of way", "ours"),
 )
 """The thirteen weights of Frenetix in the order of the paper, with the meanings of its released code.
 
-The C++ core computes nine of the terms; those that are ours stand in ``engine/planners/frenetix/costs.py``."""
+The C++ core computes nine of the terms; ours are in ``engine/planners/frenetix/costs.py``.
+"""
 _EXTERNAL_WEIGHTS = (
-    Weight("occ_pm", "occlusion phantom module: harm to an unseen pedestrian", "module absent", "nobody"),
-    Weight("occ_um", "occlusion uncertainty module: distance to its map", "module absent", "nobody"),
-    Weight("occ_ve", "occlusion visibility estimator: shift to see more", "module absent", "nobody"),
+    Weight("occ_pm", "occlusion phantom module: harm to an unseen pedestrian", "module absent", "absent"),
+    Weight("occ_um", "occlusion uncertainty module: distance to its map", "module absent", "absent"),
+    Weight("occ_ve", "occlusion visibility estimator: shift to see more", "module absent", "absent"),
 )
-"""Weights of modules for occlusion that are not part of this planner: kept and written, but they act on nothing."""
+"""Weights of occlusion modules that are not part of this planner: stored and written, but without effect."""
 _FRENETIX_PRESETS = (
     _preset(
         _COST_WEIGHTS,
@@ -252,24 +253,25 @@ _CHANNEL_PRESETS = (
         (0.6, 0.3, 0.5, 0.1, 0.1, 0.9, 0.4),
     ),
 )
-"""The paper names the presets and prints no values for this planner: the values are ours, after the names."""
+"""The paper names the presets but prints no values for this planner; the values are ours."""
 
 _IDM_PARAMETERS = (
     Weight("time_headway_s", "desired time gap T to the leader, s", "follows farther away", "ours", 0.1, 10.0),
     Weight("minimum_gap_m", "gap s0 at standstill, m", "stops earlier behind others", "ours", 0.1, 30.0),
     Weight("acceleration_mps2", "maximum acceleration a, m/s²", "brisker, closer to its speed", "ours", 0.1, 10.0),
     Weight("deceleration_mps2", "comfortable deceleration b, m/s²", "brakes later and harder", "ours", 0.1, 10.0),
-    Weight("lateral_acceleration_mps2", "largest in bends, m/s²", "faster through bends", "ours", 0.5, 10.0),
+    Weight("lateral_acceleration_mps2", "largest in curves, m/s²", "faster through curves", "ours", 0.5, 10.0),
 )
 _IDM_PRESETS = (
-    _preset(_IDM_PARAMETERS, "Default", "Default", "the values of its source", (1.6, 2.0, 0.73, 1.67, 3.0)),
+    _preset(_IDM_PARAMETERS, "Default", "Default", "the values of the model's source", (1.6, 2.0, 0.73, 1.67, 3.0)),
     _preset(_IDM_PARAMETERS, "Cautious", "Cautious", "large gaps, gentle", (2.4, 4.0, 0.6, 1.2, 2.0)),
     _preset(_IDM_PARAMETERS, "Sporty", "Sporty", "small gaps, brisk", (1.0, 1.5, 2.0, 3.0, 4.0)),
 )
-"""Default holds the values of the model's source (Treiber, Hennecke, Helbing: Congested traffic states in empirical
+"""Default has the values of the model's source (Treiber, Hennecke, Helbing: Congested traffic states in empirical
 observations and microscopic simulations, Physical Review E 62, 2000, table I); Cautious and Sporty are ours. The three
-lateral accelerations are those that passengers judged on a test track (Optimal Lateral Acceleration for Different
-Levels of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast."""
+lateral accelerations are those that passengers rated on a test track (Optimal Lateral Acceleration for Different Levels
+of Automated Driving, preprint 10.31234/osf.io/kcw2d): 2 m/s² often too slow, 3 balanced, 4 often too fast.
+"""
 
 _parameter = partial(Weight, of_cost=False)
 _FISS_WEIGHTS = (
@@ -308,12 +310,12 @@ _FISS_WEIGHTS = (
     _parameter("least_gap_m", "smallest gap ahead, m; hard", "rejects closer following", "core", 0.0, 30.0),
     _parameter("least_headway_s", "smallest time gap ahead, s; hard", "rejects closer following", "core", 0.0, 10.0),
     _parameter("least_time_to_collision_s", "smallest TTC, s; hard", "rejects faster approaching", "core", 0.0, 30.0),
-    _parameter("reaction_time_s", "grace after one cuts in, s", "hard distances hold later", "core", 0.0, 5.0),
+    _parameter("reaction_time_s", "grace period after a cut-in, s", "hard distances apply later", "core", 0.0, 5.0),
     _parameter(
         "crossing_gap_s", "smallest time to crossing traffic, s; hard", "waits for larger gaps", "core", 0.0, 5.0
     ),
 )
-"""The settable weights and distances of FISS's core; meanings from its documentation, defaults of version 1.0.0."""
+"""The available weights and distances of FISS's core; meanings from its documentation, defaults of version 1.0.0."""
 _KEPT = (10.0, 5.0, 5.0, 3.0, 1.5, 4.0, 1.0, 3.0, 2.0, 0.3, 1.5, 0.5, 0.75)
 _NOT_KEPT = (0.0, 0.0, 0.0, 3.0, 1.5, 4.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0)
 _FISS_DEFAULT = (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_KEPT)
@@ -323,23 +325,23 @@ _FISS_PRESETS = (
         _FISS_WEIGHTS,
         "Plain",
         "Plain",
-        "without keeping distance, as in its papers; collisions alone count",
+        "without keeping distance, as in its papers; only collisions count",
         (1.0, 1.0, 0.1, 0.1, 2.0, 5.0, 10.0, 1.0, *_NOT_KEPT),
     ),
 )
-"""Plain: what its authors call "without the safety envelope and proximity cost" in their ablations."""
+"""Plain: called "without the safety envelope and proximity cost" in its authors' ablations."""
 _FOLLOWING = (
     Weight(
         "follows",
-        "1: drives to the goal and keeps its distance like idm; 0: keeps the speed of the start",
-        "drives on its own while its model does not react",
+        "1: drives to the goal and keeps its distance like idm; 0: keeps its initial speed",
+        "drives normally while its model does not react",
         "ours",
         0.0,
         1.0,
     ),
     Weight("time_headway_s", "desired time gap to the leader, s", "follows farther away", "ours", 0.1, 10.0),
 )
-"""What a reference driver does while its model does not react."""
+"""The behaviour of a reference driver while its model does not react."""
 _CAREFUL = (
     *_FOLLOWING,
     Weight("wandering_m", "lateral motion that is noticed, m", "notices a cut-in later", "ours", 0.05, 2.0),
@@ -347,22 +349,22 @@ _CAREFUL = (
     Weight("delay_s", "from the decision to braking, s", "brakes later", "ours", 0.0, 3.0),
     Weight("critical_ttc_s", "critical time to collision, s", "brakes earlier", "ours", 0.5, 10.0),
     Weight("critical_thw_s", "critical time headway, s", "brakes earlier", "ours", 0.5, 10.0),
-    Weight("hard_mps2", "leader's braking that is noticed, m/s²", "notices braking later", "ours", 0.5, 10.0),
+    Weight("hard_mps2", "leader's deceleration that is noticed, m/s²", "notices braking later", "ours", 0.5, 10.0),
 )
 _FUZZY = (
     *_FOLLOWING,
     Weight("response_s", "response time, s", "reacts later", "ours", 0.0, 3.0),
     Weight("gentle_mps2", "comfortable braking, m/s²", "begins later", "ours", 0.5, 9.0),
     Weight("hard_mps2", "hardest braking, m/s²", "begins later, brakes harder", "ours", 0.5, 9.0),
-    Weight("front_mps2", "braking expected of the one ahead, m/s²", "begins earlier", "ours", 0.5, 10.0),
+    Weight("front_mps2", "deceleration expected of the leader, m/s²", "begins earlier", "ours", 0.5, 10.0),
     Weight("standstill_m", "gap when standing, m", "stops earlier", "ours", 0.0, 10.0),
     Weight("margin_m", "margin of the safe distance, m", "begins earlier", "ours", 0.0, 10.0),
 )
 _RSS = (
     *_FOLLOWING,
     Weight("response_s", "response time ρ, s", "reacts later", "ours", 0.0, 3.0),
-    Weight("own_mps2", "its own braking that it counts on, m/s²", "smaller safe distance", "ours", 0.5, 9.0),
-    Weight("front_mps2", "hardest braking of the one ahead, m/s²", "larger safe distance", "ours", 0.5, 10.0),
+    Weight("own_mps2", "its own assumed deceleration, m/s²", "smaller safe distance", "ours", 0.5, 9.0),
+    Weight("front_mps2", "leader's hardest deceleration, m/s²", "larger safe distance", "ours", 0.5, 10.0),
     Weight("across_mps2", "lateral acceleration of others, m/s²", "smaller or larger lateral gap", "ours", 0.1, 5.0),
     Weight("fluctuation_m", "lateral fluctuation µ, m", "larger lateral gap", "ours", 0.0, 2.0),
 )
@@ -422,7 +424,7 @@ TUNINGS = {
         "reference driver: brakes fully from the start", {}, {}, _NO_PARAMETERS, idle_settings=_PATH_FOLLOWERS_IGNORE
     ),
     "keep_lane": PlannerTuning(
-        "reference driver: keeps its lane and speed, whatever happens",
+        "reference driver: always keeps its lane and speed",
         {},
         {},
         _NO_PARAMETERS,

@@ -1,8 +1,8 @@
 """Cost-weight files in the form of the Frenetix reference: ``cost_weights:`` with a number for each name.
 
-Those written here also name the planner and the settings; a file without them is one of Frenetix with the default
-settings. A user's own file is kept with the configuration made of it: written again it has its comments, order and
-layout byte for byte, and only the numbers that changed differ.
+Our own files also give the planner and the settings; a file without them is a Frenetix file with the default settings.
+A user's file is kept with its configuration: written again, it has its comments, order and layout byte for byte, and
+only changed numbers differ.
 """
 
 import math
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     import yaml
 
 _LARGEST_BYTES = 20_000
-"""Chosen: a file of all weights and settings has about a thousand bytes."""
+"""Chosen: a file with all weights and settings has about a thousand bytes."""
 _MOST_BRACKETS = 50
 _NESTED_IN_A_LINE = re.compile(r"(?:[-?:]\s+){6}")
-"""Lists and mappings in each other, whose depth costs PyYAML its square; a weight file has three levels."""
+"""Nested lists and mappings, which take PyYAML quadratic time in their depth; a weight file has three levels."""
 _MOST_ENTRIES = 200
-"""Weights and settings of one file; chosen: no planner has half as many."""
+"""Weights and settings of one file (chosen: no planner has half as many)."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,99}")
 _PLANNER = re.compile(r"[A-Za-z][\w-]{0,59}", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(\d{1,30}(\.\d{0,30})?|\.\d{1,30})([eE][+-]?\d{1,3})?")
@@ -35,7 +35,9 @@ _SECTIONS = ("cost_weights", "external_cost_weights")
 
 @dataclass(frozen=True)
 class WeightFile:
-    """A file's planner, and its weights and settings as assignments ``name=value``; ``text``: the file as it stands."""
+    """A file's planner, its weights and settings as assignments ``name=value``, and the unchanged ``text``
+    of the file.
+    """
 
     planner: str
     weights: tuple[str, ...]
@@ -44,15 +46,15 @@ class WeightFile:
 
 
 def read_weight_file(path: Path) -> WeightFile:
-    """What a file holds; names are checked where they are applied.
+    """Read a weight file; names are checked when they are applied.
 
     Raises:
-        UnsafeInput: not a YAML file of this form, one with aliases, or a value that is no finite number.
+        UnsafeInput: The file is not YAML of this form, has aliases, or has a value that is not a finite number.
     """
     name = one_line(path.name)
     if path.stat().st_size > _LARGEST_BYTES:
         raise UnsafeInput(
-            f"{name} is larger than {_LARGEST_BYTES:,} bytes; a weight file is not",
+            f"{name} is larger than {_LARGEST_BYTES:,} bytes, so it is not a weight file",
             next_step="export a configuration as yaml to see the form",
         )
     content = read_yaml(path, _MOST_BRACKETS)
@@ -64,16 +66,16 @@ def read_weight_file(path: Path) -> WeightFile:
         )
     planner = content.get("planner", "frenetix")
     if not isinstance(planner, str) or not _PLANNER.fullmatch(planner):
-        raise UnsafeInput(f"{name}: planner is {cited(planner)}, which is no name")
+        raise UnsafeInput(f"{name}: planner is {cited(planner)}, which is not a name")
     weights = [text for section in _SECTIONS for text in _assignments(path, content, section)]
-    text = path.read_bytes().decode("utf-8")  # as it stands: its line ends too
+    text = path.read_bytes().decode("utf-8")  # unchanged, including its line ends
     return WeightFile(planner, tuple(weights), tuple(_assignments(path, content, "settings")), text)
 
 
 def to_yaml(configuration: PlannerConfiguration) -> str:
-    """The cost-weight file: the user's own where the configuration comes from one, with the numbers in force.
+    """Return a cost-weight file: the user's own if the configuration comes from one, with the current numbers.
 
-    Else in the form of the Frenetix reference, every weight in its order; planner and settings.
+    Otherwise it has the form of the Frenetix reference, with every weight in order, the planner and the settings.
     """
     return _plain(configuration) if not configuration.template else _written_back(configuration)
 
@@ -92,7 +94,7 @@ def _plain(configuration: PlannerConfiguration) -> str:
 
 @dataclass(frozen=True)
 class _Place:
-    """A number in a text: where it begins and ends, and the quotes around it."""
+    """A number in a text: its start and end, and the quotes around it."""
 
     begin: int
     end: int
@@ -102,7 +104,7 @@ class _Place:
 
 @dataclass(frozen=True)
 class _Section:
-    """A section of a text: its numbers by name, and where and after what another entry goes in."""
+    """A section of a text: its numbers by name, and the position and prefix of a new entry."""
 
     places: Mapping[str, _Place]
     end: int
@@ -110,8 +112,8 @@ class _Section:
 
 
 def _written_back(configuration: PlannerConfiguration) -> str:
-    """The user's file with the numbers in force; names that it lacks are added where they differ from what lacking
-    them means.
+    """Return the user's file with the current numbers; missing names are added if their values differ from the
+    defaults.
     """
     text = configuration.template
     sections = dict(_sections_of(text))
@@ -147,7 +149,7 @@ def _written_back(configuration: PlannerConfiguration) -> str:
 
 
 def _sections_of(text: str) -> Iterator[tuple[str, _Section]]:
-    """The sections of a text with a number at least, by their titles."""
+    """Yield the sections of a text with at least one number, by title."""
     import yaml
 
     root = yaml.compose(text, Loader=yaml.BaseLoader)
@@ -172,7 +174,7 @@ def _section(text: str, node: "yaml.MappingNode") -> _Section:
 
 
 def _exact(value: float) -> str:
-    """The number as it is usually written; with all its digits where that would round it."""
+    """Return the number in its usual form, or with all its digits if that would round it."""
     usual = _number(value)
     return usual if float(usual) == value else repr(value)
 
@@ -181,35 +183,35 @@ def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]
     part = content.get(section) or {}
     file = shown_name(path.name)
     if not isinstance(part, dict) or len(part) > _MOST_ENTRIES:
-        raise UnsafeInput(f"{file}: {section} is no list of at most {_MOST_ENTRIES} name: number lines")
+        raise UnsafeInput(f"{file}: {section} is not a list of at most {_MOST_ENTRIES} name: number lines")
     assignments = []
     for name, text in part.items():
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            raise UnsafeInput(f"{file}: {section} has {cited(name)}, which is no name of a weight or setting")
+            raise UnsafeInput(f"{file}: {section} has {cited(name)}, which is not the name of a weight or setting")
         if not isinstance(text, str) or not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
-            raise UnsafeInput(f"{file}: {section}.{name} is {cited(text)}, which is no finite number")
+            raise UnsafeInput(f"{file}: {section}.{name} is {cited(text)}, which is not a finite number")
         assignments.append(f"{name}={text}")
     return assignments
 
 
 def read_yaml(path: Path, most_brackets: int) -> Any:
-    """A YAML file as mappings, lists and texts: no tag of YAML's makes anything else of them.
+    """Read a YAML file as mappings, lists and texts, since no YAML tag creates anything else.
 
-    An alias stands for the whole of what it names, and twelve levels of them make thousands of millions of values from
-    a thousand bytes: no file of ours has one. ``most_brackets``: lists and mappings that are written in brackets.
+    An alias repeats the whole of its target, and twelve nested levels expand a thousand bytes to thousands of millions
+    of values; our files have no aliases. ``most_brackets``: limit for lists and mappings in brackets.
 
     Raises:
-        UnsafeInput: it cannot be read, is deeply nested, or has aliases.
+        UnsafeInput: The file cannot be read, is deeply nested, or has aliases.
     """
     import yaml
 
     try:
         text = path.read_text(encoding="utf-8")
         if text.count("[") + text.count("{") > most_brackets or _NESTED_IN_A_LINE.search(text):
-            raise UnsafeInput(f"{shown_name(path.name)} has lists and mappings deep in each other, or many")
+            raise UnsafeInput(f"{shown_name(path.name)} has deeply nested or too many lists and mappings")
         if any(isinstance(token, yaml.AliasToken | yaml.AnchorToken) for token in yaml.scan(text)):
-            raise UnsafeInput(f"{shown_name(path.name)} has YAML aliases", next_step="write the values out")
-        return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it makes nothing but texts, lists and mappings
+            raise UnsafeInput(f"{shown_name(path.name)} has YAML aliases", next_step="write out the values")
+        return yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506 - it creates only texts, lists and mappings
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         what = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise UnsafeInput(f"{shown_name(path.name)} is not readable as YAML: {cited(what)}") from error

@@ -1,36 +1,36 @@
-"""The workspace: immutable artifacts, their recipes, and the database that knows them.
+"""The workspace: immutable artifacts, their recipes, and the database that indexes them.
 
 ``ARTIFACT_KINDS``: The names of all kinds of artifacts.
-``STARTER_TOOL``: Stands in recipes in the place of a tool where a scenario came with the package.
+``STARTER_TOOL``: Replaces the tool in the recipes of scenarios from the package.
 ``VIEWED_KINDS``: The kinds of artifacts that have a view.
-``Artifact``: What was made: id, kind, recipe and record; its files lie in the workspace.
-``NewArtifact``: An artifact that is to be stored, with the files to copy.
+``Artifact``: A stored artifact: id, kind, recipe and record; its files are in the workspace.
+``NewArtifact``: An artifact to store, with the files to copy.
 ``ArtifactKind``: The kinds of artifacts.
-``Workspace``: One folder with everything that was made.
-``disk_failure``: The error of a file or folder that cannot be written, by default one of the workspace.
-``stage``: Copy the files of an artifact into a new folder, before the database is locked.
+``Workspace``: A folder with all stored artifacts.
+``disk_failure``: Returns the error of a file or folder that cannot be written, by default one of the workspace.
+``stage``: Copies the files of an artifact into a new folder, before the database is locked.
 ``write_text``: Writes a text file, or raises the error of a full disk.
 ``Database``: Access to the workspace's SQLite file.
-``stored_json``: A JSON value of the database, or the error that names it if it is nested too deeply.
-``make_private``: Make a folder that nobody else on the machine may look into.
-``still_runs``: Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) is still there.
+``stored_json``: Returns a JSON value of the database, or raises the error of one that is nested too deeply.
+``make_private``: Creates a folder that only this user can read.
+``still_runs``: Returns True if the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
 ``Export``: One file to write for an export: artifact, format, path.
 ``REPORT_NAME``: The file name of a report in the export folder.
-``plan_exports``: The files that an export has to write.
-``refuse_taken``: Raise before anything is written where a file is there already.
-``write_export``: Write one file of an export whole.
-``write_whole``: Have a file written under a free name, then give it its own: no link or pipe is written through.
-``content_digest``: SHA-256 of a file, hexadecimal.
-``Recipe``: The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
-``versions_of``: The installed versions of packages, and our own, for a recipe.
-``room_used``: What each part of the workspace takes.
-``disagreements``: What does not fit together in a workspace.
-``repair``: Takes out artifacts whose record calls cannot read or believe.
-``make_room``: Removes what belongs to nothing, and above a quota what can be made again.
-``Quota``: What a workspace may take, asked before something is stored.
+``plan_exports``: Returns the files that an export must write.
+``refuse_taken``: Raises if a file exists, before anything is written.
+``write_export``: Writes one file of an export as a whole.
+``write_whole``: Writes a file under a free name and then renames it, so that it follows no link or pipe.
+``content_digest``: Returns the SHA-256 of a file in hexadecimal.
+``Recipe``: The tool, its resolved arguments, the parent artifacts, the seed, and the relevant versions.
+``versions_of``: Returns the installed versions of packages, and our own, for a recipe.
+``room_used``: Returns the size of each part of the workspace.
+``disagreements``: Yields the inconsistencies of a workspace.
+``repair``: Removes artifacts with unreadable or inconsistent records.
+``make_room``: Removes what belongs to no record, and above a quota what can be recreated.
+``Quota``: The size limit of a workspace, which is checked before something is stored.
 ``export_workspace``: Writes all artifacts with their files into one archive.
-``import_workspace``: Takes in what an archive holds, whole or not at all.
-``ArchiveLimits``: What an archive may hold at most.
+``import_workspace``: Imports an archive, either as a whole or not at all.
+``ArchiveLimits``: The limits of an archive.
 """
 
 from typing import TYPE_CHECKING

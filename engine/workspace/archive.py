@@ -1,10 +1,9 @@
-"""A workspace as one file: written with digests of all that is in it, and taken in whole or not at all.
+"""A workspace as one file, written with digests of its content, and imported either as a whole or not at all.
 
-The file is a ZIP archive: ``workspace.json`` says who wrote it, ``records.jsonl`` holds one artifact a line in the
-order in which they were made, ``files/`` their files, ``journal/`` the journal where it was asked for, and
-``SHA256SUMS`` the digests of all these. Caches, jobs and tasks are not in it. What is read is not trusted: nothing is
-stored before all of it was checked, ids have to follow from content, and what is stored is marked as imported, since
-nobody can see whether a run went as its record says.
+The file is a ZIP archive: ``workspace.json`` identifies the writer, ``records.jsonl`` has one artifact per line in
+order of creation, ``files/`` their files, ``journal/`` the journal if requested, and ``SHA256SUMS`` the digests of all
+these. Caches, jobs and tasks are left out. Archives are not trusted: everything is checked before anything is stored,
+ids must follow from content, and imported artifacts are marked, since a run's record cannot be verified.
 """
 
 import hashlib
@@ -36,39 +35,41 @@ from .upkeep import MAIN_FILES
 
 _HEAD, _RECORDS, _SUMS = "workspace.json", "records.jsonl", "SHA256SUMS"
 _NO_DATE = (1980, 1, 1, 0, 0, 0)
-"""The same workspace gives the same bytes."""
+"""A fixed date, so that the same workspace gives the same bytes."""
 _BLOCK_BYTES = 1024**2
 _MOST_HEAD_BYTES, _MOST_SUM_BYTES = 10_000, 512
 _MOST_RECORD_BYTES = 64 * 1024**2
-"""Of ``workspace.json``, of a line of the digests and of a record; chosen: a batch of a thousand runs has 2 MB."""
+"""Limits of ``workspace.json``, of a line of the digests and of a record (chosen: a batch of a thousand
+runs has 2 MB).
+"""
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 _JOURNAL_NAME = re.compile(r"calls\.jsonl(?:\.\d{1,2})?")
 _SUM = re.compile(r"([0-9a-f]{64})  (\S+)")
 _SHOWN = 5
-"""Ids that an error names; chosen."""
+"""Ids that an error lists (chosen)."""
 _TIMED = {"timing.json", "planner.log"}
-"""Files of a run that say how long it took: the same run on two machines has others."""
+"""Files of a run with its computation times, which differ between machines."""
 
 OnBytes = Callable[[int, int], None]
-"""Is told how many bytes are done, and of how many."""
+"""Receives the number of completed bytes and their total."""
 CheckFile = Callable[[Path], object]
-"""Looks into a file that comes from outside; raises where it may not be kept."""
+"""Checks a file from outside; raises if it must not be kept."""
 
 
-def _tell_nobody(done: int, total: int) -> None:
+def _ignore_progress(done: int, total: int) -> None:
     del done, total
 
 
-def _take_any(file: Path) -> None:
+def _accept_any(file: Path) -> None:
     del file
 
 
 @dataclass(frozen=True)
 class ArchiveLimits:
-    """What an archive may hold at most; chosen well above what a workspace of 100,000 scenarios has.
+    """The limits of an archive (chosen well above a workspace of 100,000 scenarios).
 
-    ``unpacked_bytes``: all of it, unpacked. ``entries``: files. ``ratio``: unpacked bytes for each byte of the archive;
-    trajectories as JSON have 30, bombs a thousand.
+    ``unpacked_bytes``: total unpacked size. ``entries``: files. ``ratio``: unpacked bytes per byte of the archive;
+    trajectories as JSON have 30, zip bombs a thousand.
     """
 
     unpacked_bytes: int = 20 * 1024**3
@@ -78,7 +79,9 @@ class ArchiveLimits:
 
 @dataclass(frozen=True)
 class Exported:
-    """What an archive got: artifacts, their files, its bytes, and artifacts left out because their file is gone."""
+    """The content of a written archive: artifacts, their files, its bytes, and artifacts left out for a
+    missing file.
+    """
 
     artifacts: int
     files: int
@@ -88,14 +91,14 @@ class Exported:
 
 @dataclass(frozen=True)
 class Imported:
-    """How many artifacts an archive brought, and how many of its artifacts were here already."""
+    """The number of artifacts that an archive added, and of those that were already there."""
 
     added: int
     known: int
 
 
 class _Head(Model):
-    """``workspace.json``: the form of the archive, and the program and database that it comes from."""
+    """``workspace.json``: the format of the archive, and its program and database revision."""
 
     format: Literal[1] = 1
     revision: int = Field(SCHEMA_VERSION, ge=1)
@@ -121,7 +124,7 @@ class _Record(Model):
 
 
 class _AsWritten(RootModel[dict[str, Any]]):
-    """A record as an archive has it."""
+    """A record as stored in an archive."""
 
 
 def export_workspace(
@@ -130,18 +133,18 @@ def export_workspace(
     *,
     journal: bool = False,
     overwrite: bool = False,
-    on_bytes: OnBytes = _tell_nobody,
+    on_bytes: OnBytes = _ignore_progress,
 ) -> Exported:
-    """Write all artifacts with their files into one archive; it is there whole or not at all.
+    """Write all artifacts with their files into one archive, either completely or not at all.
 
     Raises:
-        NotPossible: the file is there already, or would lie where the workspace keeps its own.
-        ResourceFailure: it cannot be written, or a file of the workspace cannot be read.
+        NotPossible: The file exists, or would be in a folder that the workspace manages.
+        ResourceFailure: The archive cannot be written, or a file of the workspace cannot be read.
     """
     if path.exists() and not overwrite:
-        raise NotPossible(f"{path} is there already", next_step="set --overwrite, or name another file")
+        raise NotPossible(f"{path} already exists", next_step="set --overwrite, or choose another file")
     if workspace.owns(path.resolve()):
-        raise NotPossible(f"{path} lies where the workspace keeps its own", next_step="name a file outside of it")
+        raise NotPossible(f"{path} is in a folder that the workspace manages", next_step="choose a file outside it")
     newest = workspace.newest_sequence()
     sources: dict[str, Path] = {}
     left_out: list[str] = []
@@ -162,7 +165,7 @@ def export_workspace(
 
 
 def _records_until(workspace: Workspace, newest: int) -> Iterator[_Record]:
-    """All artifacts up to one of them, in the order in which they were made."""
+    """Yield all artifacts up to a sequence number, in order of creation."""
     query = "SELECT * FROM artifacts WHERE sequence <= ? ORDER BY sequence"
     for row in workspace.database.connection().execute(query, (newest,)):
         folder = workspace.folder(row["kind"], row["artifact_id"])
@@ -178,7 +181,7 @@ def _records_until(workspace: Workspace, newest: int) -> Iterator[_Record]:
 
 
 def _is_lost(record: _Record) -> bool:
-    """Whether the file is missing that an artifact of its kind cannot do without."""
+    """Return True if the main file of an artifact's kind is missing."""
     main = MAIN_FILES.get(record.kind)
     return main is not None and main not in record.files
 
@@ -218,43 +221,44 @@ def import_workspace(
     path: Path,
     *,
     limits: ArchiveLimits | None = None,
-    check: CheckFile = _take_any,
-    on_bytes: OnBytes = _tell_nobody,
+    check: CheckFile = _accept_any,
+    on_bytes: OnBytes = _ignore_progress,
 ) -> Imported:
-    """Take in all that an archive holds, after all of it was checked; where something is wrong, nothing.
+    """Import everything in an archive after checking all of it; import nothing if anything is wrong.
 
     Args:
-        check: looks into each file of an artifact before it is stored.
+        check: Checks each file of an artifact before it is stored.
 
     Raises:
-        UnsafeInput: it is no such archive, it is damaged, or holds what none may hold or more than the limits allow.
-        InvalidRequest: a newer program wrote it.
-        NotPossible: something in it has the id of something here that is different.
-        ResourceFailure: the disk or the quota has no room, or the workspace cannot be written.
+        UnsafeInput: The file is not such an archive, is damaged, or has forbidden content or more than the limits
+            allow.
+        InvalidRequest: A newer program wrote it.
+        NotPossible: Its content has an id that a different artifact already has here.
+        ResourceFailure: The disk or the quota has no space, or the workspace cannot be written.
     """
-    with _opened(path, limits or ArchiveLimits()) as archive, workspace.scratch() as folder:
+    with _open_archive(path, limits or ArchiveLimits()) as archive, workspace.scratch() as folder:
         size_bytes = sum(entry.file_size for entry in archive.infolist())
         if shutil.disk_usage(folder).free < size_bytes:
             raise ResourceFailure(
-                f"{shown_name(path.name)} takes {size_bytes / 1e6:,.0f} MB when unpacked, and the disk has less",
+                f"{shown_name(path.name)} takes {size_bytes / 1e6:,.0f} MB when unpacked, but the disk has less",
                 next_step="free disk space, or choose another --workspace",
             )
         workspace.admit(size_bytes)
-        sums = _sums_of(archive)
-        head = _head_of(archive, sums)
+        sums = _read_sums(archive)
+        head = _read_head(archive, sums)
         _unpack(archive, sums, folder, check, on_bytes)
-        new, known = _sorted_out(workspace, folder, head, sums)
-        with _placed(_journal_places(workspace, folder, sums)):
-            workspace.store(_staged(record, folder) for record in _read_records(folder) if record.place in new)
+        new, known = _classify(workspace, folder, head, sums)
+        with _place_files(_journal_places(workspace, folder, sums)):
+            workspace.store(_stage_record(record, folder) for record in _read_records(folder) if record.place in new)
     return Imported(len(new), known)
 
 
 @contextmanager
-def _opened(path: Path, limits: ArchiveLimits) -> Iterator[zipfile.ZipFile]:
-    """The archive, if its list of contents keeps to the limits and names nothing but plain files in their places.
+def _open_archive(path: Path, limits: ArchiveLimits) -> Iterator[zipfile.ZipFile]:
+    """Yield the archive if its contents are within the limits and are only plain files in valid places.
 
     Raises:
-        UnsafeInput: it does not, or is damaged.
+        UnsafeInput: The archive violates this, or is damaged.
     """
     try:
         size_bytes = path.stat().st_size
@@ -273,7 +277,7 @@ def _opened(path: Path, limits: ArchiveLimits) -> Iterator[zipfile.ZipFile]:
 
 def _damaged(why: object) -> UnsafeInput:
     return UnsafeInput(
-        f"the archive is damaged, or none of a workspace: {why}", next_step="name a file of `workspace export`"
+        f"the archive is damaged or not a workspace archive: {why}", next_step="choose a file of `workspace export`"
     )
 
 
@@ -282,12 +286,12 @@ def _check_entries(entries: Sequence[zipfile.ZipInfo], size_bytes: int, limits: 
     for what, found, most in (
         ("files", len(entries), limits.entries),
         ("bytes when unpacked", unpacked, limits.unpacked_bytes),
-        ("bytes when unpacked for each byte of its own", unpacked // max(size_bytes, 1), limits.ratio),
+        ("unpacked bytes per byte", unpacked // max(size_bytes, 1), limits.ratio),
     ):
         if found > most:
             raise UnsafeInput(
-                f"the archive has {found:,} {what}; at most {most:,} are taken",
-                next_step="--most-mb allows more bytes, for an archive of your own; else import smaller ones",
+                f"the archive has {found:,} {what}; the limit is {most:,}",
+                next_step="for your own archive, --most-mb raises the byte limit; otherwise import smaller ones",
             )
     names: set[str] = set()
     for entry in entries:
@@ -295,16 +299,16 @@ def _check_entries(entries: Sequence[zipfile.ZipInfo], size_bytes: int, limits: 
         if kind not in (0, stat.S_IFREG) or entry.is_dir() or entry.flag_bits & 1:
             raise UnsafeInput(f"{cited(entry.filename)} in the archive is a link, a folder or encrypted")
         if not _has_place(entry.filename):
-            raise UnsafeInput(f"the archive holds {cited(entry.filename)}, which has no place in a workspace")
+            raise UnsafeInput(f"the archive has {cited(entry.filename)}, which does not belong in a workspace")
         if entry.filename in names:
-            raise UnsafeInput(f"the archive holds {cited(entry.filename)} twice")
+            raise UnsafeInput(f"the archive has {cited(entry.filename)} twice")
         names.add(entry.filename)
     if missing := {_HEAD, _RECORDS, _SUMS} - names:
         raise _damaged(f"it has no {', '.join(sorted(missing))}")
 
 
 def _has_place(name: str) -> bool:
-    """Whether a name is one that an export gives: no other leads anywhere."""
+    """Return True if an export could have written a file with this name."""
     parts = name.split("/")
     if len(parts) == 4 and parts[0] == "files":
         is_kind = parts[1].removesuffix("s") in ARTIFACT_KINDS and parts[1].endswith("s")
@@ -314,30 +318,30 @@ def _has_place(name: str) -> bool:
     return name in (_HEAD, _RECORDS, _SUMS)
 
 
-def _sums_of(archive: zipfile.ZipFile) -> dict[str, str]:
-    """The digest of each file of the archive beside the list itself.
+def _read_sums(archive: zipfile.ZipFile) -> dict[str, str]:
+    """Return the digest of each file of the archive except the list itself.
 
     Raises:
-        UnsafeInput: the list is not one of all files.
+        UnsafeInput: The list does not cover all files.
     """
     names = {entry.filename for entry in archive.infolist()} - {_SUMS}
     text = _small(archive, _SUMS, _MOST_SUM_BYTES * (len(names) + 1)).decode("ascii", errors="replace")
     found = [_SUM.fullmatch(line) for line in text.splitlines()]
     sums = {line[2]: line[1] for line in found if line}
     if None in found or len(sums) != len(found) or set(sums) != names:
-        raise _damaged(f"{_SUMS} does not list all files that are there, and no other")
+        raise _damaged(f"{_SUMS} does not list exactly the files of the archive")
     return sums
 
 
-def _head_of(archive: zipfile.ZipFile, sums: Mapping[str, str]) -> _Head:
+def _read_head(archive: zipfile.ZipFile, sums: Mapping[str, str]) -> _Head:
     content = _small(archive, _HEAD, _MOST_HEAD_BYTES)
     if hashlib.sha256(content).hexdigest() != sums[_HEAD]:
-        raise _damaged(f"{_HEAD} is not what {_SUMS} says")
+        raise _damaged(f"{_HEAD} does not match {_SUMS}")
     try:
-        told = json.loads(content)
-        revision, form = int(told["revision"]), int(told["format"])
+        head = json.loads(content)
+        revision, form = int(head["revision"]), int(head["format"])
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise _damaged(f"{_HEAD} does not say what wrote it") from error
+        raise _damaged(f"{_HEAD} does not identify its writer") from error
     if revision > SCHEMA_VERSION or form > 1:
         raise InvalidRequest(
             f"a newer PlannerForge wrote the archive (revision {revision} of the database, form {form})",
@@ -345,7 +349,7 @@ def _head_of(archive: zipfile.ZipFile, sums: Mapping[str, str]) -> _Head:
             next_step="use that PlannerForge, or a newer one",
         )
     try:
-        return _Head.model_validate(told)
+        return _Head.model_validate(head)
     except ValidationError as error:
         raise _damaged(f"{_HEAD}: {problems_of(_Head, error)[0][0]}") from error
 
@@ -359,7 +363,7 @@ def _small(archive: zipfile.ZipFile, name: str, most_bytes: int) -> bytes:
 def _unpack(
     archive: zipfile.ZipFile, sums: Mapping[str, str], folder: Path, check: CheckFile, on_bytes: OnBytes
 ) -> None:
-    """Write all files below a folder, each with the digest that is listed and found good."""
+    """Write all files into a folder after checking their digests and content."""
     total, done = sum(archive.getinfo(name).file_size for name in sums), 0
     for name, digest in sums.items():
         target = folder / name
@@ -375,17 +379,17 @@ def _unpack(
         except OSError as error:
             raise disk_failure(target, error) from error
         if found.hexdigest() != digest:
-            raise _damaged(f"{name} is not what {_SUMS} says")
+            raise _damaged(f"{name} does not match {_SUMS}")
         if name.startswith("files/"):
             check(target)
-    os.sync()  # once for all files: to wait for each of many thousands takes minutes
+    os.sync()  # once for all files, since syncing many thousands separately takes minutes
 
 
 def _read_records(folder: Path) -> Iterator[_Record]:
-    """The artifacts of an archive that was unpacked.
+    """Yield the artifacts of an unpacked archive.
 
     Raises:
-        UnsafeInput: a line holds none.
+        UnsafeInput: A line has no valid artifact.
     """
     with (folder / _RECORDS).open("rb") as stream:
         for number, line in enumerate(iter(lambda: stream.readline(_MOST_RECORD_BYTES), b""), start=1):
@@ -396,12 +400,12 @@ def _read_records(folder: Path) -> Iterator[_Record]:
                 raise _damaged(f"{_RECORDS}, line {number}: {problem}") from error
 
 
-def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[str, str]) -> tuple[set[str], int]:
-    """The artifacts that are new here, by their place in the archive, and the number of those that are known.
+def _classify(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[str, str]) -> tuple[set[str], int]:
+    """Return the archive places of artifacts that are new here, and the number of known ones.
 
     Raises:
-        UnsafeInput: records and files do not belong together.
-        NotPossible: an id stands for something different here.
+        UnsafeInput: Records and files do not match.
+        NotPossible: A different artifact already has one of the ids.
     """
     seen: set[str] = set()
     new: set[str] = set()
@@ -416,8 +420,8 @@ def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[s
         fault = fault or text_fault(record.kind, one_line(record.name), in_one_line(record.record))
         if fault:
             raise UnsafeInput(
-                f"{record.kind} {record.artifact_id} in the archive is not what it says: {fault}",
-                next_step="ask who made the archive for one that `workspace export` wrote and nobody changed",
+                f"{record.kind} {record.artifact_id} in the archive is inconsistent: {fault}",
+                next_step="request an unmodified archive of `workspace export` from its author",
             )
         seen.add(record.place)
         files |= {f"{record.place}/{file}" for file in record.files}
@@ -426,10 +430,10 @@ def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[s
         elif not _is_same(workspace, record, sums):
             different.append(f"{record.kind} {record.artifact_id}")
     if len(seen) != head.artifacts or files != {name for name in sums if name.startswith("files/")}:
-        raise _damaged("its records are not those of its files")
+        raise _damaged("its records do not match its files")
     if different:
         raise NotPossible(
-            f"{len(different)} artifacts of the archive have the id of something here that is different: "
+            f"{len(different)} artifacts of the archive have ids of different artifacts here: "
             f"{', '.join(different[:_SHOWN])}",
             next_step="import it into another --workspace",
         )
@@ -437,9 +441,9 @@ def _sorted_out(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[s
 
 
 def _is_same(workspace: Workspace, record: _Record, sums: Mapping[str, str]) -> bool:
-    """Whether what is stored under the same id is the same.
+    """Return True if the stored artifact with this id is the same.
 
-    A scenario is what its file is: its record is read from it, and by a newer program otherwise.
+    A scenario is defined by its file: its record derives from the file, and a newer program derives a different one.
     """
     stored = workspace.find(record.kind, record.artifact_id)
     if stored is None or stored.recipe != record.recipe:
@@ -452,7 +456,7 @@ def _is_same(workspace: Workspace, record: _Record, sums: Mapping[str, str]) -> 
     return {name: here[name] for name in here.keys() - _TIMED} == {name: there[name] for name in there.keys() - _TIMED}
 
 
-def _staged(record: _Record, folder: Path) -> NewArtifact:
+def _stage_record(record: _Record, folder: Path) -> NewArtifact:
     return NewArtifact(
         record.kind,
         record.artifact_id,
@@ -462,12 +466,12 @@ def _staged(record: _Record, folder: Path) -> NewArtifact:
         name=one_line(record.name),
         copies=folder / record.place if record.files else None,
         made_at=record.made_at,
-        imported=record.kind != "config",  # its id is made from its content
+        imported=record.kind != "config",  # its id derives from its content
     )
 
 
 def _journal_places(workspace: Workspace, folder: Path, sums: Mapping[str, str]) -> list[tuple[Path, Path]]:
-    """Where the journal of an archive is kept: beside the one of this workspace, under a name of its own."""
+    """Return where to keep the journal of an archive: next to this workspace's journal, under a separate name."""
     return [
         (folder / name, workspace.root / "journal" / f"imported-{digest[:12]}-{name.rpartition('/')[2]}")
         for name, digest in sums.items()
@@ -476,8 +480,8 @@ def _journal_places(workspace: Workspace, folder: Path, sums: Mapping[str, str])
 
 
 @contextmanager
-def _placed(places: Sequence[tuple[Path, Path]]) -> Iterator[None]:
-    """Files in their places, taken back where the block fails; one that is there already stays."""
+def _place_files(places: Sequence[tuple[Path, Path]]) -> Iterator[None]:
+    """Move files to their places for the block, and remove them if it fails; existing files stay."""
     placed: list[Path] = []
     try:
         for source, target in places:

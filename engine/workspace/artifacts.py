@@ -1,7 +1,7 @@
-"""Immutable artifacts: a record in SQLite and a folder of files, both there whole or not at all.
+"""Immutable artifacts: a record in SQLite and a folder of files, stored either completely or not at all.
 
 Files are copied to the workspace's disk and flushed there (*staged*) before the database is locked. Temporary folders
-lie on the same disk; what servers that were killed left of them is removed.
+are on the same disk; those of killed servers are removed.
 """
 
 import json
@@ -29,10 +29,10 @@ from .recipe import Recipe
 ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study"]
 ARTIFACT_KINDS: tuple[str, ...] = get_args(ArtifactKind)
 VIEWED_KINDS: tuple[ArtifactKind, ...] = ("scenario", "run", "batch")
-"""Those that have a view: player or board."""
+"""The kinds with a view: player or board."""
 Record = TypeVar("Record", bound=Model)
 ABANDONED_S = 3600.0
-"""A scratch folder is left alone for this time: its process may run in another container, unseen. Chosen."""
+"""Age from which scratch folders may be removed, since an owner in another container is not visible (chosen)."""
 _MAKERS: dict[ArtifactKind, str] = {
     "scenario": "call find_scenarios, generate_scenarios or import_files",
     "search": "call find_scenarios",
@@ -43,7 +43,7 @@ _MAKERS: dict[ArtifactKind, str] = {
     "plan": "call generate_scenarios with cover",
     "study": "call optimize_planner",
 }
-"""What makes an artifact of each kind, for the next step of a refusal."""
+"""The call that creates an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(
     {
         *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "answers", "extracts", "looks"),
@@ -52,18 +52,18 @@ _OWN_FOLDERS = frozenset(
     }
 )
 STARTER_TOOL = "starter"
-"""Stands in recipes in the place of a tool where a scenario came with the package."""
+"""Replaces the tool in the recipes of scenarios from the package."""
 _BESIDES = f"kind = 'search' OR (kind = 'scenario' AND json_extract(recipe, '$.tool') = '{STARTER_TOOL}')"
-"""What nobody made for its own sake: every look into the catalogue stores a search."""
+"""Incidental artifacts: every query of the catalogue stores a search."""
 _MOST_KEPT = 256
-"""Artifacts whose JSON is kept as it was read, some 30 kB each; chosen: those that a session comes back to."""
+"""Artifacts with parsed JSON in memory, some 30 kB each (chosen: those that a session uses again)."""
 ORDINARY_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.\-]{0,119}")
 
 
 class Artifact(Model):
-    """What was made: its id, its recipe, and its record as JSON; the files lie in the workspace.
+    """A stored artifact: its id, its recipe, and its record as JSON; the files are in the workspace.
 
-    ``imported``: it came in an archive of a workspace, so its record is what the archive's maker says.
+    ``imported``: True if it came in a workspace archive, so its record is the archive author's statement.
     """
 
     artifact_id: str
@@ -79,7 +79,7 @@ class Artifact(Model):
         """Return the record as the model that wrote it.
 
         Raises:
-            ResourceFailure: it is no such record; a defect or somebody else wrote it.
+            ResourceFailure: The record does not have this form, because of a defect or a foreign writer.
         """
         try:
             return record_type.model_validate(self.record)
@@ -87,16 +87,17 @@ class Artifact(Model):
             problem = cited(problems_of(record_type, error)[0][0])
             raise ResourceFailure(
                 f"the record of {self.kind} {self.artifact_id} in the workspace cannot be read: {problem}",
-                next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
+                next_step="`plannerforge workspace verify` lists these records, and `workspace repair` removes them",
             ) from error
 
 
 @dataclass(frozen=True)
 class NewArtifact:
-    """An artifact that is to be stored; ``files``: name in its folder → file to copy.
+    """An artifact to store; ``files`` maps names in its folder to the files to copy.
 
-    ``copies``: the folder with the copies of its files, once they are staged. ``made_at``: when, where that is not now.
-    ``imported``: it comes from an archive; what is made here later under the same id takes its place.
+    ``copies``: the folder with the staged copies of its files. ``made_at``: its time of creation, if it is not the
+    present.
+    ``imported``: True if it comes from an archive; a later local artifact with the same id replaces it.
     """
 
     kind: ArtifactKind
@@ -111,7 +112,7 @@ class NewArtifact:
 
 
 class Workspace:
-    """One folder with everything that was made; several servers may use it at once."""
+    """A folder with all stored artifacts, which several servers may use at once."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
@@ -119,17 +120,19 @@ class Workspace:
         self._tidied = False
         self._admits: Callable[[int], None] = _admit_all
         self._parsed = lru_cache(_MOST_KEPT)(_artifact)
-        """By whole rows, which are read each time: what another server stores, amends or removes is seen."""
+        """Keyed by whole rows, which are read each time, so that changes of other servers are visible."""
 
     def limit_room(self, admits: Callable[[int], None]) -> None:
-        """Have all that is to be stored admitted first, by its size in bytes: by making room, or with an error."""
+        """Let ``admits`` approve everything before it is stored, by its size in bytes; it may free space or raise an
+        error.
+        """
         self._admits = admits
 
     def admit(self, size_bytes: int) -> None:
-        """Ask for room for something that is to be stored.
+        """Request space for something to store.
 
         Raises:
-            ResourceFailure: the workspace has a quota, and is full.
+            ResourceFailure: The workspace has a quota, and is full.
         """
         self._admits(size_bytes)
 
@@ -143,15 +146,15 @@ class Workspace:
         files: Mapping[str, Path] | None = None,
         name: str = "",
     ) -> Artifact:
-        """Store an artifact; an id that is there already gives the stored one, untouched.
+        """Store an artifact; if the id exists, return the stored one unchanged.
 
-        One that came from an archive gives way to what is made here.
+        A local artifact replaces one that came from an archive.
 
         Args:
-            files: name in the artifact's folder → file to move there (same disk: use :meth:`scratch`).
+            files: Maps names in the artifact's folder to files to move there (same disk: use :meth:`scratch`).
 
         Raises:
-            ResourceFailure: the disk is full; nothing of the artifact is left then.
+            ResourceFailure: The disk is full; then nothing of the artifact remains.
         """
         stored = self.find(kind, artifact_id)
         if stored is not None and not stored.imported:
@@ -165,12 +168,12 @@ class Workspace:
         return self.get(artifact_id, kind)
 
     def amend(self, kind: ArtifactKind, artifact_id: str, record: Model) -> None:
-        """Replace what is known of an artifact by what a newer program read from the same file.
+        """Replace an artifact's record by one that a newer program derived from the same file.
 
-        Id, recipe and files stay: the artifact is still what they say.
+        Id, recipe and files stay unchanged.
 
         Raises:
-            ResourceFailure: the database cannot be written.
+            ResourceFailure: The database cannot be written.
         """
         with self.database.writing() as connection:
             connection.execute(
@@ -179,19 +182,19 @@ class Workspace:
             )
 
     def put_staged(self, artifacts: Sequence[NewArtifact]) -> None:
-        """Store artifacts in one transaction, all or none; an id that is there already keeps the stored one.
+        """Store artifacts in one transaction, all or none; existing ids keep the stored artifact.
 
         Raises:
-            ResourceFailure: the database or a folder cannot be written, or the workspace's quota has no room.
+            ResourceFailure: The database or a folder cannot be written, or the workspace's quota has no space.
         """
         self.admit(sum(map(_size_of, artifacts)))
         self.store(artifacts)
 
     def store(self, artifacts: Iterable[NewArtifact]) -> None:
-        """Store artifacts as ``put_staged`` does, for which room was asked already.
+        """Store artifacts as ``put_staged`` does, after their space has been requested.
 
         Raises:
-            ResourceFailure: the database or a folder cannot be written.
+            ResourceFailure: The database or a folder cannot be written.
         """
         placed: list[Path] = []
 
@@ -229,27 +232,27 @@ class Workspace:
                 )
 
     def find(self, kind: ArtifactKind, artifact_id: str) -> Artifact | None:
-        """The artifact with this id, or None."""
+        """Return the artifact with this id, or None."""
         return self._first("artifact_id = ?", kind, artifact_id)
 
     def find_by_recipe(self, kind: ArtifactKind, recipe: Recipe) -> Artifact | None:
-        """Return what this recipe made here before, or None: what an archive says that it made is not believed."""
+        """Return the local artifact of this recipe, or None; an archive's artifacts are not trusted."""
         return self._first(f"digest = ? AND NOT {_IS_IMPORTED}", kind, recipe.digest)
 
     def imported_of(self, artifact_ids: Iterable[str]) -> list[str]:
-        """Return those of some ids, in their order, that came in an archive."""
-        asked = list(artifact_ids)
-        if not asked:
+        """Return the given ids that came in an archive, in order."""
+        wanted = list(artifact_ids)
+        if not wanted:
             return []
         query = "SELECT artifact_id FROM imported WHERE artifact_id IN (SELECT value FROM json_each(?))"
-        marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(asked),))}
-        return [artifact_id for artifact_id in asked if artifact_id in marked]
+        marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(wanted),))}
+        return [artifact_id for artifact_id in wanted if artifact_id in marked]
 
     def take_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
-        """Take an artifact out of the workspace; its files and its row, as JSON, are moved to a new folder.
+        """Move an artifact out of the workspace, with its files and its row as JSON, to a new folder.
 
         Raises:
-            ResourceFailure: the folder or the database cannot be written.
+            ResourceFailure: The folder or the database cannot be written.
         """
         query = "SELECT * FROM artifacts WHERE kind = ? AND artifact_id = ?"
         with self.database.writing() as connection:
@@ -265,10 +268,10 @@ class Workspace:
             _forget(connection, kind, artifact_id)
 
     def get(self, artifact_id: str, kind: ArtifactKind) -> Artifact:
-        """The artifact with this id; ``latest`` is the newest of its kind.
+        """Return the artifact with this id; ``latest`` is the newest of its kind.
 
         Raises:
-            UnknownName: with the nearest ids that exist.
+            UnknownName: No artifact has this id; the error lists the nearest ids.
         """
         if artifact_id == "latest":
             newest = self.newest(kind=kind, limit=1)
@@ -292,21 +295,21 @@ class Workspace:
         limit: int = 10,
         offset: int = 0,
     ) -> list[Artifact]:
-        """Artifacts, newest first; ``text`` looks into ids, names and recipes."""
+        """Return artifacts, newest first; ``text`` is searched in ids, names and recipes."""
         wanted, values = self._wanted(kind, parent, text)
         query = f"SELECT {_COLUMNS} FROM artifacts WHERE {wanted} ORDER BY sequence DESC LIMIT ? OFFSET ?"  # noqa: S608 - fixed words only
         rows = self.database.connection().execute(query, (*values, limit, offset)).fetchall()
         return [self._parsed(*row) for row in rows]
 
     def count(self, *, kind: ArtifactKind | None = None, parent: str | None = None, text: str | None = None) -> int:
-        """Return how many artifacts ``newest`` would list without a limit."""
+        """Return the number of artifacts that ``newest`` would list without a limit."""
         wanted, values = self._wanted(kind, parent, text)
         query = f"SELECT count(*) FROM artifacts WHERE {wanted}"  # noqa: S608 - fixed words only
         return int(self.database.connection().execute(query, values).fetchone()[0])
 
     @staticmethod
     def _wanted(kind: ArtifactKind | None, parent: str | None, text: str | None) -> tuple[str, list[str]]:
-        """Return the condition on artifacts in SQL, with the values of its marks."""
+        """Return the SQL condition on artifacts, with its parameters."""
         conditions = ["1"]
         values: list[str] = []
         if kind is not None:
@@ -321,7 +324,7 @@ class Workspace:
         return " AND ".join(conditions), values
 
     def newest_made(self, limit: int) -> list[Artifact]:
-        """The newest artifacts, first those that were made or imported, then searches and the starter scenarios."""
+        """Return the newest artifacts: first created and imported ones, then searches and starter scenarios."""
         rows: list[sqlite3.Row] = []
         for is_wanted in (f"NOT ({_BESIDES})", _BESIDES):
             query = f"SELECT {_COLUMNS} FROM artifacts WHERE {is_wanted} ORDER BY sequence DESC LIMIT ?"  # noqa: S608 - fixed words only
@@ -329,15 +332,15 @@ class Workspace:
         return [self._parsed(*row) for row in rows]
 
     def newest_sequence(self) -> int:
-        """The number of the newest artifact; 0 where there is none."""
+        """Return the number of the newest artifact, or 0 without any artifact."""
         row = self.database.connection().execute("SELECT max(sequence) FROM artifacts").fetchone()
         return int(row[0] or 0)
 
     def kind_of(self, artifact_id: str) -> ArtifactKind:
-        """The kind of an artifact.
+        """Return the kind of an artifact.
 
         Raises:
-            UnknownName: there is none with this id.
+            UnknownName: No artifact has this id.
         """
         query = "SELECT kind FROM artifacts WHERE artifact_id = ? ORDER BY sequence DESC LIMIT 1"
         row = self.database.connection().execute(query, (artifact_id,)).fetchone()
@@ -348,16 +351,16 @@ class Workspace:
         return kind
 
     def folder(self, kind: ArtifactKind, artifact_id: str) -> Path:
-        """The folder of an artifact's files."""
+        """Return the folder of an artifact's files."""
         if not ORDINARY_ID.fullmatch(artifact_id):
             raise UnknownName(f"'{artifact_id}' cannot be the id of an artifact")
         return self.root / f"{kind}s" / artifact_id
 
     def file(self, kind: ArtifactKind, artifact_id: str, name: str) -> Path:
-        """A file of an artifact.
+        """Return a file of an artifact.
 
         Raises:
-            UnknownName: the artifact has no such file.
+            UnknownName: The artifact has no such file.
         """
         path = self.folder(kind, artifact_id) / name
         if not path.is_file():
@@ -366,7 +369,7 @@ class Workspace:
         return path
 
     def owns(self, path: Path) -> bool:
-        """Whether a path is the workspace's folder or lies where it keeps its own: users' files have no place there."""
+        """Return True if a path is the workspace's folder or in one that it manages, which users must not write to."""
         root = self.root.resolve()
         if not path.is_relative_to(root):
             return False
@@ -375,16 +378,18 @@ class Workspace:
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """A temporary folder on the workspace's disk, gone after the block.
+        """Yield a temporary folder on the workspace's disk, and remove it after the block.
 
         Raises:
-            ResourceFailure: it cannot be made.
+            ResourceFailure: The folder cannot be created.
         """
         parent = self.root / "scratch"
         try:
             make_private(self.root)
             parent.mkdir(exist_ok=True)
-            folder = Path(tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent))  # whose it is, for who tidies up
+            folder = Path(
+                tempfile.mkdtemp(prefix=f"{os.getpid()}-", dir=parent)
+            )  # the name identifies the owner for the clean-up
             if not self._tidied:
                 self._tidied = True
                 _remove_abandoned(parent)
@@ -409,7 +414,7 @@ class Workspace:
         return self.database.connection().execute(query, (kind,)).fetchall()
 
     def _place(self, target: Path, copies: Path | None) -> None:
-        """Give the copies their place; what lies there without a record was left by a server that died in between."""
+        """Move the copies to their place; existing files without a record are left over from a crashed server."""
         try:
             if target.is_dir():
                 shutil.rmtree(target)
@@ -428,7 +433,7 @@ _COLUMNS = f"sequence, artifact_id, kind, name, recipe, record, made_at, {_IS_IM
 
 
 def _forget(connection: sqlite3.Connection, kind: str, artifact_id: str) -> None:
-    """Remove an artifact from the tables; what names it as a parent keeps doing so."""
+    """Remove an artifact from the tables; its children keep it as their parent."""
     for table in ("artifacts", "imported"):
         connection.execute(f"DELETE FROM {table} WHERE kind = ? AND artifact_id = ?", (kind, artifact_id))  # noqa: S608 - fixed words only
     connection.execute("DELETE FROM parents WHERE artifact_id = ?", (artifact_id,))
@@ -438,14 +443,14 @@ def stored_recipe(text: str, what: str) -> Recipe:
     """Return a recipe of the database.
 
     Raises:
-        ResourceFailure: it is none, or nested too deeply.
+        ResourceFailure: The text is not a recipe, or nested too deeply.
     """
     try:
         return Recipe.model_validate(stored_json(text, what))
     except ValidationError as error:
         raise ResourceFailure(
-            f"{what} in the workspace is none: {cited(problems_of(Recipe, error)[0][0])}",
-            next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
+            f"{what} in the workspace is invalid: {cited(problems_of(Recipe, error)[0][0])}",
+            next_step="`plannerforge workspace verify` lists these records, and `workspace repair` removes them",
         ) from error
 
 
@@ -459,7 +464,7 @@ def _artifact(
     made_at: str,
     imported: int,
 ) -> Artifact:
-    """What a row of the database holds."""
+    """Return the artifact in a row of the database."""
     return Artifact(
         artifact_id=artifact_id,
         kind=kind,
@@ -477,17 +482,17 @@ def _admit_all(size_bytes: int) -> None:
 
 
 def _size_of(artifact: NewArtifact) -> int:
-    """What the files of a staged artifact take, in bytes; its record is small beside them."""
+    """Return the size of a staged artifact's files in bytes; its record is small in comparison."""
     return sum(file.stat().st_size for file in artifact.copies.iterdir()) if artifact.copies else 0
 
 
 def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
     """Copy the files of an artifact into a new folder on the workspace's disk.
 
-    Touches no database, so any thread may do it.
+    It does not use the database, so any thread may call it.
 
     Raises:
-        ResourceFailure: the disk is full, or a file cannot be read.
+        ResourceFailure: The disk is full, or a file cannot be read.
     """
     if not artifact.files:
         return artifact
@@ -503,26 +508,26 @@ def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
 
 
 def write_text(path: Path, text: str, what: str) -> None:
-    """Write a file that is to become one of an artifact; ``what`` names its content in the error.
+    """Write a file that will become part of an artifact; ``what`` names its content in the error.
 
     Raises:
-        ResourceFailure: the disk is full, or the folder cannot be written.
+        ResourceFailure: The disk is full, or the folder cannot be written.
     """
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise disk_failure(what, error, "free disk space and call again: what is finished is reused") from error
+        raise disk_failure(what, error, "free disk space and call again; finished parts are reused") from error
 
 
 def disk_failure(
     what: object, error: OSError, next_step: str = "free disk space, or choose another --workspace"
 ) -> ResourceFailure:
-    """The error of a file or folder that cannot be written, by default one of the workspace."""
+    """Return the error of a file or folder that cannot be written, by default one of the workspace."""
     return ResourceFailure(f"{what} cannot be written: {error.strerror or error}", next_step=next_step)
 
 
 def _remove_abandoned(parent: Path) -> None:
-    """Remove the folders of processes that are gone, an hour after they were last written to."""
+    """Remove the folders of processes that are gone, an hour after the last write."""
     for folder in sorted(parent.glob("*-*")):
         pid = folder.name.partition("-")[0]
         try:

@@ -1,7 +1,7 @@
-"""The SQLite file of a workspace: one connection a thread, write-ahead log, a schema with a version.
+"""The SQLite file of a workspace: one connection per thread, write-ahead log, a versioned schema.
 
-Several servers work on one workspace at once (every IDE window starts its own), and the calls of one server in threads
-of their own: writers wait for each other, and nobody's transaction holds what another one wrote.
+Several servers use one workspace at once (every IDE window starts its own), and a server's calls run in separate
+threads. Writers wait for each other, and no transaction includes another thread's writes.
 """
 
 import contextlib
@@ -26,15 +26,16 @@ Kept = TypeVar("Kept")
 logger = logging.getLogger(__name__)
 SCHEMA_VERSION = 5
 _PRIVATE = 0o700
-"""Others on the machine need not read what somebody works on."""
+"""Other users of the machine do not need to read a user's work."""
 _BUSY_TIMEOUT_S = 10.0
-"""How long a writer waits for another server's transaction; chosen: a batch of an import takes less."""
+"""Time that a writer waits for another server's transaction (chosen: a batch of an import takes less)."""
 _CACHE_KIB = 16_384
-"""Pages that a connection keeps (chosen): SQLite's own 2 MB are read anew by each search of a large catalogue."""
+"""Page cache of a connection (chosen: with SQLite's own 2 MB, each search of a large catalogue rereads the file)."""
 _ALL_CACHES_BYTES = 2 * _CACHE_KIB * 1024
-"""What the connections of all threads keep together (chosen: two whole caches): as many as are busy at once each read
-the same tables, and a server's memory would grow by a workspace's with each of them. Beyond it SQLite puts new pages
-in place of old ones; the operating system has those still."""
+"""Total cache of all threads' connections (chosen: two whole caches). Simultaneous calls read the same tables, so a
+server's memory would grow by the workspace's size with each of them. Beyond this limit SQLite replaces old pages; the
+operating system still caches those.
+"""
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS artifacts (
     sequence INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -113,23 +114,23 @@ CREATE TABLE IF NOT EXISTS map_files (
 
 
 def stored_json(text: str, what: str) -> Any:
-    """Return a JSON value of the database; one that is nested deeper than about 200 levels is refused as it is read.
+    """Return a JSON value of the database; refuse one that is nested deeper than about 200 levels.
 
-    No record of this program has ten levels. Readers that recurse in Python or in SQLite would fail on deeper ones
-    with errors of their own.
+    No record of this program has ten levels. Recursive readers in Python or SQLite would fail on deeper ones with
+    errors of their own.
 
     Args:
-        what: names it in the error.
+        what: Names the value in the error.
 
     Raises:
-        ResourceFailure: it is no JSON, or nested too deeply.
+        ResourceFailure: The value is not JSON, or nested too deeply.
     """
     try:
         return from_json(text)
     except ValueError as error:
         raise ResourceFailure(
-            f"{what} in the workspace cannot be read: it is no JSON, or nested too deeply",
-            next_step="`plannerforge workspace verify` lists such records, and `workspace repair` takes them out",
+            f"{what} in the workspace cannot be read: it is not JSON, or nested too deeply",
+            next_step="`plannerforge workspace verify` lists these records, and `workspace repair` removes them",
         ) from error
 
 
@@ -143,10 +144,10 @@ class Database:
         self._lock = threading.Lock()
 
     def connection(self) -> sqlite3.Connection:
-        """The calling thread's connection, with rows by name; made, and its schema checked, when first needed.
+        """Return the calling thread's connection, with rows by name; it opens, and checks its schema, on first use.
 
         Raises:
-            ResourceFailure: the file cannot be opened, or a newer version of PlannerForge wrote it.
+            ResourceFailure: The file cannot be opened, or a newer version of PlannerForge wrote it.
         """
         opened = self._opened
         if opened.connection is None:
@@ -154,12 +155,12 @@ class Database:
         return opened.connection
 
     def damage(self) -> str:
-        """What SQLite finds damaged in the file; empty where it is intact."""
-        said = str(self.connection().execute("PRAGMA quick_check").fetchone()[0])
-        return "" if said == "ok" else said
+        """Return the damage that SQLite finds in the file; empty if it is intact."""
+        result = str(self.connection().execute("PRAGMA quick_check").fetchone()[0])
+        return "" if result == "ok" else result
 
     def kept(self, make: Callable[[], Kept]) -> Kept:
-        """What is kept in memory beside the file, for all threads: one for each maker, made when first asked for."""
+        """Return the in-memory object of a factory, which all threads share; it is created on first use."""
         with self._lock:
             if make not in self._kept:
                 self._kept[make] = make()
@@ -167,15 +168,15 @@ class Database:
 
     @contextmanager
     def writing(self, undo: Callable[[], None] = lambda: None) -> Iterator[sqlite3.Connection]:
-        """A transaction: all of the block is stored, or nothing.
+        """Start a transaction that stores either the whole block or nothing.
 
         Args:
-            undo: takes back what the block did outside the database; called while the database is still locked.
+            undo: Reverts the block's effects outside the database; called while the database is still locked.
 
         Raises:
-            ResourceFailure: the disk is full or the file is locked for too long.
+            ResourceFailure: The disk is full, or the file is locked for too long.
         """
-        if self._opened.refused is not None:  # the disk was full when the file was opened; it may have room by now
+        if self._opened.refused is not None:  # the disk was full when the file was opened; it may have space now
             self._opened.close()
         connection = self.connection()
         if (refused := self._opened.refused) is not None:
@@ -197,12 +198,12 @@ class Database:
             raise
 
     def close(self) -> None:
-        """Close the calling thread's connection, and those of other threads once nothing uses them."""
+        """Close the calling thread's connection, and those of other threads once they are unused."""
         self._opened.close()
         self._opened = _Opened()
 
     def _open(self) -> tuple[sqlite3.Connection, Exception | None]:
-        """A connection for reading and writing; on a full disk one that reads what is stored, and the error."""
+        """Return a read-write connection, or on a full disk a read-only one and the error."""
         try:
             make_private(self.path.parent)
             return _prepared(self.path), None
@@ -215,24 +216,24 @@ class Database:
 
 
 class _Opened(threading.local):
-    """A thread's connection, and why it can only be read where that is so."""
+    """A thread's connection, and the reason why it is read-only, if it is."""
 
     connection: sqlite3.Connection | None = None
     refused: Exception | None = None
 
     def close(self) -> None:
-        """Close this thread's."""
+        """Close this thread's connection."""
         if self.connection is not None:
             self.connection.close()
         self.connection = self.refused = None
 
 
 def _prepared(path: Path) -> sqlite3.Connection:
-    """A connection to a file with the present tables.
+    """Return a connection to a file with the current tables.
 
     Raises:
-        ResourceFailure: a newer version of PlannerForge wrote the file.
-        sqlite3.Error: it cannot be opened or written.
+        ResourceFailure: A newer version of PlannerForge wrote the file.
+        sqlite3.Error: The file cannot be opened or written.
     """
     connection = sqlite3.connect(path, timeout=_BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False)
     try:
@@ -240,12 +241,12 @@ def _prepared(path: Path) -> sqlite3.Connection:
         _write_ahead(connection)
         connection.execute("PRAGMA synchronous = NORMAL")
         connection.execute(f"PRAGMA cache_size = -{_CACHE_KIB}")
-        connection.execute(f"PRAGMA soft_heap_limit = {_ALL_CACHES_BYTES}")  # of the process, whoever sets it
+        connection.execute(f"PRAGMA soft_heap_limit = {_ALL_CACHES_BYTES}")  # a setting of the whole process
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
         if version > SCHEMA_VERSION:
             raise ResourceFailure(
-                f"the workspace {path.parent} has schema version {version}, this program knows {SCHEMA_VERSION}",
-                next_step="use the newer PlannerForge that made it, or another --workspace",
+                f"the workspace {path.parent} has schema version {version}; this program supports {SCHEMA_VERSION}",
+                next_step="use the newer PlannerForge that created it, or another --workspace",
             )
         if version < SCHEMA_VERSION:
             if version:
@@ -258,9 +259,9 @@ def _prepared(path: Path) -> sqlite3.Connection:
 
 
 def _keep_copy(connection: sqlite3.Connection, path: Path, version: int) -> None:
-    """Keep a database as an older program left it, beside the one that is brought to the present version.
+    """Keep a copy of an older program's database next to the one that is upgraded.
 
-    That only adds tables, so whoever goes back to the older program can take the copy in its place.
+    The upgrade only adds tables, so a user of the older program can go back to the copy.
     """
     kept = path.with_name(f"{path.name}.version-{version}")
     if kept.exists():
@@ -272,20 +273,20 @@ def _keep_copy(connection: sqlite3.Connection, path: Path, version: int) -> None
         connection.execute("VACUUM INTO ?", (name,))
         with contextlib.closing(sqlite3.connect(partial)) as copied:
             is_as_it_was = int(copied.execute("PRAGMA user_version").fetchone()[0]) == version
-        if is_as_it_was:  # else another server has just brought it to the present version, and kept it
+        if is_as_it_was:  # otherwise another server has just upgraded it and kept a copy
             partial.rename(kept)
             logger.warning(
-                "the workspace database %s had version %d and is brought to %d", path, version, SCHEMA_VERSION
+                "the workspace database %s had version %d and is upgraded to %d", path, version, SCHEMA_VERSION
             )
     finally:
         partial.unlink(missing_ok=True)
 
 
 def _read_only(path: Path) -> sqlite3.Connection | None:
-    """A connection that only reads, where the file has tables of this version; else None.
+    """Return a read-only connection if the file has tables of this version, otherwise None.
 
-    SQLite cannot make the files of its write-ahead log on a full disk. Without a log nobody is writing, and the file
-    itself holds everything.
+    SQLite cannot create its write-ahead log on a full disk. Without a log there is no writer, and the file itself is
+    complete.
     """
     log = path.with_name(path.name + "-wal")
     fixed = "" if log.exists() and log.stat().st_size else "&immutable=1"
@@ -306,10 +307,10 @@ def _read_only(path: Path) -> sqlite3.Connection | None:
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder that nobody else on the machine may look into; one that is there stays as it is.
+    """Create a folder that only this user can read; an existing folder stays unchanged.
 
     Raises:
-        ResourceFailure: it cannot be made.
+        ResourceFailure: The folder cannot be created.
     """
     try:
         folder.mkdir(mode=_PRIVATE, parents=True, exist_ok=True)
@@ -318,7 +319,7 @@ def make_private(folder: Path) -> None:
 
 
 def _write_ahead(connection: sqlite3.Connection) -> None:
-    """Switch to the write-ahead log; SQLite's own busy time-out does not cover two servers that do so at once."""
+    """Switch to the write-ahead log; SQLite's own busy time-out does not cover two servers that switch at once."""
     give_up = time.monotonic() + _BUSY_TIMEOUT_S
     while True:
         try:
@@ -344,10 +345,10 @@ def _failure(path: Path, error: Exception) -> ResourceFailure:
 
 
 def still_runs(pid: int, since: float) -> bool:
-    """Whether the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
+    """Return True if the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
 
-    Process ids are given again, so the time counts too. The start of a process is known by the clock as it was then;
-    if the clock was set back since, the age of the process decides, which no clock that can be set takes part in.
+    Process ids are reused, so the time counts too. The start time of a process uses the clock at that time. If the
+    clock was set back since, the age of the process decides, which is independent of clock changes.
     """
     import psutil
 
@@ -361,11 +362,11 @@ def still_runs(pid: int, since: float) -> bool:
 
 
 _CLOCKS_DIFFER_S = 1.0
-"""Clocks of file systems and kernels differ by less; chosen."""
+"""Largest difference between clocks of file systems and kernels (chosen)."""
 
 
 def _age_s(pid: int) -> float:
-    """Return for how long a process has run, by the clock since the machine's start; minus infinity if it is not told.
+    """Return the age of a process by the clock since the machine's start, or minus infinity if it is unknown.
 
     The start of a process is the 22nd field of ``/proc/PID/stat``, in ticks (proc_pid_stat(5)).
     """

@@ -1,4 +1,4 @@
-"""Copies of an artifact's files, and of what was drawn or computed of it, for the user's own folder."""
+"""Copies an artifact's files, and its drawings and computed files, into the user's own folder."""
 
 import os
 import shutil
@@ -33,17 +33,17 @@ _ENDINGS = {
     "opendrive": ".xodr",
     "openscenario": ".xosc",
 }
-"""Where files of a format come from: stored, written from the record, drawn, or made by kind; endings that differ."""
+"""The sources of a format's files: stored, written from the record, drawn, or computed by kind; special suffixes."""
 _WITH = {"openscenario": ("opendrive",), "json": ("steps", "series")}
-"""What is written in addition to a format's file: files it names, and for a run what its record does not hold."""
+"""Additional files of a format: files that it refers to, and for a run what its record lacks."""
 REPORT_NAME = "report.html"
 _READABLE = 0o644
-"""Temporary files are private; what a user asked for may be read by others."""
+"""Temporary files are private; other users may read exports."""
 
 
 @dataclass(frozen=True)
 class Export:
-    """One file to write: of which artifact, in which format, where."""
+    """One file to write: its artifact, its format, its path."""
 
     artifact: Artifact
     format: str
@@ -51,22 +51,22 @@ class Export:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether it has to be drawn before it can be copied."""
+        """True if it must be drawn before it can be copied."""
         return self.format in _DRAWN
 
     @property
     def is_computed(self) -> bool:
-        """Whether a worker has to compute it, other than a picture, before it can be copied."""
+        """True if a worker must compute it before it can be copied, other than a picture."""
         return not self.is_drawn and self.format in _MADE.get(self.artifact.kind, ())
 
 
 def plan_exports(
     workspace: Workspace, artifacts: Sequence[Artifact], formats: Sequence[str], folder: Path
 ) -> tuple[Export, ...]:
-    """What has to be written; without formats, every stored one. ``html`` is one page for all and not among them.
+    """Return the files to write; without formats, every stored one. ``html`` is one page for all and not included.
 
     Raises:
-        InvalidRequest: an artifact does not have a format that was asked for.
+        InvalidRequest: An artifact does not have a requested format.
     """
     return tuple(
         Export(artifact, form, folder / (artifact.artifact_id + _ENDINGS.get(form, f".{form}")))
@@ -76,36 +76,36 @@ def plan_exports(
 
 
 def refuse_taken(paths: Sequence[Path]) -> None:
-    """Raise before anything is written where a file is there already.
+    """Raise if a file exists, before anything is written.
 
     Raises:
-        NotPossible: naming the first of them.
+        NotPossible: A file exists; the error lists the first ones.
     """
     taken = [str(path) for path in paths if path.exists()]
     if taken:
         raise NotPossible(
-            f"{len(taken)} files are there already: {', '.join(taken[:3])}",
-            next_step="set overwrite, or name another folder",
+            f"{len(taken)} files already exist: {', '.join(taken[:3])}",
+            next_step="set overwrite, or choose another folder",
         )
 
 
 def write_export(workspace: Workspace, export: Export, made: Path | None = None) -> None:
-    """Write one file whole: a stored file, the record or recipe as JSON, or what was drawn or computed.
+    """Write one file as a whole: a stored file, the record or recipe as JSON, or a drawn or computed file.
 
     Raises:
-        ResourceFailure: the folder cannot be written.
+        ResourceFailure: The folder cannot be written.
     """
     write_whole(export.path, lambda partial: _fill(partial, workspace, export, made))
 
 
 def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
-    """Have ``fill`` write a new file beside ``path``, then give it that name: half a file is never read.
+    """Let ``fill`` write a new file next to ``path``, then rename it, so that no reader sees half a file.
 
-    The new file's name is made up and must be free, so nothing that lies in the folder (a link, a pipe) is written
-    through. What has the name already is replaced, never followed.
+    The new file has a random, free name, so nothing in the folder (a link, a pipe) is written through. An existing file
+    with the final name is replaced, never followed.
 
     Raises:
-        ResourceFailure: the folder cannot be written; nothing half-written stays.
+        ResourceFailure: The folder cannot be written; no partial file remains.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -120,7 +120,7 @@ def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
             partial.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise disk_failure(path, error, "free disk space, or name another folder") from error
+        raise disk_failure(path, error, "free disk space, or choose another folder") from error
 
 
 def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:
@@ -134,19 +134,19 @@ def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None
         partial.write_text(content.model_dump_json(indent=1), encoding="utf-8")
 
 
-def _formats(workspace: Workspace, artifact: Artifact, asked: Sequence[str], any_asked: bool) -> list[str]:
+def _formats(workspace: Workspace, artifact: Artifact, requested: Sequence[str], any_requested: bool) -> list[str]:
     folder = workspace.folder(artifact.kind, artifact.artifact_id)
     stored = [form for form, name in _STORED.items() if (folder / name).is_file()]
     available = [*stored, *_WRITTEN, *_MADE.get(artifact.kind, ())]
-    if artifact.record.get("outcome") == "invalid":  # such a run has no trajectory
+    if artifact.record.get("outcome") == "invalid":  # an invalid run has no trajectory
         available = [form for form in available if form not in ("solution", "csv", "parquet")]
-    missing = [form for form in asked if form not in available]
+    missing = [form for form in requested if form not in available]
     if missing:
-        kept = [form for form in asked if form in available]
+        kept = [form for form in requested if form in available]
         raise InvalidRequest(
             f"{artifact.artifact_id} has no {', '.join(missing)}",
             valid=available,
             remedies=[with_values(formats=kept or available[:1])],
         )
-    wanted = [form for one in asked for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
-    return list(dict.fromkeys(wanted)) if any_asked else [*stored, *_WRITTEN]
+    wanted = [form for one in requested for form in (*(also for also in _WITH.get(one, ()) if also in available), one)]
+    return list(dict.fromkeys(wanted)) if any_requested else [*stored, *_WRITTEN]

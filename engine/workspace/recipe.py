@@ -1,4 +1,4 @@
-"""How an artifact is made: enough to make it again bit for bit on the same type of machine."""
+"""The recipe of an artifact, sufficient to recreate it bit for bit on the same type of machine."""
 
 import hashlib
 import json
@@ -11,9 +11,9 @@ from ...schemas.base import Model
 
 
 class Recipe(Model):
-    """The tool, its resolved arguments, the artifacts it started from, the seed, and the versions that matter.
+    """The tool, its resolved arguments, the parent artifacts, the seed, and the relevant versions.
 
-    Dates and counters are left out on purpose: the same request gives the same digest.
+    Dates and counters are deliberately left out, so that the same request gives the same digest.
     """
 
     tool: str
@@ -24,19 +24,19 @@ class Recipe(Model):
 
     @property
     def digest(self) -> str:
-        """Twelve hexadecimal characters that name this recipe."""
+        """Twelve hexadecimal characters that identify this recipe."""
         content = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
         return hashlib.sha256(content.encode()).hexdigest()[:12]
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file, hexadecimal, for recipes that start from a file."""
+    """Return the SHA-256 of a file in hexadecimal, for recipes that start from a file."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def versions_of(*packages: str) -> dict[str, str]:
-    """The installed versions of packages, and our own, for a recipe."""
+    """Return the installed versions of packages, and our own, for a recipe."""
     from importlib.metadata import version
 
     return {package: version(package) for package in sorted({"plannerforge-mcp", *packages})}

@@ -1,9 +1,9 @@
-"""Whether a stored artifact is what its record, its recipe and its files say: asked of archives and of workspaces.
+"""Checks that a stored artifact matches its record, its recipe and its files, in archives and workspaces.
 
-An id stands for content: that of a run, batch, search, plan, study or map is the digest of its recipe, that of a
-configuration the digest of its weights, and a scenario's record names the digest of its file. What does not fit is not
-believed. Whether a run really went as its record says cannot be seen from the record; runs of an archive are therefore
-marked as imported (:meth:`Workspace.mark_imported`).
+An id represents content. The id of a run, batch, search, plan, study or map is the digest of its recipe, that of a
+configuration the digest of its weights, and a scenario's record has the digest of its file. Mismatches are rejected.
+Whether a run really happened as recorded is not verifiable, so runs of an archive are marked as imported
+(:meth:`Workspace.mark_imported`).
 """
 
 from collections.abc import Iterable, Iterator
@@ -21,15 +21,15 @@ from .recipe import Recipe, content_digest
 _FROM_RECIPE: tuple[ArtifactKind, ...] = ("run", "batch", "search", "plan", "study", "map")
 """Kinds with ids of the form ``kind_digest``."""
 _TEXTS_ON_ONE_LINE: tuple[ArtifactKind, ...] = ("run", "batch", "map", "scenario", "config")
-"""Kinds of records with texts from files and programs, or with sentences of ours, which are all on one line."""
+"""Kinds of records with texts from files and programs, or with our own sentences, which are all on one line."""
 _AS_GIVEN = ("template",)
-"""Fields that hold a file as it was given: the YAML of a configuration."""
+"""Fields with an unmodified file: the YAML of a configuration."""
 _LONGEST_RECORD_TEXT = LONGEST_PATH
-"""Characters of a text in a record: the longest are paths; messages of errors have 2,000 at most."""
+"""Most characters of a text in a record: the longest are paths; error messages have at most 2,000."""
 
 
 def record_type(kind: ArtifactKind) -> type[Model]:
-    """Return the model that the record of an artifact of this kind has to pass."""
+    """Return the model that the record of an artifact of this kind must satisfy."""
     from ...schemas.analysis.optimization import StudyRecord
     from ...schemas.catalog import SearchRecord
     from ...schemas.generation import MapFacts, PlanRecord
@@ -53,10 +53,10 @@ def record_type(kind: ArtifactKind) -> type[Model]:
 def record_fault(
     kind: ArtifactKind, artifact_id: str, recipe: Recipe, record: dict[str, Any], folder: Path | None = None
 ) -> str:
-    """Return in a few words why an artifact is not what it says; empty if it is.
+    """Return in a few words why an artifact is inconsistent; empty if it is consistent.
 
     Args:
-        folder: where its files are; they are left unread if it is left out.
+        folder: The folder of its files; without it, the files are not read.
     """
     try:
         read = record_type(kind).model_validate(record)
@@ -64,7 +64,7 @@ def record_fault(
         problem = problems_of(record_type(kind), error)[0][0] if isinstance(error, ValidationError) else "too deep"
         return f"its record cannot be read: {cited(problem)}"
     if kind in _FROM_RECIPE and artifact_id != f"{kind}_{recipe.digest}":
-        return f"its recipe makes {kind}_{recipe.digest}"
+        return f"its recipe gives {kind}_{recipe.digest}"
     own_id = _own_id(kind, read)
     if own_id not in (None, artifact_id):
         return f"its record is that of {shown_name(own_id)}"
@@ -73,16 +73,16 @@ def record_fault(
     if kind == "scenario" and folder is not None:
         file = folder / "scenario.xml"
         if file.is_file() and content_digest(file) != getattr(read, "content", None):
-            return "its file is not the one that its record names"
+            return "its file does not match the digest in its record"
     return ""
 
 
 def text_fault(kind: ArtifactKind, name: str, record: dict[str, Any]) -> str:
-    """Return what is wrong with the name and the texts of a stored record; empty if they are fit for answers.
+    """Return the problem with the name and the texts of a stored record; empty if they are fit for answers.
 
-    Each is on one line, printable and of bounded length since texts are made so before they are stored; those of a
-    workspace that was filled before need not be. An archive's are made so when it is taken in (:func:`in_one_line`).
-    The words of a caller in a search, a plan or a study, and the file of a configuration, are kept as they were given.
+    Each must be on one line, printable and of bounded length. New texts are made so before they are stored, but an
+    older workspace may have others. An archive's texts are converted on import (:func:`in_one_line`). A caller's text
+    in a search, a plan or a study, and the file of a configuration, stay unmodified.
     """
     if kind not in _TEXTS_ON_ONE_LINE:
         return ""
@@ -96,7 +96,7 @@ def text_fault(kind: ArtifactKind, name: str, record: dict[str, Any]) -> str:
 
 
 def _texts(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the texts of a record, keys included, each with the name of the field that it stands in."""
+    """Yield the texts of a record, including keys, each with the name of its field."""
     if isinstance(value, str):
         yield name, value
     elif isinstance(value, dict):
@@ -109,18 +109,18 @@ def _texts(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _names_fault(names: Iterable[str]) -> str:
-    """Return which name that a planner program gave is none; empty if all of them are names.
+    """Return the description of an invalid name from a planner program; empty if all names are valid.
 
-    Programs that print such names are refused since (:data:`~plannerforge.schemas.planning.PrintedName`).
+    Newer versions refuse programs that print invalid names (:data:`~plannerforge.schemas.planning.PrintedName`).
     """
     from ...schemas.planning import LONGEST_NAME
 
     wrong = next((name for name in names if one_line(name, LONGEST_NAME) != name), None)
-    return "" if wrong is None else f"{cited(wrong, LONGEST_NAME)} in it is no name that a planner may give"
+    return "" if wrong is None else f"{cited(wrong, LONGEST_NAME)} in it is not a valid name from a planner"
 
 
 def _names_in_files(folder: Path) -> Iterator[str]:
-    """Yield the names that a planner gave in the files of a run; a file that cannot be read holds none."""
+    """Yield the names that a planner gave in the files of a run; an unreadable file has no names."""
     from ...schemas.runs import RunSeries, RunSteps
 
     with suppress(OSError, ValueError):
@@ -132,7 +132,7 @@ def _names_in_files(folder: Path) -> Iterator[str]:
 
 
 def _own_id(kind: ArtifactKind, record: Model) -> str | None:
-    """Return the id that a record states or that follows from it; None if there is none in it."""
+    """Return the id that a record states or that follows from it, or None."""
     from ...schemas.planning import PlannerConfiguration
     from ...schemas.scenarios import ScenarioRecord
 

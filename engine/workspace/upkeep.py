@@ -1,7 +1,7 @@
-"""Looking after a workspace: what takes how much room, whether files and records agree, and room made again.
+"""Maintains a workspace: reports its sizes, checks files against records, and frees space.
 
-What can be made again (*caches*: pictures, recordings, the text index, answers of map services, temporary folders, and
-files that belong to no record) may go; what was made, its records and the journal never do.
+*Caches* (pictures, recordings, the text index, answers of map services, temporary folders, and files without a record)
+may be removed, since they can be recreated. Artifacts, their records and the journal always stay.
 """
 
 import hashlib
@@ -21,18 +21,20 @@ from .recipe import Recipe
 from .record_checks import record_fault, text_fault
 
 _CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
-"""Folders whose files are made anew when they are missing, those first that are made again most quickly."""
+"""Folders with files that are recreated if they are missing, fastest to recreate first."""
 _MB = 1024**2
 _SHOWN_RUNS = 3
 _LOOK_S, _LOOKS_SHARE = 60.0, 50
-"""How old a look at a whole workspace may be, and how often what it took itself; chosen: looks take 2 % of the time."""
+"""Age up to which a measured size is reused, in seconds and relative to its duration (chosen: measuring takes 2 % of
+the time).
+"""
 MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}
 """The file without which an artifact of the kind cannot be used."""
 
 
 @dataclass(frozen=True)
 class FolderUse:
-    """What a folder of the workspace, or its database, takes; ``is_cache``: it can be made again."""
+    """The size of a folder of the workspace, or of its database; ``is_cache``: True if it can be recreated."""
 
     name: str
     files: int
@@ -42,10 +44,10 @@ class FolderUse:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Something that records and files disagree on.
+    """An inconsistency between records and files.
 
-    ``is_lost``: what was made cannot be used any more. ``broken``: kind and id of an artifact whose record is not what
-    calls can read or believe; :func:`repair` takes it out.
+    ``is_lost``: True if an artifact is no longer usable. ``broken``: kind and id of an artifact with an unreadable or
+    inconsistent record, which :func:`repair` removes.
     """
 
     where: str
@@ -55,7 +57,7 @@ class Disagreement:
 
 
 def room_used(workspace: Workspace) -> list[FolderUse]:
-    """What each part of the workspace takes, the largest first."""
+    """Return the size of each part of the workspace, largest first."""
     uses: dict[str, list[int]] = {}
     for path in _files(workspace.root):
         relative = path.relative_to(workspace.root)
@@ -68,7 +70,7 @@ def room_used(workspace: Workspace) -> list[FolderUse]:
 
 
 def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
-    """What does not fit together: the database, records without their file or their runs, files without a record."""
+    """Yield the inconsistencies: the database, records without their file or their runs, files without a record."""
     damage = workspace.database.damage()
     if damage:
         yield Disagreement("database", damage, is_lost=True)
@@ -88,49 +90,49 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
             continue
         path = workspace.root / f"{kind}s" / artifact_id / main
         if not path.is_file():
-            yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is gone", is_lost=True)
+            yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is missing", is_lost=True)
         elif not _size(path):
             yield Disagreement(f"{kind} {artifact_id}", f"its file {main} is empty", is_lost=True)
     for batch_id, run_ids in batches:
         if gone := [run_id for run_id in run_ids if run_id not in known["run"]]:
             some = ", ".join(gone[:_SHOWN_RUNS]) + (", …" if len(gone) > _SHOWN_RUNS else "")
             yield Disagreement(
-                f"batch {batch_id}", f"{len(gone)} of its {len(run_ids)} runs are gone: {some}", is_lost=False
+                f"batch {batch_id}", f"{len(gone)} of its {len(run_ids)} runs are missing: {some}", is_lost=False
             )
     for folder in _without_record(workspace, known):
-        yield Disagreement(str(folder.relative_to(workspace.root)), "belongs to no record", is_lost=False)
+        yield Disagreement(str(folder.relative_to(workspace.root)), "has no record", is_lost=False)
 
 
 def _fault_of(workspace: Workspace, kind: str, artifact_id: str, name: str, recipe: str, record: str) -> str:
-    """Return why calls cannot read or believe a row, by reading it as they do; empty if they can."""
+    """Return why calls cannot read or trust a row, by reading it as they do; empty if they can."""
     if kind not in ARTIFACT_KINDS or not ORDINARY_ID.fullmatch(artifact_id):
-        return "its kind or its id is one that no call gives"
+        return "its kind or its id is invalid"
     try:
         made_by = Recipe.model_validate(stored_json(recipe, "its recipe"))
         content = stored_json(record, "its record")
     except (ValueError, ResourceFailure):
-        return "its recipe or its record is no JSON of its form, or nested too deeply"
+        return "its recipe or its record is not valid JSON, or nested too deeply"
     if not isinstance(content, dict):
-        return "its record is no JSON object"
+        return "its record is not a JSON object"
     folder = workspace.root / f"{kind}s" / artifact_id
     known = cast("ArtifactKind", kind)
     return record_fault(known, artifact_id, made_by, content, folder) or text_fault(known, name, content)
 
 
 def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
-    """Take out every artifact whose record calls cannot read or believe; everything else stays.
+    """Remove every artifact with an unreadable or inconsistent record; everything else stays.
 
     Returns:
-        What was wrong with each, and the folder below ``taken_out`` to which its row and its files were moved.
+        The problem of each, and the folder below ``taken_out`` with its row and its files.
 
     Raises:
-        ResourceFailure: the database is damaged, or something cannot be moved.
+        ResourceFailure: The database is damaged, or something cannot be moved.
     """
     done: list[tuple[Disagreement, Path]] = []
     found = list(disagreements(workspace))
     if any(each.where == "database" for each in found):
         raise ResourceFailure(
-            "the database itself is damaged, and its records cannot be told apart",
+            "the database itself is damaged, so its records cannot be checked",
             next_step="restore workspace.sqlite from a backup, or import an archive of the workspace into a new one",
         )
     for each in found:
@@ -144,18 +146,18 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
 
 
 def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[tuple[str, int]]:
-    """Remove what belongs to nothing and, above a quota for the whole workspace, caches, the least used first.
+    """Remove what belongs to no record and, above a quota for the whole workspace, caches, least recently used first.
 
-    Without a quota all caches stay. Another server may use the workspace meanwhile: what is younger than an hour stays.
+    Without a quota all caches stay. Since another server may use the workspace, everything younger than an hour stays.
 
     Args:
-        quota_bytes: what the workspace may take.
+        quota_bytes: Size limit of the workspace.
 
     Returns:
-        What was removed, with its bytes.
+        The removed entries with their bytes.
 
     Raises:
-        ResourceFailure: something cannot be removed.
+        ResourceFailure: Something cannot be removed.
     """
     known = {kind: {row[0] for row in _ids(workspace, kind)} for kind in ARTIFACT_KINDS}
     scratch = workspace.root / "scratch"
@@ -163,15 +165,15 @@ def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[t
     removed = [(str(path.relative_to(workspace.root)), _remove(path)) for path in left if _is_old(path)]
     if quota_bytes is not None:
         excess = sum(use.size_bytes for use in room_used(workspace)) - quota_bytes
-        removed += _emptied(workspace.root, excess)
+        removed += _empty_caches(workspace.root, excess)
     return removed
 
 
 class Quota:
-    """What a workspace may take, asked before something is stored: caches go first, and then nothing more is stored.
+    """The size limit of a workspace: before something is stored, caches are removed, and a full workspace refuses.
 
-    To look through a large workspace takes long, so what it takes is counted on from the last look; another look is
-    taken when that says it is full, and when the last one is old, since others write too.
+    Measuring a large workspace takes long, so its size is updated from the last measurement. A new measurement happens
+    when the workspace seems full, and when the last one is old, since other servers write too.
     """
 
     def __init__(self, workspace: Workspace, size_bytes: int) -> None:
@@ -180,39 +182,43 @@ class Quota:
         self._taken_bytes, self._look_again_at = 0, 0.0
 
     def admit(self, size_bytes: int) -> None:
-        """Let something of this size be stored.
+        """Admit something of this size.
 
         Raises:
-            ResourceFailure: there is no room, and no cache that may go.
+            ResourceFailure: There is no space, and no cache that may be removed.
         """
         with self._lock:
             if time.monotonic() > self._look_again_at or self._excess(size_bytes) > 0:
-                self._look()
+                self._measure()
             if self._excess(size_bytes) > 0:
                 make_room(self._workspace)
-                self._look()
-                self._taken_bytes -= sum(freed for _, freed in _emptied(self._workspace.root, self._excess(size_bytes)))
+                self._measure()
+                self._taken_bytes -= sum(
+                    freed for _, freed in _empty_caches(self._workspace.root, self._excess(size_bytes))
+                )
             if self._excess(size_bytes) > 0:
                 raise ResourceFailure(
-                    f"the workspace {self._workspace.root} is full: it takes {self._taken_bytes / _MB:,.1f} MB of the "
-                    f"{self._size_bytes / _MB:,.0f} that it may, and caches that are an hour old were removed already",
+                    f"the workspace {self._workspace.root} is full: it takes {self._taken_bytes / _MB:,.1f} MB of "
+                    f"{self._size_bytes / _MB:,.0f} MB, and caches older than an hour are already removed",
                     next_step="raise the setting workspace_mb, or run `plannerforge workspace gc` in an hour; "
-                    "`workspace info` shows what takes room, `workspace export` keeps all of it in a file",
+                    "`workspace info` shows its parts, `workspace export` writes all of it to a file",
                 )
             self._taken_bytes += size_bytes
 
     def _excess(self, size_bytes: int) -> int:
         return self._taken_bytes + size_bytes - self._size_bytes
 
-    def _look(self) -> None:
+    def _measure(self) -> None:
         started = time.monotonic()
         uses = room_used(self._workspace)
-        self._taken_bytes = sum(use.size_bytes for use in uses if use.name != "scratch")  # what is about to be stored
+        self._taken_bytes = sum(
+            use.size_bytes for use in uses if use.name != "scratch"
+        )  # excludes data that is about to be stored
         ended = time.monotonic()
         self._look_again_at = ended + max(_LOOK_S, _LOOKS_SHARE * (ended - started))
 
 
-def _emptied(root: Path, excess_bytes: int) -> Iterator[tuple[str, int]]:
+def _empty_caches(root: Path, excess_bytes: int) -> Iterator[tuple[str, int]]:
     for name in _CACHES:
         entries = [path for path in ((root / name).iterdir() if (root / name).is_dir() else ()) if _is_old(path)]
         for path in sorted(entries, key=lambda entry: entry.stat().st_mtime):

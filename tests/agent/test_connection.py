@@ -46,7 +46,7 @@ async def test_a_server_behind_an_address_is_spoken_to_as_any_other() -> None:
 
 @pytest.mark.parametrize("server", ["http://127.0.0.1:9/mcp", StdioServerParameters(command="/no/such/program")])
 async def test_a_server_that_is_not_there_is_told(server: Server) -> None:
-    with pytest.raises(ToolServerGone, match=r"cannot be reached: .*Next: see that its command or address is right"):
+    with pytest.raises(ToolServerGone, match=r"cannot be reached: .*Next: check that its command or address is right"):
         async with ToolConnection.open(server):
             pass
 
@@ -54,7 +54,7 @@ async def test_a_server_that_is_not_there_is_told(server: Server) -> None:
 async def test_what_a_program_writes_to_standard_error_is_kept_in_the_log(tmp_path: Path) -> None:
     log = tmp_path / "logs" / "server.log"
     program = StdioServerParameters(command=sys.executable, args=["-c", "import sys; sys.exit('no licence')"])
-    with pytest.raises(ToolServerGone, match=r"see that .*, and the log .*server\.log"):
+    with pytest.raises(ToolServerGone, match=r"check that .*, and the log .*server\.log"):
         async with ToolConnection.open(program, log):
             pass
     assert log.read_text(encoding="utf-8") == "no licence\n"

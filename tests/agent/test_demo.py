@@ -10,7 +10,7 @@ from rich.console import Console
 
 from plannerforge.agent.demo import _compare, _DemoSession
 
-MARK = "Goals met without driving say nothing of a planner: run_1, run_2."
+MARK = "Goals reached without driving say nothing about a planner: run_1, run_2."
 
 
 async def _compared(trivial: dict[str, Any] | None) -> str:

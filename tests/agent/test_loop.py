@@ -134,7 +134,7 @@ async def test_a_conversation_that_cannot_be_summarised_is_left_out_and_that_is_
         await talked.say("Tell much.")
         result = await talked.say("And now?")
     assert result.ending == "answered"
-    assert "left out, since the model gave no summary" in talked.notes
+    assert "dropped, since the model gave no summary" in talked.notes
     assert talked.session.messages[0].text == "[Earlier messages were left out for want of room]"
 
 

@@ -25,7 +25,7 @@ async def test_an_unknown_tool_is_answered_with_those_that_there_are(kind: Kind)
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
     wrong, right = result.calls
-    assert wrong.answer.text.startswith("There is no tool 'create_scenario'. The nearest: make_scenario")
+    assert wrong.answer.text.startswith("There is no tool 'create_scenario'. Nearest: make_scenario")
     assert not right.answer.is_error
     assert result.ending == "answered"
 
@@ -47,7 +47,7 @@ async def test_a_call_that_is_no_json_is_asked_for_again(kind: Kind) -> None:
         result = await talked.say("A scenario.")
         asked = talked.model_server.requests[1]["messages"]
         assert (await talked.goes_on()).ending == "answered"
-    assert "its arguments are no JSON object" in asked[-1]["content"]
+    assert "its arguments are not a JSON object" in asked[-1]["content"]
     assert [done.call.arguments for done in result.calls] == [{"vehicles": 2}]
     assert "could not be read" in talked.notes
 
@@ -58,7 +58,7 @@ async def test_calls_that_stay_unreadable_end_the_turn(kind: Kind) -> None:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
     assert result.ending == "failed"
-    assert "3 calls one after the other that are no JSON" in result.problem
+    assert "3 consecutive calls that are not JSON" in result.problem
 
 
 async def test_the_same_call_again_and_again_ends_the_turn() -> None:
@@ -66,8 +66,8 @@ async def test_the_same_call_again_and_again_ends_the_turn() -> None:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
     assert result.ending == "failed"
-    assert "makes the same call again and again: make_scenario" in result.problem
-    assert "is not made again" in result.calls[2].answer.text
+    assert "repeating the same call: make_scenario" in result.problem
+    assert "is not repeated" in result.calls[2].answer.text
     assert [done.answer.is_error for done in result.calls] == [False, False, True, True, True]
 
 
@@ -76,7 +76,7 @@ async def test_calls_without_an_end_stop_at_the_limit_of_rounds() -> None:
     async with talk(*calls, limits=TurnLimits(rounds=4)) as talked:
         result = await talked.say("Scenarios.")
         assert (await talked.goes_on()).ending == "answered"
-    assert "asked 4 times without an answer" in result.problem
+    assert "called 4 times without reaching an answer" in result.problem
     assert len(result.calls) == 4
 
 
@@ -101,7 +101,7 @@ async def test_an_empty_answer_is_asked_for_again(kind: Kind) -> None:
     async with talk(Reply(""), Reply("Here I am."), kind=kind) as talked:
         result = await talked.say("Hello?")
     assert (result.ending, result.answer) == ("answered", "Here I am.")
-    assert "the answer was empty; the model is asked once more" in talked.notes
+    assert "the answer was empty; the model gets another try" in talked.notes
 
 
 async def test_a_second_empty_answer_ends_the_turn() -> None:
@@ -119,8 +119,8 @@ async def test_a_cut_stream_ends_the_turn_and_what_was_made_before_stays(kind: K
         assert (await talked.goes_on()).ending == "answered"
         sent = talked.model_server.requests[-1]["messages"]
     assert result.ending == "failed"
-    assert "broke off" in result.problem
-    assert "say it again; the conversation is kept" in result.problem
+    assert "was interrupted" in result.problem
+    assert "repeat the request; the conversation is kept" in result.problem
     assert any("TST_Town-2_1_T-1" in message.get("content", "") for message in sent)
     assert any(message.get("content", "").endswith("[broken off]") for message in sent)
 
@@ -162,7 +162,7 @@ async def test_a_huge_answer_of_a_tool_is_cut_with_the_count() -> None:
         result = await talked.say("Tell much.")
         sent = talked.model_server.requests[1]["messages"][-1]["content"]
         assert (await talked.goes_on()).ending == "answered"
-    assert "[cut: 1,000 of 210,000 characters are shown; ask for less" in sent
+    assert "[cut: 1,000 of 210,000 characters are shown; request less" in sent
     assert len(sent) < 1200
     assert result.ending == "answered"
 
@@ -172,7 +172,7 @@ async def test_a_huge_answer_of_the_model_is_left() -> None:
         result = await talked.say("Tell much.")
         assert (await talked.goes_on()).ending == "answered"
     assert result.answer == "In short: none."
-    assert "came to no end and was left" in talked.notes
+    assert "did not end and was cut" in talked.notes
     assert sum(len(event.text) for event in talked.shown if isinstance(event, TextPart)) < 1000
 
 
@@ -206,7 +206,7 @@ async def test_a_server_that_ends_is_told_and_started_again_with_the_next_turn()
         after = await talked.say("A scenario.")
     assert result.ending == "failed"
     assert "the MCP server ended while it worked on end_the_server" in result.problem
-    assert "the MCP server was started again" in talked.notes
+    assert "the MCP server was restarted" in talked.notes
     assert (after.ending, after.calls[0].answer.is_error) == ("answered", False)
 
 
@@ -221,7 +221,7 @@ async def test_an_interrupt_while_the_model_speaks_keeps_the_conversation() -> N
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
     assert result.ending == "interrupted"
-    assert result.problem == "Interrupted; what was done so far is kept."
+    assert result.problem == "Interrupted; all work so far is kept."
     assert talked.session.state.scenario == "TST_Town-2_1_T-1"
 
 
@@ -253,7 +253,7 @@ async def test_thinking_without_an_end_is_left_and_the_model_asked_once_more(kin
     async with talk(Reply(fault="endless"), Reply("Here I am."), kind=kind, answer_tokens=64) as talked:
         result = await talked.say("Hello?")
     assert (result.ending, result.answer) == ("answered", "Here I am.")
-    assert "came to no end" in talked.notes
+    assert "did not end" in talked.notes
     request = talked.model_server.requests[1]
     assert request.get("think", request.get("chat_template_kwargs")) in (False, {"enable_thinking": False})
 
@@ -262,7 +262,7 @@ async def test_thinking_that_never_ends_ends_the_turn() -> None:
     async with talk(Reply(fault="endless"), answer_tokens=64) as talked:
         result = await talked.say("Hello?")
         assert (await talked.goes_on()).ending == "answered"
-    assert result.problem.startswith("The model came to no end, twice.")
+    assert result.problem.startswith("The model's answer did not end, twice.")
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,7 @@ async def test_a_call_that_stays_text_is_told_to_the_user() -> None:
         result = await talked.say("A scenario.")
         assert (await talked.goes_on()).ending == "answered"
     assert result.ending == "failed"
-    assert "writes the call of make_scenario as text and does not make it: nothing was done" in result.problem
+    assert "wrote the call of make_scenario as text" in result.problem
 
 
 @pytest.mark.parametrize(
@@ -324,7 +324,7 @@ async def test_a_claim_without_a_call_is_asked_about_and_then_told(text: str) ->
         assert (await talked.goes_on()).ending == "answered"
     assert "No tool was called in this turn" in asked[-1]["content"]
     assert result.ending == "failed"
-    assert "no tool was called in this turn: nothing was done" in result.problem
+    assert "no tool was called in this turn, so nothing was done" in result.problem
 
 
 async def test_a_claim_is_made_good_by_the_call() -> None:

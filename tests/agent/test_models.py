@@ -202,7 +202,7 @@ async def test_an_unknown_model_is_told_with_those_that_there_are(kind: Kind) ->
 @pytest.mark.parametrize(
     ("reply", "failure", "told"),
     [
-        (Reply("Two and", fault="cut"), StreamCut, "broke off"),
+        (Reply("Two and", fault="cut"), StreamCut, "was interrupted"),
         (Reply("Two and", fault="no json"), StreamCut, "cannot be read"),
         (Reply("Two and", fault="error line"), ModelRefused, "refused: .*(EOF|memory)"),
         (Reply("more system memory is needed", status=500), ModelRefused, "more system memory"),
@@ -242,7 +242,7 @@ def test_a_name_of_another_form_is_refused_with_the_forms(name: str) -> None:
 
 @pytest.mark.parametrize("host", ["nonsense::", "http://[bad"])
 def test_an_address_that_is_none_is_told(host: str) -> None:
-    with pytest.raises(SettingsFault, match="is no address of an Ollama server"):
+    with pytest.raises(SettingsFault, match="is not an address of an Ollama server"):
         open_model("ollama:m", ModelSettings(host=host))
 
 

@@ -83,8 +83,8 @@ def test_the_exit_status_says_how_a_request_ended(tmp_path: Path, reply: Reply, 
 @pytest.mark.parametrize(
     ("others", "told"),
     [
-        ({"model": "ollama:none"}, "no model 'none'. There are: plain:8b, big:70b"),
-        ({"model": "none"}, "'none' names no model"),
+        ({"model": "ollama:none"}, "no model 'none'. Valid: plain:8b, big:70b"),
+        ({"model": "none"}, "'none' is not a model name"),
         ({"host": "http://127.0.0.1:9"}, "no Ollama answers at http://127.0.0.1:9"),
         ({"server": "/no/such/program"}, "the MCP server cannot be reached"),
         ({"server": "'unclosed"}, "cannot be read"),
@@ -105,7 +105,7 @@ def test_a_chat_shows_state_history_and_help(tmp_path: Path) -> None:
     assert "Being worked on: scenario TST_Town-2_1_T-1" in text
     assert 'assistant:; make_scenario {"vehicles": 2}' in text
     assert "/quit     leave" in text
-    assert "There is no /what." in text
+    assert "There is no command /what." in text
 
 
 def test_a_cleared_chat_leaves_the_one_before_in_its_folder(tmp_path: Path) -> None:
@@ -147,8 +147,8 @@ def test_a_workspace_that_cannot_be_written_ends_no_chat(tmp_path: Path) -> None
     (tmp_path / "chats").write_text("a file where the folder should be")
     said = ("Draw.", "Still there?")
     text, status, _ = chat(tmp_path, *said, script=(Reply(calls=(("draw", {}),)), Reply("There."), Reply("Yes.")))
-    assert "the picture cannot be written to" in text
-    assert text.count("The conversation cannot be kept in") == 2
+    assert "cannot write the picture to" in text
+    assert text.count("The conversation cannot be stored in") == 2
     assert ("Yes." in text, status) == (True, 0)
 
 
@@ -172,7 +172,7 @@ def test_an_interrupt_ends_the_turn_and_the_chat_goes_on(tmp_path: Path) -> None
         text, status = printed(lambda console: run_chat(settings, workspace=tmp_path, console=console, read_line=said))
         thread.join()
     assert status == 0
-    assert "\nInterrupted; what was done so far is kept.\n" in text
+    assert "\nInterrupted; all work so far is kept.\n" in text
     assert "Here I am." in text
     assert signal.getsignal(signal.SIGINT) is before
 

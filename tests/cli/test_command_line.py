@@ -76,7 +76,7 @@ def test_refused_call_says_why_on_stderr_and_fails(tool: str, arguments: str, ex
 
 
 @pytest.mark.parametrize(
-    ("arguments", "expected"), [("{count: 2}", "no JSON"), ("[1]", "JSON object"), ('"x"', "JSON object")]
+    ("arguments", "expected"), [("{count: 2}", "not JSON"), ("[1]", "JSON object"), ('"x"', "JSON object")]
 )
 def test_arguments_that_are_no_json_object_are_refused(arguments: str, expected: str) -> None:
     result = run("call", "echo", arguments)

@@ -100,7 +100,7 @@ def test_a_host_that_reaches_the_server_by_http_is_right(
         here = f"http://127.0.0.1:{listener.getsockname()[1]}/mcp"
         written(tmp_path, {"type": "http", "url": here})
         found = looked_at(settings, tmp_path)["Cursor"]
-        assert (found.state, found.found.endswith(f"by HTTP at {here}")) == ("ok", True)
+        assert (found.state, found.found.endswith(f"HTTP at {here}")) == ("ok", True)
     silent = looked_at(settings, tmp_path)["Cursor"]
     assert (silent.state, silent.mend) == ("note", "plannerforge serve --http")
     written(tmp_path, {"url": "https://name:secret@forge.example/mcp?key=secret"})
@@ -178,7 +178,7 @@ def test_folders_of_the_user_are_not_made_and_the_nearest_is_named(
     assert f"{tmp_path / 'maps'} (nearest: {tmp_path})" in before["map folders"].found
     assert f"the folders above it from {tmp_path} on" in before["workspace"].mend
     assert doctor.run_doctor(settings, as_json=False, fix=True, home=tmp_path) == 0
-    assert f"made {settings.workspace}" in capsys.readouterr().out.replace("\n", "")
+    assert f"created {settings.workspace}" in capsys.readouterr().out.replace("\n", "")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "scenarios"]
 
 

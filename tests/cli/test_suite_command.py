@@ -95,7 +95,7 @@ def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Pat
     limits = ["success >= 0", "distance_m < 0", f"nothing lost against {Path(names['save-baseline']).name}"]
     broken = run_suite(workspace, written(tmp_path, limits=limits), "--junit", names["junit"])
     assert broken.exit_code == 1
-    assert "1 limit broken; 2 runs, 2 of them run before" in broken.stdout
+    assert "1 limit broken; 2 runs, 2 of them reused" in broken.stdout
     suites = etree.parse(names["junit"]).getroot()
     assert breaches(suites) == []
     assert [(one.get("tests"), one.get("failures"), one.get("errors")) for one in suites] == [

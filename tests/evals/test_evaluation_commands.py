@@ -67,7 +67,7 @@ def test_marks_note_when_each_request_began_and_ended(tmp_path: Path) -> None:
         (("eval", "requests", "walking"), "there is no task 'walking'"),
         (("eval", "compare", "nowhere", "nowhere"), "has no rows"),
         (("eval", "tuning", "--conversations", "3"), "--conversations is for e2e"),
-        (("eval", "selection", "--agent", "ollama:"), "names no model"),
+        (("eval", "selection", "--agent", "ollama:"), "is not a model name"),
     ],
 )
 def test_what_is_named_wrongly_is_told_in_a_line(

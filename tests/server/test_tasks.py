@@ -222,7 +222,7 @@ def test_task_is_forgotten_after_its_lifetime(settings: Settings) -> None:
     short = store.begin("", "make_long", {})
     with workspace.database.writing() as connection:
         connection.execute("UPDATE tasks SET created_at = created_at - lifetime_s - 1")
-    with pytest.raises(UnknownName, match="its lifetime is over") as caught:
+    with pytest.raises(UnknownName, match="it has expired") as caught:
         store.get(short.task_id, "")
     assert short.task_id not in caught.value.text
     store.begin("", "make_long", {})

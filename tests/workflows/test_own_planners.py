@@ -23,12 +23,12 @@ from plannerforge.server.settings import Settings
 pytestmark = pytest.mark.anyio
 Call = Callable[..., Awaitable[Any]]
 MISBEHAVING = {
-    "hangs": "gives no answer within 0.7 s",
-    "floods": "writes more than 1 MB to standard output",
-    "writes_five_gb": "writes more than 2 MB",
+    "hangs": "within 0.7 s",
+    "floods": "more than 1 MB to standard output",
+    "writes_five_gb": "more than 2 MB",
     "exits_three": "ended with exit status 3",
-    "not_a_number": "answers a number that is not finite",
-    "other_scenario": "answers for DEU_Other-1_1_T-1",
+    "not_a_number": "a number that is not finite",
+    "other_scenario": "DEU_Other-1_1_T-1",
 }
 PROGRAM = own_planner_program.__file__
 
@@ -99,7 +99,8 @@ async def test_planners_of_others_go_the_whole_way(call: Call, tmp_path: Path) -
     assert {run["outcome"] for run in batch["runs"]} == {"goal_reached"}
     assert len(batch["lost"]) == len(MISBEHAVING)
     for (name, told), lost in zip(MISBEHAVING.items(), batch["lost"], strict=True):
-        assert lost["error"].startswith(f"[planner_failure] planner {name} {told}")
+        assert lost["error"].startswith(f"[planner_failure] planner {name} ")
+        assert told in lost["error"]
     folder = next((tmp_path / "workspace").rglob("planner.log"))
     assert "has the file" in folder.read_text()
     written = tmp_path / "theirs.yaml"

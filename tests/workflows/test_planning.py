@@ -117,7 +117,7 @@ REFUSED: tuple[tuple[str, dict[str, Any], str], ...] = (
     ("configure_planner", {"weights": ["jerk=-1"]}, "from 0 to"),
     ("configure_planner", {"planner": "idm", "weights": ["jerk=1"]}, "a weight of frenetix, not of idm"),
     ("configure_planner", {"settings": ["vehicle=9"]}, "vehicle from 1 to 4"),
-    ("configure_planner", {"weights": ["horizon_s=4"]}, "give it in settings"),
+    ("configure_planner", {"weights": ["horizon_s=4"]}, "pass it in settings"),
     ("configure_planner", {"preset": "fast"}, "Efficiency-Sporty"),
     ("configure_planner", {"base": "cfg_000000000000"}, "frenetix:Default"),
     ("list_planners", {"planner": "apollo"}, "frenetix"),

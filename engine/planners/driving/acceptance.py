@@ -1,10 +1,10 @@
-"""Whether CommonRoad's benchmark accepts a run that reached its goal: ``valid_solution`` in closed form.
+"""Predicts whether CommonRoad's benchmark accepts a run that reached its goal: ``valid_solution`` in closed form.
 
-``valid_solution`` of commonroad-drivability-checker takes 0.1 to 0.9 s a trajectory, most of it for the feasibility of
-each step: it searches the acceleration and steering rate that lead nearest to the next state, and asks whether they
-lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search has a
-closed form, which is computed here for all steps at once. Steps that are near a tolerance or near a limit of the
-vehicle are left to the checker's own search; a motion that a vehicle can drive has very few of them.
+``valid_solution`` of commonroad-drivability-checker takes 0.1 to 0.9 s per trajectory, most of it to check that each
+step is feasible. It searches for the acceleration and steering rate that lead nearest to the next state, and checks
+that they lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search
+has a closed form, which this module computes for all steps at once. Only steps near a tolerance or a vehicle limit go
+to the checker's own search; a drivable motion has very few of them.
 
 The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
 it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning
@@ -32,21 +32,24 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 _POSITION_M, _HEADING_RAD = 0.02, 0.03
-"""Tolerances of a step in ``position_orientation_feasibility_criteria``, each along x and y and for the heading."""
+"""Tolerances per step in ``position_orientation_feasibility_criteria``: along x, along y, and for the heading."""
 _SPEED_MPS = 0.03
-"""Beyond this error of speed, and beyond the position's tolerance, its search weighs errors twice."""
+"""Above this speed error and the position tolerance, the checker's search weighs errors twice."""
 _CLEARLY = 0.5
-"""Errors below this share of the tolerances, and above their reciprocal, are clear; the search decides between them."""
+"""Errors below this share of the tolerances, or above its reciprocal, are clear; the search decides the rest."""
 _OUTSIDE_M2 = 1e-6
-"""A smaller area is rounding: where lanelets touch, their outlines differ in the last digits. Of 35,779 states of
-driven motions the part outside was exactly 0 or more than 1e-3 m², and the checker agreed on all of them."""
+"""Smaller areas are rounding errors: the outlines of touching lanelets differ in the last digits. For 35,779 states of
+driven motions, the part outside was exactly 0 or more than 1e-3 m², and the checker agreed on all of them.
+"""
 _NEAR_LIMIT = 0.999
-"""Share of the largest acceleration from which the search decides: it stops at the limit."""
+"""Share of the largest acceleration above which the search decides, since it stops at the limit."""
 
 
 @dataclass(frozen=True)
 class DrivenStates:
-    """A driven motion of the centre, one entry a state: positions (n, 2), headings, speeds and steering angles (n,)."""
+    """A driven motion of the centre, one entry per state: positions (n, 2), headings, speeds and steering
+    angles (n,).
+    """
 
     positions: Points
     headings_rad: Values
@@ -56,7 +59,7 @@ class DrivenStates:
 
     @classmethod
     def of(cls, steps: RunSteps, vehicle: VehicleParameters, step_s: float) -> "DrivenStates":
-        """Return the motion that a solution file of a run holds."""
+        """Return the motion that the solution file of a run contains."""
         positions = np.column_stack([steps.x_m, steps.y_m])
         steering = mean_steering_angles(steps, step_s, vehicle.wheelbase_m, vehicle.maximum_steering_rad)
         return cls(positions, np.array(steps.heading_rad), np.array(steps.speed_mps), steering, steps.first_step)
@@ -64,7 +67,7 @@ class DrivenStates:
 
 @dataclass(frozen=True)
 class Refused:
-    """Why a motion is refused, and the index of the first state that it is refused for; None if it is for all."""
+    """The reason for a refusal, and the index of the first refused state; None if the refusal concerns all states."""
 
     code: Refusal
     index: int | None = None
@@ -103,9 +106,9 @@ def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
 def first_off_lanelets(driven: DrivenStates, network: "LaneletNetwork", vehicle: VehicleParameters) -> int | None:
     """Return the first state at which any part of the body is outside the lanelets, or None.
 
-    Lanelets that lie side by side count as one, from their outermost left to their outermost right bound. The checker
-    fills everything outside with triangles, including the area beyond the ends of the network. Only lanelets under the
-    motion can matter.
+    Neighbouring lanelets count as one area, from their outermost left to their outermost right bound. The checker fills
+    everything outside with triangles, including the area beyond the ends of the network. Only lanelets under the motion
+    can matter.
     """
     import shapely
 
@@ -130,7 +133,7 @@ def _bodies(driven: DrivenStates, vehicle: VehicleParameters) -> NDArray[np.obje
 
 
 def _sections_under(network: "LaneletNetwork", near: "BaseGeometry") -> list["BaseGeometry"]:
-    """Return the lanelets that meet an area, each together with its neighbours as one polygon."""
+    """Return the lanelets that intersect an area, each merged with its neighbours into one polygon."""
     import shapely
 
     found, done = [], set[int]()
@@ -140,7 +143,7 @@ def _sections_under(network: "LaneletNetwork", near: "BaseGeometry") -> list["Ba
         members, left, right = _section(network, lanelet)
         done |= members
         found.append(shapely.make_valid(shapely.Polygon(np.concatenate([left, right[::-1]]))))
-        if len(members) > 1:  # lanelets of a section need not begin and end on one line
+        if len(members) > 1:  # lanelets of a section do not always start and end on one line
             found += [shapely.make_valid(network.find_lanelet_by_id(key).polygon.shapely_object) for key in members]
     return found
 
@@ -153,11 +156,11 @@ def _section(network: "LaneletNetwork", lanelet: "Lanelet") -> tuple[set[int], P
         here, forwards = lanelet, True
         while True:
             on_left = to_left == forwards
-            beside = here.adj_left if on_left else here.adj_right
-            if beside is None or beside in members:
+            neighbour = here.adj_left if on_left else here.adj_right
+            if neighbour is None or neighbour in members:
                 break
             same = here.adj_left_same_direction if on_left else here.adj_right_same_direction
-            following = network.find_lanelet_by_id(beside)
+            following = network.find_lanelet_by_id(neighbour)
             if following is None:
                 break
             here, forwards = following, forwards == bool(same)
@@ -203,10 +206,10 @@ class _Steps:
         )
 
     def judged(self, vehicle: VehicleParameters, step_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which steps have a clear verdict, and which of them are good.
+        """Return which steps have a clear verdict, and which steps are good.
 
-        The errors in x, y, speed and heading are nearly linear in acceleration and steering rate: two Gauss-Newton
-        steps from the mean acceleration, within the limits, are the search.
+        The errors in x, y, speed and heading are nearly linear in acceleration and steering rate. Gauss-Newton
+        iterations from the mean acceleration, within the limits, therefore replace the search.
         """
         largest, rate_limit = vehicle.maximum_acceleration_mps2, vehicle.maximum_steering_rate_radps
         lateral = self.speed_mps**2 * np.tan(self.steering_rad) / vehicle.wheelbase_m
@@ -236,7 +239,7 @@ class _Steps:
         return (good & ~hardest) | bad, good
 
     def _errors(self, acceleration: Values, rate: Values, vehicle: VehicleParameters, step_s: float) -> Points:
-        """Return how far the next state is beyond the one that inputs lead to, (4, n): x, y, speed, heading."""
+        """Return the next state minus the state that the inputs lead to, (4, n): x, y, speed, heading."""
         wheelbase = vehicle.wheelbase_m
         v, steering = self.speed_mps, self.steering_rad
         shares = np.array([0.0, 0.25, 0.5, 0.75, 1.0])[:, None] * step_s
@@ -257,7 +260,7 @@ class _Steps:
         )
 
     def _gains(self, rate: Values, vehicle: VehicleParameters, step_s: float) -> tuple[Points, Points]:
-        """Return the change of x, y, speed and heading with acceleration and with steering rate, (4, n) each."""
+        """Return the derivatives of x, y, speed and heading by acceleration and by steering rate, (4, n) each."""
         cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
         tangent = np.tan(self.steering_rad + rate * step_s / 2)
         half, bend = step_s**2 / 2, tangent / vehicle.wheelbase_m
@@ -268,7 +271,7 @@ class _Steps:
 
 
 def _can_be_searched(driven: DrivenStates, index: int, vehicle: VehicleParameters, step_s: float) -> bool:
-    """Return whether the checker's own search finds inputs for one step."""
+    """Return True if the checker's own search finds inputs for one step."""
     from commonroad.common.solution import VehicleType
     from commonroad.scenario.state import KSState
     from commonroad_dc.feasibility.feasibility_checker import state_transition_feasibility
@@ -276,7 +279,7 @@ def _can_be_searched(driven: DrivenStates, index: int, vehicle: VehicleParameter
     from scipy.integrate import ODEintWarning
 
     model = VehicleDynamics.KS(VehicleType.BMW_320i)
-    model.parameters = copy.deepcopy(model.parameters)  # the library shares one of them among all models
+    model.parameters = copy.deepcopy(model.parameters)  # all models of the library share one instance
     model.parameters.a = vehicle.wheelbase_m - vehicle.rear_axle_behind_center_m
     model.parameters.b = vehicle.rear_axle_behind_center_m
     longitudinal, steering = model.parameters.longitudinal, model.parameters.steering
@@ -295,5 +298,5 @@ def _can_be_searched(driven: DrivenStates, index: int, vehicle: VehicleParameter
         for place in (index, index + 1)
     )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ODEintWarning)  # an integration that fails is an answer: the step is refused
+        warnings.simplefilter("ignore", ODEintWarning)  # a failed integration is an answer: the step is refused
         return bool(state_transition_feasibility(before, after, model, step_s)[0])

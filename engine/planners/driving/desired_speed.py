@@ -1,14 +1,14 @@
-"""How fast an ego is to drive, defined at every moment of a run: before, inside and after the goal's time.
+"""Computes the ego's desired speed at every time of a run: before, inside and after the goal's time interval.
 
 Each desired speed has a reason, a :data:`SpeedReason`:
 
 - ``goal_mean``: the mean speed that brings the ego to the middle of the goal by the middle of its time;
 - ``goal_end``: the mean speed that still brings it there by the end of the goal's time;
-- ``goal_interval``: the middle of the goal's speed interval, inside the goal or if the goal has no place;
-- ``speed_limit``: the cruising speed of the lane, if the goal does not (or no longer) set a speed;
-- ``curve``: the speed at which the curve ahead can be driven, if that is less than the cruising speed.
+- ``goal_interval``: the middle of the goal's speed interval, inside the goal or if the goal has no position;
+- ``speed_limit``: the cruising speed of the lane, if the goal sets no speed or no longer sets one;
+- ``curve``: the highest speed for the curve ahead, if that is lower than the cruising speed.
 
-The rule of the Frenetix reference loop is kept as well, for comparisons: :class:`ReferenceDesiredSpeed`.
+For comparisons, :class:`ReferenceDesiredSpeed` keeps the rule of the Frenetix reference loop.
 """
 
 from typing import TYPE_CHECKING, Literal
@@ -27,18 +27,19 @@ if TYPE_CHECKING:
 
 SPEED_BAND_MPS = 5.0
 _MAXIMUM_SPEED_MPS = 50.0
-"""As in the Frenetix reference loop: the desired speed is within this band of the present one, and at most this."""
+"""As in the Frenetix reference loop: the desired speed is within this band of the present speed, and at most this."""
 SpeedReason = Literal["goal_mean", "goal_end", "goal_interval", "speed_limit", "curve", "present"]
-"""Why a speed is desired; ``present`` (the speed that the ego has) occurs only in the reference's rule."""
+"""The reason for a desired speed; ``present`` (the ego's own speed) occurs only in the reference's rule."""
 _USUAL_OF_TYPE_MPS = {"interstate": 130 / 3.6, "highway": 130 / 3.6, "country": 100 / 3.6}
 """Speeds by CommonRoad's lanelet types if no limit is posted: the advisory speed of German motorways
 (Autobahn-Richtgeschwindigkeits-Verordnung, section 1) and the limit outside built-up areas (StVO section 3, paragraph
-3, number 2 c). On all other lanelets it is 50 km/h, the limit inside built-up areas (number 1), which is SUMO's default
-for a lane as well."""
+3, number 2 c). All other lanelets have 50 km/h, the limit inside built-up areas (number 1) and SUMO's default for a
+lane.
+"""
 _SMOOTHING_M = 3.0
-"""Chosen: over this length curvature is smoothed for comfort."""
+"""Length over which curvature is smoothed for comfort (chosen)."""
 _STRAIGHT_PER_M = 1e-4
-"""Chosen: curvature in 1/m below which a path counts as straight."""
+"""Curvature in 1/m below which a path counts as straight (chosen)."""
 
 
 def curve_speeds_mps(
@@ -50,13 +51,13 @@ def curve_speeds_mps(
 ) -> Values:
     """Return the highest speeds along a path, shape (n,), that keep v² · curvature within the lateral limit.
 
-    ``stations_m`` and ``headings_rad`` of shape (n,). Before a curve the speed falls by the deceleration, so that
+    ``stations_m`` and ``headings_rad`` have shape (n,). Before a curve the speed falls by the deceleration, so that
     v² = v_next² + 2 · deceleration · distance. The curvature is smoothed over ``smoothing_m``.
     """
     spacing_m = float(np.mean(np.diff(stations_m)))
     curvature = np.abs(gaussian(np.gradient(headings_rad, stations_m), smoothing_m / spacing_m))
     squared = lateral_acceleration_mps2 / np.maximum(curvature, _STRAIGHT_PER_M)
-    # with E = v² + 2·b·s the condition is that no later E is smaller
+    # with E = v² + 2·b·s, the condition is that no later E is smaller
     energy = squared + 2.0 * deceleration_mps2 * stations_m
     least = np.minimum.accumulate(energy[::-1])[::-1]
     speeds: Values = np.sqrt(least - 2.0 * deceleration_mps2 * stations_m)
@@ -64,11 +65,11 @@ def curve_speeds_mps(
 
 
 class CruisingSpeed:
-    """The speed along a reference path that lanes and curves call for, whatever the goal is.
+    """The speed that lanes and curves along a reference path call for, regardless of the goal.
 
-    It is the lowest limit that is posted on the lanelet of the route. On lanelets without one it is the usual speed
-    of their type, or the ego's speed at the start if that is higher: then the traffic there is faster. Curves lower
-    it to the speed at which they ask for a comfortable lateral acceleration, reached by comfortable braking.
+    It is the lowest limit that is posted on the route's lanelet. Lanelets without a limit have the usual speed of their
+    type, or the ego's initial speed if that is higher, since the traffic there is then faster. Curves reduce the speed
+    to a comfortable lateral acceleration, and the ego brakes comfortably before them.
     """
 
     def __init__(
@@ -90,31 +91,32 @@ class CruisingSpeed:
         self._curves = curve_speeds_mps(self._stations, turned, comfortable_mps2, comfortable_mps2)
 
     def at(self, station_m: float) -> tuple[float, SpeedReason]:
-        """Return the speed in m/s at a station, and whether the limit or the curve ahead decides."""
+        """Return the speed in m/s at a station, and whether the limit or the curve ahead determines it."""
         place = min(max(int(np.searchsorted(self._stations, station_m, side="right")) - 1, 0), len(self._limits) - 1)
         limit, curve = float(self._limits[place]), float(np.interp(station_m, self._stations, self._curves))
         return (limit, "speed_limit") if limit <= curve else (curve, "curve")
 
 
 def _usual_mps(lanelet: "Lanelet") -> float:
-    """Return the highest of the usual speeds of a lanelet's types."""
+    """Return the highest usual speed of a lanelet's types."""
     kinds = (kind.value for kind in lanelet.lanelet_type or ())
     return max((_USUAL_OF_TYPE_MPS.get(kind, USUAL_SPEED_MPS) for kind in kinds), default=USUAL_SPEED_MPS)
 
 
 class DesiredSpeed:
-    """How fast to drive to a goal: by its time while there is some, and by the lane and its curves otherwise.
+    """The desired speed on the way to a goal, set by the goal's time while it lasts, otherwise by the lane and its
+    curves.
 
-    With a place, and while its time is not over, it is the mean speed to the middle of the goal: by the middle of the
-    goal's time at first, and by its end once the middle has passed. The latter is no more than the cruising speed, or
-    than the present speed if that is higher, so a late ego does not race. Inside a goal with a speed interval, or
-    for such a goal without a place, it is the middle of the interval. In all other cases it is the cruising speed. It
-    is within 5 m/s of the present speed.
+    While the time of a goal with a position lasts, it is the mean speed to the middle of the goal: first by the middle
+    of the goal's time, and after that by its end. The latter is at most the cruising speed, or the present speed if
+    that is higher, so a late ego does not race. Inside a goal with a speed interval, and for a goal that has one but no
+    position, it is the middle of the interval. In all other cases it is the cruising speed. It stays within 5 m/s of
+    the present speed.
 
-    An ego inside a goal without a speed interval goes on aiming at the goal's middle and waits there for its time.
+    An ego inside a goal without a speed interval still aims at the goal's middle, and waits there for the goal's time.
 
-    The goal is to be one goal state, see :func:`~..goal.select_goal_state`. The speeds are those of one run: egos are
-    given in the order of driving, since the reference path may pass a place twice.
+    The goal must be one goal state, see :func:`~..goal.select_goal_state`. An instance serves one run and takes the
+    egos in driving order, since the reference path may pass a point twice.
     """
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float, cruising: CruisingSpeed) -> None:
@@ -136,13 +138,13 @@ class DesiredSpeed:
         return self.explained_at(ego)[0]
 
     def explained_at(self, ego: EgoState) -> tuple[float, SpeedReason]:
-        """Return the desired speed in m/s, and why it is desired."""
+        """Return the desired speed in m/s, and its reason."""
         low, high = max(ego.speed_mps - SPEED_BAND_MPS, 0.0), min(ego.speed_mps + SPEED_BAND_MPS, _MAXIMUM_SPEED_MPS)
-        wanted, reason = self._wanted(ego, self._follower.place(ego.position)[0])
+        wanted, reason = self._wanted_speed(ego, self._follower.place(ego.position)[0])
         return min(max(wanted, min(low, high)), high), reason
 
     def average_to_goal(self, ego: EgoState) -> float | None:
-        """Return the mean speed to the goal's middle in the time left, or None without a place or time."""
+        """Return the mean speed to the goal's middle in the time left, or None without a position or time."""
         if self._goal_station_m is None:
             return None
         if self._goal.holds(ego.position):
@@ -151,7 +153,7 @@ class DesiredSpeed:
         mean_mps = self._mean_to(self._goal_station_m - here_m, self._goal.last_step, ego)
         return None if mean_mps is None else max(mean_mps, 0.0)
 
-    def _wanted(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
+    def _wanted_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
         goal, cruising = self._goal, self._cruising.at(here_m)
         if ego.step > goal.last_step:
             return cruising
@@ -172,7 +174,7 @@ class DesiredSpeed:
         return min(max(by_end, 0.0), max(cruising[0], ego.speed_mps)), "goal_end"
 
     def _mean_to(self, left_m: float, step: int, ego: EgoState) -> float | None:
-        """Return the mean speed in m/s over a distance until a step, or None if the step has come."""
+        """Return the mean speed in m/s over a distance until a step, or None if the step has passed."""
         left_s = (step - ego.step) * self._step_s
         return left_m / left_s if left_s > 0 else None
 
@@ -180,12 +182,12 @@ class DesiredSpeed:
 class ReferenceDesiredSpeed(DesiredSpeed):
     """The rule of the Frenetix reference loop, for comparisons.
 
-    It uses the mean speed to the middle of the goal by the middle of its time, or the goal's speed interval, and
-    otherwise the present speed: inside a goal without a speed interval, so that the ego leaves it before its time, and
-    everywhere once the middle of the time has passed. A standing ego then never starts again.
+    It uses the mean speed to the middle of the goal by the middle of its time, or the goal's speed interval, otherwise
+    the present speed. The latter applies inside a goal without a speed interval, so the ego leaves it too early, and
+    everywhere after the middle of the time. A standing ego then never starts again.
     """
 
-    def _wanted(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
+    def _wanted_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:
         goal = self._goal
         if not goal.has_position:
             return ego.speed_mps, "present"

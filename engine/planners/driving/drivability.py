@@ -1,13 +1,13 @@
-"""Whether the ego's vehicle can drive a trajectory: its tyres hold, and its wheels turn far enough.
+"""Checks whether the ego's vehicle can drive a trajectory, within its tyre and steering limits.
 
 The curvatures of Frenetix's core contain its halved second derivatives (see ``frenetix/core.py``), and its acceleration
-is the one along the path alone. Here both follow from the trajectory itself, by the kinematic single-track model of the
-rear axle: yaw rate = speed · tan(steering) / wheelbase. The limits are those of the vehicle, as CommonRoad's
-drivability checker asks them of a solution: the largest steering angle, and the friction circle, acceleration along and
-across together at most ``maximum_acceleration_mps2`` (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020).
+covers only the direction of the path. This module computes both from the trajectory, by the kinematic single-track
+model of the rear axle: yaw rate = speed · tan(steering) / wheelbase. The limits are the vehicle's, as in CommonRoad's
+drivability checker: the largest steering angle, and the friction circle, which limits longitudinal and lateral
+acceleration together to ``maximum_acceleration_mps2`` (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020).
 
-Candidates are asked for these two alone. What was driven is asked for all limits of the vehicle (``exceeded_limits``),
-since a solution that is exported may be refused for any of them.
+Candidates are checked only for these two limits. Driven motions are checked for all limits (``exceeded_limits``), since
+any of them may cause the refusal of an exported solution.
 """
 
 from collections.abc import Iterator
@@ -25,13 +25,13 @@ from .solution import steering_of
 
 Limit = Literal["curvature", "friction"]
 _SLOW_MPS = 0.5
-"""Below it a step of some centimetres tells nothing about the curvature."""
+"""Below it, a step of a few centimetres does not determine the curvature."""
 _ROUNDING = 1e-3
-"""Share of a limit by which it may be exceeded: planners meet limits, they do not stay below them."""
+"""Share of a limit by which a value may exceed it, since planners plan up to their limits."""
 
 
 def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> Limit | None:
-    """The limit that a trajectory of the centre breaks, whose speeds are those of the rear axle; None where none."""
+    """Return the limit that a trajectory of the centre breaks, or None; the trajectory's speeds are the rear axle's."""
     slips, turns = broken_limits(trajectory.headings_rad[None], trajectory.speeds_mps[None], vehicle, step_s)
     return "friction" if slips[0] else "curvature" if turns[0] else None
 
@@ -39,7 +39,9 @@ def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, st
 def broken_limits(
     headings_rad: Points, speeds_mps: Points, vehicle: VehicleParameters, step_s: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which of n motions break the friction and which the curvature, for headings and speeds of shape (n, steps)."""
+    """Return which of n motions break the friction limit and which the curvature limit; inputs have shape
+    (n, steps).
+    """
     speed = 0.5 * (speeds_mps[:, 1:] + speeds_mps[:, :-1])
     yaw_rate = np.diff(headings_rad, axis=1) / step_s
     along = np.diff(speeds_mps, axis=1) / step_s
@@ -53,11 +55,11 @@ def broken_limits(
 def exceeded_limits(
     ego: Track, vehicle: VehicleParameters, step_s: float, steering_rad: Values | None = None
 ) -> Iterator[LimitExcess]:
-    """The limits of the vehicle that a driven motion of its centre exceeds, each where it is exceeded most.
+    """Yield the vehicle limits that a driven motion of its centre exceeds, each at its largest excess.
 
-    ``steering_rad``: the steering angles (n,), if they are known; otherwise they follow from headings and speeds.
-    ``rolling``: the share of the steps in which the wheels would have to slide: position and heading are not those that
-    any steering and acceleration lead to (tolerances of CommonRoad's drivability checker: 2 cm, 0.03 rad a step).
+    ``steering_rad``: the steering angles (n,), if known; otherwise they are computed from headings and speeds.
+    ``rolling``: the share of steps in which the wheels would have to slide, because no steering and acceleration lead
+    to the position and heading (tolerances of CommonRoad's drivability checker: 2 cm and 0.03 rad per step).
     """
     if len(ego.positions) < 2:
         return
@@ -90,7 +92,7 @@ def exceeded_limits(
 
 
 def excesses_of(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> tuple[LimitExcess, ...]:
-    """Return the limits of the vehicle that a trajectory of its centre exceeds."""
+    """Return the vehicle limits that a trajectory of its centre exceeds."""
     track = Track(
         obstacle_id=-1,
         kind="car",
@@ -110,7 +112,7 @@ _LimitName = Literal["speed", "acceleration", "friction", "steering angle", "ste
 def _excess(
     name: _LimitName, values: Values, limits: Values, unit: str, step_s: float, *, first: int = 0
 ) -> Iterator[LimitExcess]:
-    """The entry that is farthest above its limit, if any is; ``first``: the state that the first entry belongs to."""
+    """Yield the entry farthest above its limit, if there is one; ``first`` is the state of the first entry."""
     index = int((values - limits).argmax())
     value, limit = float(values[index]), float(limits[index])
     if value > limit * (1 + _ROUNDING):

@@ -1,14 +1,14 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
-A plan is a line of states and does not say whether any steering leads from one to the next. Here the rear axle
-moves as in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020):
-with speed v, steering angle δ and wheelbase L the heading turns by v · tan δ / L, and the inputs of a time step are a
-constant acceleration and a constant steering rate. Speeds are those of the plan. The steering rates are those with
-which the rear and the front axle stay nearest to the plan over its whole length, a least-squares problem with bounds:
-the vehicle begins to steer before a corner that turns in faster than its wheels do.
+A plan is a sequence of states, and no steering may lead from one to the next. Here the rear axle moves as in the
+kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020): with speed v,
+steering angle δ and wheelbase L, the heading turns by v · tan δ / L, and the inputs of a time step are a constant
+acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the front
+axle as near as possible to the whole plan, a least-squares problem with bounds: the vehicle starts to steer before a
+corner that turns in faster than its wheels do.
 
-What is driven is what this integration gives, so the wheels always roll and the steering rate is never exceeded. A plan
-that the vehicle can drive is followed to within millimetres.
+The driven motion is the result of this integration, so the wheels always roll and the steering rate never exceeds its
+limit. The vehicle follows a drivable plan to within millimetres.
 """
 
 import math
@@ -22,31 +22,36 @@ from ...vehicles import VehicleParameters, centers
 from ..interface import EgoState, PlannedTrajectory
 
 FOLLOWED_WITHIN_M = 0.3
-"""Chosen: a vehicle this near to its plan is on it, for planners that sample no offsets to measure it by."""
+"""A vehicle this near to its plan is on it, for planners without sampled offsets to derive the distance
+from (chosen).
+"""
 _RATE_WEIGHT_M = 0.01
-"""Metres of deviation that 1 rad/s of steering costs in the least-squares problem: below it the line of a plan, which
-has corners of millimetres, is not worth steering for (a plan along chords of 1 m deviates from its arc of 8 m radius by
-16 mm)."""
+"""Metres of deviation that 1 rad/s of steering costs in the least-squares problem. Plans have corners of millimetres,
+which are not worth steering for: a plan along chords of 1 m deviates from its arc of 8 m radius by 16 mm.
+"""
 _SHORTEST_STEP_M = 2e-3
-"""In a shorter step the plan's turn does not determine the steering angle, which then stays as it is."""
+"""In a shorter step the plan's turn does not determine the steering angle, which then stays unchanged."""
 _LINEARISATIONS, _ON_THE_LINE_M = 2, 0.02
-"""The problem is linearised about the plan, and once more about the result if that is neither on the plan nor where the
-linear problem predicts it."""
+"""The problem is linearised about the plan, and again about the result if that is neither on the plan nor at the
+position that the linear problem predicts.
+"""
 _RATE_SHARE = 0.98
-"""Share of the largest steering rate that is used: a judge without steering angles computes the rate from
-headings and speeds, averaged over steps in which the speed changes, and must not find more than the limit."""
+"""Usable share of the largest steering rate. A judge without steering angles computes the rate from headings and
+speeds, averaged over steps with changing speed, and must not find more than the limit.
+"""
 _MOST_ROUNDS, _CENTRING, _TO_THE_BOUND, _SETTLED_M2 = 25, 0.1, 0.99, 1e-4
-"""Parameters of the search for the best rates: the centring of a round, the largest share of the way to a bound, and
-the gap below which it is done, (1 cm)² of deviation squared and summed over all steps. It takes about a dozen rounds,
-and whatever it ends with is within the bounds."""
+"""Parameters of the search for the best rates: the centring of a round, the largest share of the distance to a bound,
+and the gap at which the search ends, (1 cm)² of deviation squared and summed over all steps. The search takes about a
+dozen rounds, and any result is within the bounds.
+"""
 
 
 @dataclass(frozen=True)
 class FollowedPlan:
     """The motion with which the vehicle follows a plan.
 
-    ``deviation_m``: the largest distance of the rear axle from the plan, across it; ``within_tyres``: whether tyres and
-    engine allow the plan's accelerations; where they do not, ``trajectory`` has smaller ones.
+    ``deviation_m``: the largest lateral distance of the rear axle from the plan; ``within_tyres``: True if tyres and
+    engine allow the plan's accelerations; if not, those of ``trajectory`` are smaller.
     """
 
     trajectory: PlannedTrajectory
@@ -55,7 +60,7 @@ class FollowedPlan:
 
 
 def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: float) -> bool:
-    """Return whether the vehicle is as near as ``within_m`` to where a state of its plan has it."""
+    """Return True if the vehicle is within ``within_m`` of its position in a state of the plan."""
     if not 0 <= index < len(plan.positions):
         return False
     away = plan.positions[index] - ego.position
@@ -63,11 +68,10 @@ def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: flo
 
 
 def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> FollowedPlan:
-    """Return the motion of the vehicle from where it is, as close to a plan as its limits allow.
+    """Return the motion from the vehicle's present state that is as close to a plan as its limits allow.
 
-    ``plan``: states of the centre, the present one first. The ego's steering angle is the one that it
-    has; an ego without one (at the first step of a run, where a planning problem states none) begins with the angle
-    that suits the plan.
+    ``plan`` contains states of the centre, the present one first. The ego starts with its own steering angle. If that
+    is unknown (a planning problem does not give it), it starts with the angle that suits the plan.
     """
     count = len(plan.positions)
     if count < 2:
@@ -76,7 +80,7 @@ def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, s
     speeds = np.maximum(plan.speeds_mps, 0.0)
     speeds[0] = ego.speed_mps
     start = _Pose.of(ego, vehicle)
-    steering, driven = _steered(track, speeds, start, ego.steering_rad, vehicle, step_s)
+    steering, driven = _find_steering(track, speeds, start, ego.steering_rad, vehicle, step_s)
     limited = _within_tyres(speeds, steering, vehicle, step_s)
     within = limited is speeds
     if not within:
@@ -92,7 +96,7 @@ def follow(plan: PlannedTrajectory, ego: EgoState, vehicle: VehicleParameters, s
 
 @dataclass(frozen=True)
 class _Pose:
-    """A rear axle in m and its heading in rad."""
+    """The position of the rear axle in m and its heading in rad."""
 
     x_m: float
     y_m: float
@@ -110,7 +114,7 @@ class _Pose:
 
 @dataclass(frozen=True)
 class _Rolled:
-    """The result of an integration: per state the rear axle and heading; per step the heading halfway."""
+    """The result of an integration: rear axle and heading per state, and heading at half time per step."""
 
     x_m: Values
     y_m: Values
@@ -120,7 +124,7 @@ class _Rolled:
 
 @dataclass(frozen=True)
 class _Track:
-    """A plan as its rear axle sees it."""
+    """A plan in terms of the rear axle."""
 
     x_m: Values
     y_m: Values
@@ -140,7 +144,7 @@ class _Track:
         return np.asarray((away_y * self.cos - away_x * self.sin)[1:])
 
     def turned(self, driven: _Rolled) -> Values:
-        """Return how far a motion heads to the left of the plan at every state but the first, in rad."""
+        """Return how far a motion's heading is to the left of the plan's at every state but the first, in rad."""
         turn = driven.headings_rad - self.headings_rad
         return np.asarray((turn - math.tau * round(float(turn[0]) / math.tau))[1:])
 
@@ -148,8 +152,8 @@ class _Track:
 def _roll(start: _Pose, speeds: Values, steering: Values, wheelbase_m: float, step_s: float) -> _Rolled:
     """Return the rear axle's motion for speeds and steering angles (n,) that change evenly within a step.
 
-    Simpson's rule, for the heading over halves of a step and for the place over whole ones; its error is below a
-    micrometre a step.
+    Uses Simpson's rule, over half steps for the heading and over whole steps for the position; its error is below a
+    micrometre per step.
     """
     shares = _QUARTERS
     v = speeds[:-1, None] + np.diff(speeds)[:, None] * shares
@@ -172,17 +176,17 @@ def _roll(start: _Pose, speeds: Values, steering: Values, wheelbase_m: float, st
 _QUARTERS: Values = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 
 
-def _steered(
+def _find_steering(
     track: _Track, speeds: Values, start: _Pose, present_rad: float | None, vehicle: VehicleParameters, step_s: float
 ) -> tuple[Values, _Rolled]:
-    """Return the steering angle at every state (n,), within the vehicle's steering rate, and its motion."""
+    """Return the steering angle at every state (n,), within the vehicle's steering rate, and the resulting motion."""
     way = 0.5 * (speeds[1:] + speeds[:-1]) * step_s
     steering = _steering_of_plan(track, way, vehicle)
     if present_rad is not None:
         steering[0] = present_rad
     driven = _roll(start, speeds, steering, vehicle.wheelbase_m, step_s)
     for _ in range(_LINEARISATIONS):
-        problem = _linearised(track, driven, way, steering, vehicle, step_s, begins_free=present_rad is None)
+        problem = _linearise(track, driven, way, steering, vehicle, step_s, begins_free=present_rad is None)
         best = problem.without_bounds()
         clipped = np.clip(best, -problem.bounds, problem.bounds)
         steering = problem.steering_for(clipped)
@@ -190,7 +194,7 @@ def _steered(
         if float(np.abs(track.across(driven)).max()) < _ON_THE_LINE_M:
             break
         if (clipped != best).any():
-            best = _bounded(problem.matrix, problem.right, problem.bounds, best)
+            best = _solve_bounded(problem.matrix, problem.right, problem.bounds, best)
             steering = problem.steering_for(best)
             driven = _roll(start, speeds, steering, vehicle.wheelbase_m, step_s)
         across = track.across(driven)
@@ -200,7 +204,7 @@ def _steered(
 
 
 def _steering_of_plan(track: _Track, way: Values, vehicle: VehicleParameters) -> Values:
-    """Return the steering angle in rad at every state, the mean of those that the turns before and after it need."""
+    """Return the steering angle in rad at every state, the mean of the angles for the turns before and after it."""
     turn = np.diff(track.headings_rad)
     moving = way > _SHORTEST_STEP_M
     between = np.arctan(vehicle.wheelbase_m * turn / np.where(moving, way, 1.0))
@@ -216,11 +220,11 @@ def _steering_of_plan(track: _Track, way: Values, vehicle: VehicleParameters) ->
 
 @dataclass(frozen=True)
 class _Problem:
-    """The least-squares problem, made linear about some steering angles and their motion.
+    """The least-squares problem, linearised about some steering angles and their motion.
 
-    Unknown are the rates of the steps and, where ``first_rad`` is None, the first angle; ``bounds`` are those of their
-    absolute values. The best x solves ``matrix``·x = ``right`` where no bound is met. At x the motion is
-    ``gain``·x + ``offset`` m to the left of the plan.
+    The unknowns are the rates of the steps and, if ``first_rad`` is None, the first angle; ``bounds`` limits their
+    absolute values. The best x solves ``matrix``·x = ``right`` if no bound is active. At x the motion is ``gain``·x +
+    ``offset`` m to the left of the plan.
     """
 
     matrix: Points
@@ -234,10 +238,10 @@ class _Problem:
 
     def without_bounds(self) -> Values:
         """Return the best unknowns without bounds."""
-        return _solved(self.matrix, self.right)
+        return _solve(self.matrix, self.right)
 
     def across(self, unknown: Values) -> Values:
-        """Return how far to the left of the plan the motion is expected to be, in m."""
+        """Return how far to the left of the plan the linear problem predicts the motion, in m."""
         return np.asarray(self.gain @ unknown + self.offset)
 
     def steering_for(self, unknown: Values) -> Values:
@@ -250,7 +254,7 @@ class _Problem:
         return limited
 
 
-def _linearised(
+def _linearise(
     track: _Track,
     driven: _Rolled,
     way: Values,
@@ -298,18 +302,18 @@ def _linearised(
 
 @lru_cache(maxsize=64)
 def _mean_angles(steps: int, step_s: float) -> Points:
-    """Return the mean steering angle of each step (rows) by the rates of all steps and the first angle (columns)."""
+    """Return each step's mean steering angle (rows) as a function of all steps' rates and the first angle (columns)."""
     matrix = np.tril(np.full((steps, steps + 1), step_s), -1)
     matrix[np.arange(steps), np.arange(steps)] = 0.5 * step_s
     matrix[:, -1] = 1.0
     return matrix
 
 
-def _bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Values:
-    """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x, M positive definite; ``best``: x without bounds.
+def _solve_bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Values:
+    """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x, M positive definite; ``best`` is x without bounds.
 
-    By a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6), which
-    needs about the same number of rounds however many bounds are active.
+    Uses a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6). The
+    number of rounds hardly depends on the number of active bounds.
     """
     x = np.clip(best, -0.5 * bounds, 0.5 * bounds)
     slope = matrix @ x - right
@@ -322,7 +326,7 @@ def _bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Val
         aims, ratios = _CENTRING * gap / slack.size / slack, multipliers / slack
         system = matrix.copy()
         system.flat[:: len(x) + 1] += ratios.sum(axis=0)
-        step = _solved(system, aims[1] - aims[0] - slope)
+        step = _solve(system, aims[1] - aims[0] - slope)
         signed = np.stack([step, -step])
         change = aims + ratios * signed - multipliers
         nearest = max(float((signed / slack).max()), float((-change / multipliers).max()))
@@ -333,8 +337,8 @@ def _bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Val
     return np.asarray(x)
 
 
-def _solved(matrix: Points, right: Values) -> Values:
-    """Return the x with M·x = b for a symmetric positive definite M; half the time of a general solver."""
+def _solve(matrix: Points, right: Values) -> Values:
+    """Return the x with M·x = b for a symmetric positive definite M; takes half the time of a general solver."""
     from scipy.linalg.lapack import dposv
 
     found: Values = dposv(matrix, right)[1]
@@ -342,9 +346,9 @@ def _solved(matrix: Points, right: Values) -> Values:
 
 
 def _within_tyres(speeds: Values, steering: Values, vehicle: VehicleParameters, step_s: float) -> Values:
-    """Return the speeds themselves if tyres and engine allow them, else the nearest that they allow, step by step.
+    """Return the speeds if tyres and engine allow them, otherwise the nearest feasible speeds, step by step.
 
-    A vehicle that is already faster than its top speed does not accelerate further.
+    A vehicle above its top speed does not accelerate further.
     """
     largest, top = vehicle.maximum_acceleration_mps2, max(vehicle.maximum_speed_mps, float(speeds[0]))
     bend = np.tan(steering[:-1]) / vehicle.wheelbase_m

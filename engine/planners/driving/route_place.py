@@ -1,4 +1,4 @@
-"""Where an ego is along its reference path, and how fast the built-in planners would like to drive there."""
+"""Locates an ego on its reference path, and gives the speed that the built-in planners want there."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +13,11 @@ from .desired_speed import DesiredSpeed, SpeedReason
 
 @dataclass(frozen=True)
 class RoutePlace:
-    """The place of one ego state: station along the path, lateral offset (left positive), and heading error.
+    """The position of one ego state: station along the path, lateral offset (left positive), and heading error.
 
-    ``to_goal_m``: along the path to where the goal begins; negative beyond that, None for a goal without a place.
-    ``desired_speed_reason``: why that speed is desired.
+    ``to_goal_m``: distance along the path to the start of the goal, negative beyond it, None for a goal without a
+    position.
+    ``desired_speed_reason``: the reason for the desired speed.
     """
 
     station_m: float
@@ -28,7 +29,7 @@ class RoutePlace:
 
 
 class RoutePlaces:
-    """The places of the states of one run; states are asked for in the order in which they are driven."""
+    """The positions of a run's states, which callers request in driving order."""
 
     def __init__(self, task: PlanningTask) -> None:
         self._path = task.reference.points
@@ -40,7 +41,7 @@ class RoutePlaces:
         self._desired = DesiredSpeed.of(task)
 
     def at(self, ego: EgoState) -> RoutePlace:
-        """Return the place of one state."""
+        """Return the position of one state."""
         station_m, offset_m = self._follower.place(ego.position)
         desired_mps, reason = self._desired.explained_at(ego)
         return RoutePlace(
@@ -52,13 +53,13 @@ class RoutePlaces:
             desired_speed_reason=reason,
         )
 
-    def beside(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:
-        """Return the offsets in m and heading errors in rad of a run's states from its start, both (n,)."""
+    def deviations(self, positions: Points, headings_rad: Values) -> tuple[Values, Values]:
+        """Return the offsets in m and heading errors in rad of all states of a run, both (n,)."""
         stations, offsets = project_along(self._path, positions, self._start_m)
         return offsets, wrap_angles(headings_rad - self._direction(stations))
 
     def desired_speeds(self, states: Sequence[EgoState]) -> list[tuple[float, SpeedReason]]:
-        """Return the desired speed in m/s at each of some states, and why it is desired."""
+        """Return the desired speed in m/s at each of some states, and its reason."""
         return [self._desired.explained_at(ego) for ego in states]
 
     def _direction(self, stations_m: Values) -> Values:

@@ -1,8 +1,8 @@
-"""A run as a CommonRoad solution file, in the kinematic single-track model (KS).
+"""Writes a run as a CommonRoad solution file, in the kinematic single-track model (KS).
 
-The states give centre, heading and speed; the steering angle follows from the curvature of the rear axle's path,
-tan(steering) = wheelbase · Δheading / Δs (kinematic single-track model: Althoff and Würsching, "CommonRoad: Vehicle
-Models"). The file names no date, computer or computation time: the same run gives the same bytes.
+The states have centre, heading and speed. The steering angle follows from the curvature of the rear axle's path,
+tan(steering) = wheelbase · Δheading / Δs (Althoff and Würsching, "CommonRoad: Vehicle Models"). The file contains no
+date, computer or computation time, so the same run gives the same bytes.
 """
 
 from pathlib import Path
@@ -26,24 +26,25 @@ def write_solution(request: SolutionRequest, report: ProgressReporter) -> FileWr
     """Write the driven trajectory of a run as a CommonRoad solution file.
 
     Raises:
-        NotPossible: the ego is no CommonRoad vehicle but has parameters of its own.
-        UnsafeInput: the scenario cannot be read.
+        NotPossible: The ego is not a CommonRoad vehicle but has its own parameters.
+        UnsafeInput: The scenario cannot be read.
     """
     settings, driven = request.configuration.settings, request.record.ego_class
-    # A class stands for its scenario's only where the configuration states no vehicle, which has a class of its own.
+    # A class refers to its scenario only if the configuration gives no vehicle, since that vehicle has its own class.
     vehicle = commonroad_vehicle(settings, "car" if settings.states_vehicle else driven)
     if vehicle is None and commonroad_vehicle(settings) is not None:
         raise NotPossible(
-            f"a solution file names one of CommonRoad's vehicles, and none of them is a {driven}: its size and limits "
-            "would be checked as those of another vehicle",
-            valid=["a run whose ego is a car", "a run whose configuration states vehicle, as vehicle=2"],
+            f"a solution file needs one of CommonRoad's vehicles, and they include no {driven}; its size and limits "
+            "would be checked as another vehicle's",
+            valid=["a run with a car as the ego", "a run of a configuration with a vehicle, such as vehicle=2"],
             next_step="export the trajectory as csv, or run again with vehicle=2",
             reason="no_such_vehicle",
         )
     if vehicle is None:
         raise NotPossible(
-            f"a solution file names one of CommonRoad's vehicles; {request.configuration.config_id} has its own",
-            valid=["a run whose configuration states no parameters of the vehicle itself"],
+            f"a solution file needs one of CommonRoad's vehicles; {request.configuration.config_id} has its own "
+            "vehicle parameters",
+            valid=["a run of a configuration without vehicle parameters"],
         )
     loaded = read_scenario(Path(request.scenario_path))
     steps = RunSteps.model_validate_json(Path(request.steps_path).read_text(encoding="utf-8"))
@@ -69,7 +70,7 @@ def solution_xml(
     vehicle_id: int,
     cost_function: CostFunctionId,
 ) -> str:
-    """The solution file of one planning problem; ``step_s`` is the scenario's time step in s."""
+    """Return the solution file of one planning problem; ``step_s`` is the scenario's time step in s."""
     from commonroad.common.solution import (
         CommonRoadSolutionWriter,
         CostFunction,
@@ -105,7 +106,7 @@ def solution_xml(
 def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, largest_rad: float) -> Points:
     """Return the steering angle in rad at every state, shape (n,).
 
-    The driven angle if it is known, otherwise the mean of the angles that the turns before and after the state need.
+    Uses the driven angle if it is known, otherwise the mean of the angles for the turns before and after the state.
     """
     if steps.steering_rad:
         return np.array(steps.steering_rad)
@@ -115,7 +116,9 @@ def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, lar
 
 
 def steering_of(headings_rad: Points, speed: Points, step_s: float, wheelbase_m: float) -> Points:
-    """Steering angle in rad at every state (n,) that the turns before and after it need on average, without a limit."""
+    """Return the unlimited steering angle in rad at every state (n,), the mean of those for the turns before and after
+    it.
+    """
     turned = np.diff(np.unwrap(headings_rad))
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     moving = mean_speed > STANDING_MPS

@@ -1,1 +1,1 @@
-"""Planners that are not part of this program: classes of other packages, and programs that the settings name."""
+"""Planners that are not part of this program: classes of other packages, and programs in the settings."""

@@ -1,4 +1,4 @@
-"""What planners that are programs answer, read without trust: each kind of error is a failure with its own reason."""
+"""Reads the answers of program planners without trust; each kind of error is a failure with its own reason."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -15,50 +15,50 @@ from ..interface import EgoState, PlannedTrajectory
 from .conformance import trajectory_breaches
 
 Failed = Callable[[str, str], PlannerFailure]
-"""Ends the program and makes the failure from a reason and a description of what the program does."""
+"""Ends the program and returns the failure for a reason and a description of the program's behaviour."""
 _SHOWN = 80
-"""How many characters of an answer that is not JSON an error repeats."""
+"""Characters of a non-JSON answer that an error quotes."""
 _Message = TypeVar("_Message", bound=Model)
 
 
 def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Message:
-    """Return the message that an answer holds.
+    """Return the message in an answer.
 
     Raises:
-        PlannerFailure: it is empty, not JSON, in another form, or holds a number that is not finite.
+        PlannerFailure: The answer is empty, not JSON, in another form, or contains a number that is not finite.
     """
     if not answered.strip():
-        raise failed("not_json", "writes no answer to standard output")
+        raise failed("not_json", "wrote no answer to standard output")
     try:
         return model.model_validate_json(answered)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         if first["type"] == "json_invalid":
             begins = cited(answered[: 4 * _SHOWN].decode("utf-8", "replace"), _SHOWN)
-            raise failed("not_json", f"writes something that is not JSON and begins with {begins}") from error
+            raise failed("not_json", f"wrote something that is not JSON, starting with {begins}") from error
         if first["type"] == "finite_number":
             where = shown_name(".".join(map(str, first["loc"])))
-            raise failed("not_finite", f"answers a number that is not finite: {where}") from error
+            raise failed("not_finite", f"returned a number that is not finite: {where}") from error
         problem = cited(problem_of(model, first)[0])
-        raise failed("wrong_form", f"answers in another form: {problem}") from error
+        raise failed("wrong_form", f"returned an answer in the wrong form: {problem}") from error
 
 
 def read_trajectory(answered: CommandTrajectory, ego: EgoState, step_s: float, failed: Failed) -> PlannedTrajectory:
-    """Return the trajectory with unwrapped headings and the accelerations that follow from its speeds.
+    """Return the trajectory with unwrapped headings, and with accelerations computed from its speeds.
 
     Raises:
-        PlannerFailure: it breaks the contract of planners.
+        PlannerFailure: The trajectory breaks the contract of planners.
     """
     if len(answered.x_m) < 2:
         raise failed(
             "too_short",
-            f"answers {len(answered.x_m)} state(s); it must answer the present state and at least one planned state",
+            f"returned {len(answered.x_m)} state(s); it must return the present state and at least one planned state",
         )
     trajectory = _trajectory(answered, ego, step_s)
     breaches = trajectory_breaches(trajectory, ego, step_s)
     if breaches:
         reason = "too_short" if breaches[0].startswith("plans only") else "contract_broken"
-        raise failed(reason, f"answers a trajectory that breaks the contract: {'; '.join(breaches)}")
+        raise failed(reason, f"returned a trajectory that breaks the contract: {'; '.join(breaches)}")
     return trajectory
 
 

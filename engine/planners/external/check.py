@@ -1,6 +1,6 @@
-"""How a user's planner breaks the contract on a scenario, and how its drive ends.
+"""Checks a user's planner on a scenario for breaches of the contract, and for the outcome of its drive.
 
-It is driven in the loop among the recorded traffic, as a run is, and asked again at what it saw there.
+The planner drives in the loop among the recorded traffic, as in a run, and plans again from its observations there.
 """
 
 import traceback
@@ -30,13 +30,13 @@ from .program import ended_after, log_of, program_driver
 
 @dataclass(frozen=True)
 class PlannerCheck:
-    """What a planner did on one scenario.
+    """The result of checking a planner on one scenario.
 
-    ``breaches``: what it breaks of the contract, in words. ``outcome``, ``reason``: how the drive ended, among the
-    recorded traffic or on an empty road. ``asked_again``: the observations of the drive at which a class was asked with
-    each weight and parameter at both ends of its range; ``unmoved``: those that changed none of these plans.
-    ``raised``: the traceback of what its code raised; of a program what it wrote to standard error. ``took``: how long
-    it took to plan, in words. ``beyond_vehicle``: the limits of the vehicle that the driven motion exceeds.
+    ``breaches``: its breaches of the contract, as text. ``outcome``, ``reason``: how the drive ended, among the
+    recorded traffic or on an empty road. ``asked_again``: the number of observations at which a class also planned with
+    each weight and parameter at both ends of its range; ``unmoved``: those that changed no plan.
+    ``raised``: the traceback of the planner's exception, or a program's standard error. ``took``: the planning time, as
+    text. ``beyond_vehicle``: the vehicle limits that the driven motion exceeds.
     """
 
     scenario_id: str
@@ -51,7 +51,7 @@ class PlannerCheck:
 
 
 class _Recorder:
-    """A planner that drives as another does and keeps what that was asked."""
+    """Drives as another planner does and records that planner's task and observations."""
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
@@ -68,20 +68,20 @@ class _Recorder:
 
 
 def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: bool = False) -> PlannerCheck:
-    """Drive the first planning problem of a CommonRoad file with the preset Default, every plan held to the contract.
+    """Drive the first planning problem of a CommonRoad file with the preset Default, and check every plan.
 
-    A class is asked again at the first observation and at one in the middle, after a reset and in a new instance; a
-    program at the first. A class is also asked with each weight at both ends of its range, at every observation of the
-    drive until a plan differs.
+    A class plans again at the first observation and at one in the middle, after a reset and in a new instance; a
+    program only at the first. A class also plans with each weight at both ends of its range, at every observation of
+    the drive until two plans differ.
 
     Args:
-        name: what the planner is called.
-        planner: a class with its declaration, or a planner that was found.
-        path: the CommonRoad file.
-        empty_road: whether the recorded road users are left out.
+        name: The planner's name.
+        planner: A class with its declaration, or a discovered planner.
+        path: The CommonRoad file.
+        empty_road: True to leave out the recorded road users.
 
     Raises:
-        UnsafeInput: the file cannot be read.
+        UnsafeInput: The file cannot be read.
     """
     from commonroad.scenario.scenario import Scenario
 
@@ -90,7 +90,7 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
     try:
         planner = planner.own() if isinstance(planner, Found) and planner.command is None else planner
     except PlannerFailure as failure:
-        return PlannerCheck(scenario_id, (failure.message,), raised=_raised(failure))
+        return PlannerCheck(scenario_id, (failure.message,), raised=_own_traceback(failure))
     declaration = planner.declaration
     configuration = _defaults(name, declaration)
     is_program = isinstance(planner, Found) and planner.command is not None
@@ -104,16 +104,16 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
         with ended_after(driver):
             run = simulate(scenario, problem, configuration, recorder, "constant_velocity", silent, traffic)
     except PlannerFailure as failure:
-        return PlannerCheck(scenario_id, (failure.message,), raised=log_of(driver) or _raised(failure))
+        return PlannerCheck(scenario_id, (failure.message,), raised=log_of(driver) or _own_traceback(failure))
     except NotPossible as refusal:
-        return PlannerCheck(scenario_id, (), reason=f"it refuses the problem: {refusal.message}")
+        return PlannerCheck(scenario_id, (), reason=f"it refused the problem: {refusal.message}")
     breaches: list[str] = []
     unmoved: tuple[str, ...] = ()
     task, seen = recorder.task, recorder.observations
     if task is not None and seen:
         for observation in seen[:1] if is_program else {0: seen[0], 1: seen[len(seen) // 2]}.values():
-            breaches += _asked_again(make, task, observation)
-        unmoved = () if is_program else _unmoved(make, task, seen, declaration)
+            breaches += _replan_breaches(make, task, observation)
+        unmoved = () if is_program else _unmoved_weights(make, task, seen, declaration)
     return PlannerCheck(
         scenario_id,
         tuple(dict.fromkeys(breaches)),
@@ -121,13 +121,13 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
         run.final.reason,
         unmoved,
         asked_again=0 if is_program else len(seen),
-        took=_took(planner, run.plan_s),
+        took=_describe_duration(planner, run.plan_s),
         beyond_vehicle=() if task is None else _excesses(run, task),
     )
 
 
 def _excesses(run: DrivenRun, task: PlanningTask) -> tuple[LimitExcess, ...]:
-    """Return the limits of the vehicle that the driven motion exceeds."""
+    """Return the vehicle limits that the driven motion exceeds."""
     states = run.states
     driven = PlannedTrajectory(
         np.array([state.position for state in states]),
@@ -138,8 +138,8 @@ def _excesses(run: DrivenRun, task: PlanningTask) -> tuple[LimitExcess, ...]:
     return excesses_of(driven, task.vehicle, task.step_s)
 
 
-def _took(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
-    """Return how long it took to plan, in words; of a program that is asked once, how long it took to answer."""
+def _describe_duration(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
+    """Return the planning time as text; for a program that is called once, its response time."""
     if not plan_s:
         return ""
     is_asked_once = (
@@ -165,7 +165,7 @@ def _defaults(name: str, declaration: PlannerDeclaration) -> PlannerConfiguratio
     )
 
 
-def _asked_again(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> list[str]:
+def _replan_breaches(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> list[str]:
     with ExitStack() as ended:
         try:
             found = check_planner(lambda: ended.enter_context(ended_after(make())), task, observation)
@@ -174,7 +174,7 @@ def _asked_again(make: Callable[[], Planner], task: PlanningTask, observation: O
     return [f"at step {observation.ego.step} it {breach}" for breach in found]
 
 
-def _unmoved(
+def _unmoved_weights(
     make: Callable[[], Planner],
     task: PlanningTask,
     observations: Sequence[Observation],
@@ -195,7 +195,7 @@ def _moves(
     name: str,
     ends: tuple[float, float],
 ) -> bool:
-    """Return whether a plan differs between both ends of a range; where a planner cannot plan at an end, it acts."""
+    """Return True if a plan differs between both ends of a range, or if the planner fails at an end."""
 
     def planned(value: float, observation: Observation) -> Plan:
         configuration = task.configuration.model_copy(update={"weights": task.configuration.weights | {name: value}})
@@ -210,8 +210,8 @@ def _moves(
         return True
 
 
-def _raised(failure: PlannerFailure) -> str:
-    """The traceback of what a planner's own code raised, from its first file on; empty where it raised nothing."""
+def _own_traceback(failure: PlannerFailure) -> str:
+    """Return the traceback of the planner's own exception, starting at its first file; empty if it raised nothing."""
     cause = failure.__cause__
     if cause is None:
         return ""

@@ -1,4 +1,6 @@
-"""A program as a planner: asked once a run, its trajectory is one plan for the whole of it, which the loop follows."""
+"""A program as a planner: it is called once per run, and the loop follows its trajectory as one plan for
+the whole run.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +27,13 @@ class ScenarioFile:
 
 
 def command_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) -> "CommandDriver":
-    """A new planner that asks the program."""
+    """Return a new planner that calls the program."""
     return CommandDriver(name, declared, scenario)
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """What an answer was given to; a run that is tried on another reference path asks for nothing new."""
+class _AnswerKey:
+    """Identifies the input of an answer; a run that is retried on another reference path reuses the answer."""
 
     problem_id: int
     config_id: str
@@ -41,12 +43,12 @@ class _Asked:
 class CommandDriver:
     """The planner; see :class:`plannerforge.engine.planners.interface.Planner`.
 
-    ``log``: the end of what the program wrote to standard error.
+    ``log``: the end of the program's standard error.
     """
 
     def __init__(self, name: str, declared: CommandPlanner, scenario: ScenarioFile) -> None:
         self._name, self._declared, self._scenario = name, declared, scenario
-        self._asked: _Asked | None = None
+        self._answer_key: _AnswerKey | None = None
         self.log = ""
 
     def reset(self, task: PlanningTask) -> None:
@@ -54,26 +56,27 @@ class CommandDriver:
         self._task = task
 
     def plan(self, observation: Observation) -> Plan:
-        """What is left of the trajectory; none where it has ended, or where the vehicle cannot drive its next steps.
+        """Return the rest of the trajectory; no trajectory if it has ended, or if the vehicle cannot drive its next
+        steps.
 
         Raises:
-            PlannerFailure: the program broke a limit, or its answer is none.
+            PlannerFailure: The program broke a limit, or its answer is invalid.
         """
         ego = observation.ego
         task = self._task
-        asked = _Asked(
+        key = _AnswerKey(
             int(task.problem.planning_problem_id),
             task.configuration.config_id,
             EgoState.of(task.problem.initial_state).step,
         )
-        if asked != self._asked:
+        if key != self._answer_key:
             self._answer = self._ask(ego)
             self._trajectory = self._checked(self._answer, ego)
-            self._asked = asked
+            self._answer_key = key
         rejected, candidates = self._answer.rejected, self._answer.candidates
         if self._trajectory is None:
             return Plan(None, rejected=rejected or {"no_trajectory": 1}, candidates=candidates)
-        begin = ego.step - asked.first_step
+        begin = ego.step - key.first_step
         left = self._trajectory.since(begin)
         if len(left.positions) < 2:
             return Plan(None, rejected={"trajectory_ended": 1}, candidates=candidates)
@@ -122,14 +125,14 @@ class CommandDriver:
     def _read(self, answered: bytes, request: CommandRequest) -> CommandAnswer:
         answer = read_message(CommandAnswer, answered, self._failure)
         if (answer.scenario_id, answer.problem_id) != (request.scenario_id, request.problem_id):
-            told = f"{shown_name(answer.scenario_id)} #{answer.problem_id}"
+            given = f"{shown_name(answer.scenario_id)} #{answer.problem_id}"
             raise self._failure(
-                "wrong_scenario", f"answers for {told}; asked was {request.scenario_id} #{request.problem_id}"
+                "wrong_scenario", f"answered for {given} instead of {request.scenario_id} #{request.problem_id}"
             )
         return answer
 
     def _checked(self, answer: CommandAnswer, ego: EgoState) -> PlannedTrajectory | None:
-        """The answer's trajectory with what follows from it."""
+        """Return the answer's trajectory with the computed quantities."""
         if answer.trajectory is None:
             return None
         return read_trajectory(answer.trajectory, ego, self._task.step_s, self._failure)

@@ -1,4 +1,4 @@
-"""The executable contract of planners: to be run on a planner before it drives in the loop."""
+"""The executable contract of planners, which checks a planner before it drives in the loop."""
 
 from collections.abc import Callable, Mapping
 
@@ -10,19 +10,19 @@ from ..driving.drivability import excesses_of
 from ..interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 
 _SHORTEST_PLAN_S = 1.0
-"""The contract: with the longest time between plans, 10 steps of 0.1 s, the plan in force never ends."""
+"""By the contract: with the longest time between plans, 10 steps of 0.1 s, the current plan never ends."""
 _START_TOLERANCE_M = 0.05
-"""Chosen: a plan begins this near to the ego's centre."""
+"""Largest distance of a plan's start from the ego's centre (chosen)."""
 _STEP_TOLERANCE_M = 0.5
-"""Chosen: a step may be longer than its speeds allow by this, since the centre swings out in curves."""
+"""Largest excess of a step over what its speeds allow, since the centre swings out in curves (chosen)."""
 
 
 def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: Observation) -> tuple[str, ...]:
-    """What a planner breaks of the contract on one task; nothing where it keeps it.
+    """Return a planner's breaches of the contract on one task; empty if it keeps the contract.
 
-    It must start at the observed state, plan at least one second of connected finite states within the limits of the
-    task's vehicle, give finite costs and counts that are not negative, and give the same plan again after a reset and
-    in a new instance.
+    The planner must start at the observed state, plan at least one second of connected finite states within the limits
+    of the task's vehicle, give finite costs and non-negative counts, and give the same plan again after a reset and in
+    a new instance.
     """
     planner = make()
     planner.reset(task)
@@ -32,21 +32,21 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
         return tuple(breaches)
     if first.trajectory is not None and not breaches:
         excesses = excesses_of(first.trajectory, task.vehicle, task.step_s)
-        breaches += [f"plans what its vehicle cannot drive: {excess.in_words()}" for excess in excesses]
+        breaches += [f"plans a motion that its vehicle cannot drive: {excess.in_words()}" for excess in excesses]
     planner.reset(task)
     other = make()
     other.reset(task)
     for name, again in (("after a reset", planner.plan(observation)), ("in a new instance", other.plan(observation))):
         if not same_plan(first, again):
-            breaches.append(f"gives another plan {name}")
+            breaches.append(f"gives a different plan {name}")
     return tuple(breaches)
 
 
 def plan_breaches(plan: object, observation: Observation, step_s: float) -> list[str]:
-    """What one answer of a planner breaks of the contract; for planners of others it may be anything."""
+    """Return the breaches of the contract in one answer, which may be of any type for a user's planner."""
     if not isinstance(plan, Plan):
-        return [f"plan() gives {type(plan).__name__}, not a Plan"]
-    breaches = _of_figures(plan)
+        return [f"plan() returned {type(plan).__name__}, not a Plan"]
+    breaches = _figure_breaches(plan)
     trajectory: object = plan.trajectory
     if isinstance(trajectory, PlannedTrajectory):
         breaches += trajectory_breaches(trajectory, observation.ego, step_s)
@@ -55,24 +55,22 @@ def plan_breaches(plan: object, observation: Observation, step_s: float) -> list
     return breaches
 
 
-def _of_figures(plan: Plan) -> list[str]:
+def _figure_breaches(plan: Plan) -> list[str]:
     for kind, named in (("cost", plan.costs), ("constraint", plan.rejected)):
         if len(named) > MOST_TERMS:
-            return [f"it names {len(named):,} {kind}s, more than {MOST_TERMS}"]
+            return [f"it has {len(named):,} {kind}s, more than {MOST_TERMS}"]
         for name in named:
             if not name or one_line(name, LONGEST_NAME) != name:
-                return [
-                    f"{kind} {quoted(name, LONGEST_NAME)} has to be printable and at most {LONGEST_NAME} characters"
-                ]
+                return [f"{kind} {quoted(name, LONGEST_NAME)} must be printable and at most {LONGEST_NAME} characters"]
     breaches = [f"cost {name} is {value}" for name, value in sorted(plan.costs.items()) if not np.isfinite(value)]
     breaches += [f"rejected {name} is {count}" for name, count in sorted(plan.rejected.items()) if count < 0]
     if plan.candidates < 0:
         breaches.append(f"candidates is {plan.candidates}")
-    return breaches + _of_debug(plan.debug)
+    return breaches + _debug_breaches(plan.debug)
 
 
-def _of_debug(debug: object) -> list[str]:
-    """Return what of the debug values cannot be kept; values beyond the bounds are left out and break nothing."""
+def _debug_breaches(debug: object) -> list[str]:
+    """Return the debug values that cannot be stored; values beyond the bounds are dropped and break nothing."""
     if not isinstance(debug, DebugValues):
         return [f"debug is {type(debug).__name__}, not DebugValues"]
     wrong = [name for name, values in vars(debug).items() if not isinstance(values, Mapping)]
@@ -84,7 +82,7 @@ def _of_debug(debug: object) -> list[str]:
 
 
 def trajectory_breaches(trajectory: PlannedTrajectory, ego: EgoState, step_s: float) -> list[str]:
-    """What a trajectory that begins at the ego breaks of the contract."""
+    """Return the breaches of the contract in a trajectory that starts at the ego."""
     arrays = vars(trajectory).items()
     wrong = [name for name, values in arrays if name != "steering_rad" and not isinstance(values, np.ndarray)]
     if wrong:
@@ -94,7 +92,7 @@ def trajectory_breaches(trajectory: PlannedTrajectory, ego: EgoState, step_s: fl
     if trajectory.positions.shape != (count, 2) or any(values.shape != (count,) for values in others):
         return ["the arrays of the trajectory have different lengths"]
     if not all(np.isfinite(values).all() for values in (trajectory.positions, *others)):
-        return ["the trajectory holds numbers that are not finite"]
+        return ["the trajectory has numbers that are not finite"]
     breaches = []
     if (count - 1) * step_s < _SHORTEST_PLAN_S - 1e-9:
         breaches.append(f"plans only {(count - 1) * step_s:.2f} s")
@@ -111,7 +109,7 @@ def trajectory_breaches(trajectory: PlannedTrajectory, ego: EgoState, step_s: fl
 
 
 def same_plan(first: Plan, second: Plan) -> bool:
-    """Whether everything but the time that it took is the same."""
+    """Return True if two plans are equal in everything but the computation time."""
     content = [(dict(p.costs), dict(p.rejected), p.candidates, p.kind, p.trajectory is None) for p in (first, second)]
     if content[0] != content[1]:
         return False

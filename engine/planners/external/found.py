@@ -1,8 +1,8 @@
-"""Which planners of others there are: read from packages' metadata and the environment, imported only when used.
+"""Discovers user-supplied planners from package metadata and the environment, and imports them only when used.
 
-A planner is found by the entry points of the group ``plannerforge.planners`` or by ``PLANNERFORGE_PLANNERS``, in which
-the server hands the programs of its settings to its workers. One that cannot be used is found as well, with why. The
-server's process never imports code of others: what a planner says of itself is read by a process of its own.
+Planners come from the entry points of the group ``plannerforge.planners`` and from ``PLANNERFORGE_PLANNERS``, through
+which the server passes the programs in its settings to its workers. Unusable planners are discovered too, with the
+reason. The server's process never imports other people's code: a separate process reads a planner's declaration.
 """
 
 import hashlib
@@ -31,20 +31,22 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "plannerforge.planners"
 IMPORT_LIMIT_S = 60.0
-"""The longest that a planner's package may take to be imported; chosen: PyTorch takes seconds."""
+"""Time limit for importing a planner's package (chosen: PyTorch takes seconds)."""
 _LARGEST_SOURCE_BYTES = 10_000_000
-"""Files of a program up to this size are part of its version (chosen: scripts are, data and interpreters are not)."""
+"""Files of a program up to this size are part of its version (chosen: includes scripts, excludes data and
+interpreters).
+"""
 _SOURCE_SUFFIXES = (".py", ".so", ".pyd")
-"""Suffixes of the code files of a package: Python's own and its compiled modules."""
+"""Suffixes of a package's code files: Python's own and its compiled modules."""
 _IMPORT_BYTES = 4 * 1024**3
-"""Data memory of the process that imports it for its declaration; chosen, as of a worker."""
+"""Data memory of the process that imports a planner for its declaration (chosen: the same as a worker's)."""
 _COMMANDS = TypeAdapter(dict[str, CommandPlanner])
 _BROKEN = "entry_point_broken"
 
 
 @dataclass(frozen=True)
 class OwnPlanner:
-    """What an entry point names: the planner's class, or a function that makes one, and what is said of it."""
+    """The target of an entry point: the planner's class, or a function that creates one, and its declaration."""
 
     make: "Callable[[], Planner]"
     declaration: PlannerDeclaration
@@ -58,7 +60,7 @@ class OwnPlanner:
 
 @dataclass(frozen=True)
 class PlannerHere:
-    """A planner that is an object of this process, and the text that tells its versions apart."""
+    """A planner that is an object of this process, and the text that distinguishes its versions."""
 
     planner: OwnPlanner
     source: str
@@ -66,9 +68,9 @@ class PlannerHere:
 
 @dataclass(frozen=True)
 class Found:
-    """A planner of others: an entry point, a program or an object of this process.
+    """A user-supplied planner: an entry point, a program or an object of this process.
 
-    ``fault``: why its name cannot be used; empty if it can be used.
+    ``fault``: the reason why its name cannot be used; empty if it can be used.
     """
 
     name: str
@@ -79,10 +81,10 @@ class Found:
     fault: str = ""
 
     def own(self) -> OwnPlanner:
-        """The object that the entry point names, imported now into this process: for workers.
+        """Import the entry point's object into this process and return it; only workers do this.
 
         Raises:
-            PlannerFailure: it cannot be imported, or is no ``OwnPlanner``.
+            PlannerFailure: The object cannot be imported, or is not an ``OwnPlanner``.
         """
         if self.here is not None:
             return self.here.planner
@@ -90,26 +92,29 @@ class Found:
             raise PlannerFailure(f"planner {self.name} is a program, not a class", reason=_BROKEN)
         try:
             return _imported(self.entry.value, self.version)
-        except (Exception, SystemExit) as error:  # the boundary to code of others: it becomes the error of this planner
-            raise self._broken(_words(error)) from error
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # the boundary to other people's code: any exception becomes this planner's error
+            raise self._broken(_format_exception(error)) from error
 
     @property
     def declaration(self) -> PlannerDeclaration:
-        """What is said of the planner.
+        """The planner's declaration.
 
         Raises:
-            PlannerFailure: it cannot be imported, or is no ``OwnPlanner``.
+            PlannerFailure: The planner cannot be imported, or is not an ``OwnPlanner``.
         """
         if self.command is not None or self.entry is None:
             return self.command or self.own().declaration
         try:
-            return _told(self.entry.value, self.version)
+            return _load_declaration(self.entry.value, self.version)
         except (ValueError, subprocess.TimeoutExpired) as error:
             raise self._broken(one_line(str(error))) from error
 
     @property
     def sources(self) -> list[Path]:
-        """The files that make the planner: those that the command of a program names, those of a package."""
+        """The planner's source files: those in a program's command, or those of a package."""
         if self.command is not None:
             named = [Path(part) for part in self.command.command if part.startswith("/")]
             return [path for path in named if path.is_file() and path.stat().st_size <= _LARGEST_SOURCE_BYTES]
@@ -117,48 +122,48 @@ class Found:
 
     @property
     def version(self) -> str:
-        """A digest of the planner's own source, so that runs of an edited planner are made anew."""
+        """A digest of the planner's own source, so that an edited planner runs again."""
         if self.here is not None:
             return _digest(self.here.source, [])
         return _digest("" if self.command is None else self.command.model_dump_json(), self.sources)
 
     @property
     def package_version(self) -> str:
-        """The version of the package that brings the planner; empty of a program."""
+        """The version of the planner's package; empty for a program."""
         return self.entry.dist.version if self.entry is not None and self.entry.dist is not None else ""
 
     def _broken(self, why: str) -> PlannerFailure:
         value = self.entry.value if self.entry else ""
         return PlannerFailure(
             f"planner {self.name}: {value} of the {self.where} cannot be used: {why}",
-            next_step="mend it; its entry point names an OwnPlanner(make, declaration)",
+            next_step="correct it; its entry point must be an OwnPlanner(make, declaration)",
             reason=_BROKEN,
         )
 
 
 def found_planners(built_in: Collection[str]) -> dict[str, Found]:
-    """The planners of others by name; names of built-in ones, of two, and malformed ones have a fault.
+    """Return user-supplied planners by name; a malformed, duplicate or built-in name sets ``fault``.
 
     Raises:
-        PlannerFailure: the variable of the environment is malformed.
+        PlannerFailure: The environment variable is malformed.
     """
     found: dict[str, Found] = {}
-    of_environment = _of_environment(os.environ.get(PLANNERS_VARIABLE, ""))
-    for each in (*_of_packages(_path_times()), *of_environment, *_of_this_process().values()):
+    of_environment = _programs_in_environment(os.environ.get(PLANNERS_VARIABLE, ""))
+    for each in (*_entry_point_planners(_path_times()), *of_environment, *_planners_of_process().values()):
         fault = ""
         if each.name in built_in:
-            fault = f"the {each.where} is named as the built-in planner {each.name}; rename it"
+            fault = f"the {each.where} has the name of the built-in planner {each.name}; rename it"
         elif not WEIGHT_NAME.fullmatch(each.name):
-            fault = f"{each.where}: '{one_line(each.name)}' is no name; lower-case letters, digits and _ make one"
+            fault = f"{each.where}: '{one_line(each.name)}' is not a valid name; use lower-case letters, digits and _"
         elif each.name in found:
-            fault = f"two planners are named {each.name}: {found[each.name].where} and {each.where}; rename one"
+            fault = f"two planners have the name {each.name}: {found[each.name].where} and {each.where}; rename one"
         found[each.name] = replace(each, fault=fault)
     return found
 
 
 @contextmanager
 def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
-    """While the block runs, these programs are planners, in this process and in those that it starts."""
+    """Register these programs as planners while the block runs, in this process and in those that it starts."""
     before = os.environ.get(PLANNERS_VARIABLE)
     if commands:
         os.environ[PLANNERS_VARIABLE] = _COMMANDS.dump_json(dict(commands)).decode()
@@ -173,9 +178,11 @@ def programs_named(commands: Mapping[str, CommandPlanner]) -> Iterator[None]:
 
 @contextmanager
 def planners_here(planners: Mapping[str, PlannerHere]) -> Iterator[None]:
-    """While the block runs, these objects are planners in this process; other processes do not know them."""
-    known = _of_this_process()
-    named = {_folded(name): Found(_folded(name), "object of this process", here=one) for name, one in planners.items()}
+    """Register these objects as planners while the block runs, only in this process."""
+    known = _planners_of_process()
+    named = {
+        _fold_name(name): Found(_fold_name(name), "object of this process", here=one) for name, one in planners.items()
+    }
     before = {name: known[name] for name in named if name in known}
     known.update(named)
     try:
@@ -187,31 +194,31 @@ def planners_here(planners: Mapping[str, PlannerHere]) -> Iterator[None]:
 
 
 def is_here(name: str) -> bool:
-    """Return whether a planner is an object of this process, which only this process can drive."""
-    return _folded(name) in _of_this_process()
+    """Return True if a planner is an object of this process, which only this process can run."""
+    return _fold_name(name) in _planners_of_process()
 
 
 @cache
-def _of_this_process() -> dict[str, Found]:
+def _planners_of_process() -> dict[str, Found]:
     return {}
 
 
 def _path_times() -> tuple[tuple[str, int], ...]:
-    """The folders that packages are installed in, with when one was last: reading all metadata takes 20 ms."""
+    """Return the folders with installed packages and their modification times; reading all metadata takes 20 ms."""
     folders = [Path(entry or ".") for entry in sys.path]
     return tuple((str(folder), folder.stat().st_mtime_ns) for folder in folders if folder.exists())
 
 
 @cache
-def _of_packages(path_times: tuple[tuple[str, int], ...]) -> tuple[Found, ...]:
-    del path_times  # the cache's key: a package that is installed later is found
+def _entry_point_planners(path_times: tuple[tuple[str, int], ...]) -> tuple[Found, ...]:
+    del path_times  # the cache's key, so that packages installed later are found
     return tuple(
-        Found(_folded(entry.name), f"entry point of {_package(entry)}", entry=entry)
+        Found(_fold_name(entry.name), f"entry point of {_package(entry)}", entry=entry)
         for entry in entry_points(group=ENTRY_POINTS)
     )
 
 
-def _folded(name: str) -> str:
+def _fold_name(name: str) -> str:
     return name.strip().lower().replace("-", "_")
 
 
@@ -220,7 +227,7 @@ def _package(entry: EntryPoint) -> str:
 
 
 @cache
-def _of_environment(text: str) -> tuple[Found, ...]:
+def _programs_in_environment(text: str) -> tuple[Found, ...]:
     if not text:
         return ()
     try:
@@ -231,10 +238,10 @@ def _of_environment(text: str) -> tuple[Found, ...]:
         problem, _ = problem_of(CommandPlanner, {**first, "loc": tuple(where)})
         raise PlannerFailure(
             f"{PLANNERS_VARIABLE} cannot be read: {': '.join(filter(None, (str(name), problem)))}",
-            next_step="mend it, as docs/own_planner.md says",
+            next_step="correct it; see docs/own_planner.md",
             reason="settings_broken",
         ) from error
-    return tuple(Found(_folded(name), "command in the settings", command=each) for name, each in commands.items())
+    return tuple(Found(_fold_name(name), "command in the settings", command=each) for name, each in commands.items())
 
 
 def _sources(module: str) -> list[Path]:
@@ -256,7 +263,7 @@ def _digest(text: str, files: list[Path]) -> str:
 
 @cache
 def _digest_of(text: str, files: tuple[tuple[Path, int, int], ...]) -> str:
-    """Of contents alone; when files were changed, and their sizes, are the cache's key."""
+    """Return a digest of contents; modification times and sizes are only the cache's key."""
     digest = hashlib.sha256(text.encode())
     for path, _, _ in files:
         digest.update(path.name.encode() + path.read_bytes())
@@ -265,7 +272,7 @@ def _digest_of(text: str, files: tuple[tuple[Path, int, int], ...]) -> str:
 
 @cache
 def _imported(value: str, version: str) -> OwnPlanner:
-    """The object at ``module:name``; a package that was edited since is imported again, workers live long."""
+    """Return the object at ``module:name``; an edited package is imported again, since workers live long."""
     module, _, name = value.partition(":")
     package = module.partition(".")[0]
     before = _imported_versions().setdefault(package, version)
@@ -284,19 +291,20 @@ def _imported(value: str, version: str) -> OwnPlanner:
 
 @cache
 def _imported_versions() -> dict[str, str]:
-    """The version of each package that this process has imported."""
+    """Return the version of each package that this process has imported."""
     return {}
 
 
 @cache
-def _told(value: str, version: str) -> PlannerDeclaration:
-    """What the object at ``module:name`` declares, asked in another process, which may crash or hang.
+def _load_declaration(value: str, version: str) -> PlannerDeclaration:
+    """Return the declaration of the object at ``module:name``, from another process, since the import may crash or
+    hang.
 
     Raises:
-        ValueError: it cannot be imported; why.
-        subprocess.TimeoutExpired: it takes too long.
+        ValueError: The object cannot be imported; the message gives the reason.
+        subprocess.TimeoutExpired: The import takes too long.
     """
-    del version  # part of the cache's key alone
+    del version  # only part of the cache's key
     program = f"from {__name__} import print_declaration; print_declaration({value!r})"
     done = subprocess.run(
         [sys.executable, "-P", "-c", program],
@@ -312,20 +320,20 @@ def _told(value: str, version: str) -> PlannerDeclaration:
 
 
 def print_declaration(value: str) -> None:
-    """Print what the object at ``module:name`` declares, as JSON: the program of the process that is asked."""
+    """Print the declaration of the object at ``module:name`` as JSON; this runs in the separate process."""
     from ...execution import limit_memory
 
     answer = os.dup(1)
-    os.dup2(2, 1)  # what the planner's package prints is no declaration
+    os.dup2(2, 1)  # the output of the planner's package is not part of the declaration
     limit_memory(_IMPORT_BYTES)
     try:
         os.write(answer, _imported(value, "").declaration.model_dump_json().encode())
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - the boundary to code of others
-        sys.exit(_words(error))
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - the boundary to other people's code
+        sys.exit(_format_exception(error))
 
 
-def _words(error: BaseException) -> str:
-    """An error of code of others in a line."""
+def _format_exception(error: BaseException) -> str:
+    """Return an exception of other people's code in one line."""
     if isinstance(error, ValidationError):
         return "; ".join(one_line(each["msg"].removeprefix("Value error, ")) for each in error.errors())
     return f"{type(error).__name__}: {cited(error)}"

@@ -1,7 +1,7 @@
-"""The process between a worker and a planner that is a program; run by its path, it imports nothing of this package.
+"""The process between a worker and a program planner; it is run by its path and imports nothing of this package.
 
-``guard.py PARENT_PID MEMORY_BYTES FILE_BYTES PROGRAM ARGUMENT…``: starts the program within the limits, in a process
-group of which it is the leader, and ends as the program does. When the worker dies, the whole group does.
+``guard.py PARENT_PID MEMORY_BYTES FILE_BYTES PROGRAM ARGUMENT…`` starts the program within the limits, leads its
+process group, and exits with the program's status. If the worker dies, the whole group ends.
 """
 
 import os
@@ -15,19 +15,19 @@ _NOT_STARTED = 127
 
 
 def main(parent_pid: int, memory_bytes: int, file_bytes: int, command: list[str]) -> int:
-    """Run the command; its exit status, 128 + the signal where one ended it."""
+    """Run the command and return its exit status, or 128 + the signal that ended it."""
     signal.signal(signal.SIGTERM, _end_group)
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGTERM)
-    if os.getppid() != parent_pid:  # it had gone before it could be watched
+    if os.getppid() != parent_pid:  # the parent ended before this process could watch it
         _end_group(signal.SIGTERM, None)
     child = os.fork()
     if child == 0:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         _become(memory_bytes, file_bytes, command)
-    os.close(0)  # only the program holds its input and output, so that closing them is seen at the other end
+    os.close(0)  # only the program keeps its input and output open, so the other end notices when they close
     os.close(1)
     _, status = os.waitpid(child, 0)
     code = os.waitstatus_to_exitcode(status)
@@ -39,11 +39,11 @@ def _become(memory_bytes: int, file_bytes: int, command: list[str]) -> None:
 
     try:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (most, most))  # the worker's own bound is another
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))  # the worker's own limit is a different one
         resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
         resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, file_bytes))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        os.execvp(command[0], command)  # noqa: S606 - a list, named in the settings
+        os.execvp(command[0], command)  # noqa: S606 - the settings give a list
     except (OSError, ValueError) as error:
         sys.stderr.write(f"{command[0]} cannot be started: {error}\n")
         sys.stderr.flush()
@@ -51,7 +51,7 @@ def _become(memory_bytes: int, file_bytes: int, command: list[str]) -> None:
 
 
 def _end_group(signal_number: int, frame: FrameType | None) -> None:
-    """The worker is gone, which would have removed the working folder."""
+    """Remove the working folder, as the lost worker would have done, and end the group."""
     del signal_number, frame
     import shutil
     from pathlib import Path

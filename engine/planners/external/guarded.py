@@ -1,4 +1,4 @@
-"""A planner of another package in the loop: what it raises or answers wrongly is a named error of that planner."""
+"""Runs a planner of another package in the loop: exceptions and invalid answers become named errors of that planner."""
 
 import inspect
 import traceback
@@ -21,12 +21,12 @@ _CALLS = (("reset", "task"), ("plan", "observation"))
 
 
 def guarded(name: str, make: Callable[[], Planner]) -> Planner:
-    """A new planner of that name, every plan of which is held to the contract.
+    """Return a new planner that checks every plan against the contract.
 
     Raises:
-        PlannerFailure: it cannot be made, or cannot be called as the loop calls it.
+        PlannerFailure: The planner cannot be created, or its methods do not take the loop's arguments.
     """
-    with _blamed(name, "is made"):
+    with _attribute_errors(name, "was created"):
         planner: object = make()
         wrong = [words for words in (_not_callable(planner, *call) for call in _CALLS) if words]
     if wrong:
@@ -35,16 +35,16 @@ def guarded(name: str, make: Callable[[], Planner]) -> Planner:
 
 
 def _not_callable(planner: object, method: str, argument: str) -> str:
-    """Why a method cannot be called with one argument; empty where it can, or where its signature is not to be had."""
+    """Return why a method cannot take one argument; empty if it can, or if its signature is unavailable."""
     made = f"{type(planner).__name__}.{method}"
     called = getattr(planner, method, None)
     if not callable(called):
-        return f"there is no {made}; it needs {method}({argument})"
+        return f"{made} is missing; it needs {method}({argument})"
     try:
         inspect.signature(called).bind(object())
     except TypeError:
-        return f"{made}{inspect.signature(called)} cannot be called with one argument; it needs {method}({argument})"
-    except ValueError:  # of compiled code
+        return f"{made}{inspect.signature(called)} does not take one argument; it needs {method}({argument})"
+    except ValueError:  # compiled code
         return ""
     return ""
 
@@ -59,19 +59,19 @@ class _Guarded:
         """Prepare for a new run.
 
         Raises:
-            PlannerFailure: the planner raised.
+            PlannerFailure: The planner raised an exception.
         """
         self._task = task
-        with _blamed(self._name, "resets"):
+        with _attribute_errors(self._name, "was reset"):
             self._planner.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The planner's plan; none where the vehicle cannot drive it.
+        """Return the planner's plan, without its trajectory if the vehicle cannot drive it.
 
         Raises:
-            PlannerFailure: the planner raised, or its plan breaks the contract.
+            PlannerFailure: The planner raised an exception, or its plan breaks the contract.
         """
-        with _blamed(self._name, f"plans at step {observation.ego.step}"):
+        with _attribute_errors(self._name, f"planned step {observation.ego.step}"):
             plan = self._planner.plan(observation)
             breaches = plan_breaches(plan, observation, self._task.step_s)
         if breaches:
@@ -82,22 +82,22 @@ class _Guarded:
         return drivable(plan, self._task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return candidates of the last step if the planner can name them; all but lines of finite points are left out.
+        """Return candidates of the last step if the planner offers them; only lines of finite points count.
 
         Raises:
-            PlannerFailure: the planner raised.
+            PlannerFailure: The planner raised an exception.
         """
         if not isinstance(self._planner, ShowsCandidates):
             return ()
-        with _blamed(self._name, "shows its candidates"):
+        with _attribute_errors(self._name, "showed its candidates"):
             lines = [np.asarray(line, dtype=float) for line in self._planner.shown_candidates(most)]
         return [line for line in lines[:most] if line.ndim == 2 and line.shape[1] == 2 and np.isfinite(line).all()]
 
 
 def drivable(plan: Plan, task: PlanningTask) -> Plan:
-    """Return the plan; without its trajectory where the vehicle cannot drive the steps until the next plan.
+    """Return the plan, without its trajectory if the vehicle cannot drive the steps until the next plan.
 
-    The steering of a user's plan is computed from its states; the steering that it states is not relied on.
+    The steering of a user's plan is computed from its states; the plan's own steering is ignored.
     """
     if plan.trajectory is None:
         return plan
@@ -109,15 +109,18 @@ def drivable(plan: Plan, task: PlanningTask) -> Plan:
 
 
 @contextmanager
-def _blamed(name: str, doing: str) -> Iterator[None]:
+def _attribute_errors(name: str, doing: str) -> Iterator[None]:
     try:
         yield
     except PlannerForgeError:
         raise
-    except (Exception, SystemExit) as error:  # the boundary to code of others: it becomes the error of this run
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # the boundary to other people's code: any exception becomes this run's error
         at = traceback.extract_tb(error.__traceback__)[-1]
         raise PlannerFailure(
-            f"planner {name} raises {type(error).__name__} when it {doing}: {cited(error)}"
+            f"planner {name} raised {type(error).__name__} when it {doing}: {cited(error)}"
             f" ({Path(at.filename).name}, line {at.lineno})",
             reason="raised",
         ) from error

@@ -1,4 +1,4 @@
-"""The programs that stay: one process for many runs, kept by its declaration until the worker ends."""
+"""Keeps one process per program declaration for many runs, until the worker ends."""
 
 import atexit
 from functools import cache
@@ -20,10 +20,10 @@ def _kept() -> dict[str, PlannerProcess]:
 
 
 def standing_process(name: str, declared: CommandPlanner) -> PlannerProcess:
-    """Return the process of a program that stays; a new one if there is no process or it has ended.
+    """Return the process of a long-lived program, a new one if it does not run.
 
     Raises:
-        PlannerFailure: it cannot be started.
+        PlannerFailure: The program cannot be started.
     """
     kept, key = _kept(), declared.model_dump_json()
     process = kept.get(key)
@@ -36,7 +36,7 @@ def standing_process(name: str, declared: CommandPlanner) -> PlannerProcess:
 
 
 def forget_process(declared: CommandPlanner) -> None:
-    """End a program that stays after what it did wrong: nothing is known of what else it will say."""
+    """End a long-lived program after a failure, since its further answers are unreliable."""
     process = _kept().pop(declared.model_dump_json(), None)
     if process is not None:
         process.close()

@@ -1,4 +1,4 @@
-"""The messages of the stepwise protocol, made from what a planner in this process is given."""
+"""Converts the input of a planner into messages of the stepwise protocol."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from commonroad.scenario.traffic_light import TrafficLight
 
 _DIGITS = 4
-"""Positions of others are sent to 0.1 mm, as the motion of reactive traffic is stored."""
+"""Positions of others are sent to 0.1 mm, the precision of stored reactive traffic."""
 
 
 def numbers_of(values: Mapping[str, Any]) -> dict[str, float]:
@@ -31,7 +31,7 @@ def numbers_of(values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMessage:
-    """Return what a program is told when a run begins."""
+    """Return the message that starts a run."""
     settings, ego = task.configuration.settings, EgoState.of(task.problem.initial_state)
     return StartMessage(
         scenario_id=scenario_id,
@@ -57,7 +57,7 @@ def start_message(task: PlanningTask, planner: str, scenario_id: str) -> StartMe
 
 @dataclass(frozen=True)
 class _Signal:
-    """A traffic light of the route and the station of the end of its lanelet on the reference path."""
+    """A traffic light of the route, and the station of its lanelet's end on the reference path."""
 
     light: "TrafficLight"
     lanelet_id: int
@@ -82,7 +82,7 @@ class StepMessages:
         self._signals = _signals(task)
 
     def at(self, observation: Observation) -> StepMessage:
-        """Return what a program is told at one step."""
+        """Return the message for one step."""
         ego = observation.ego
         place = self._places.at(ego)
         return StepMessage.model_validate(
@@ -113,7 +113,7 @@ def _rounded(values: Values) -> tuple[float, ...]:
 def _others(obstacles: Sequence[PredictedObstacle]) -> list[dict[str, object]]:
     """Return the others of a step as fields of ``OtherMessage``.
 
-    Their numbers are rounded together, because numpy is slow at small arrays, and checked with the whole message.
+    All numbers are rounded together, since numpy is slow for small arrays. The whole message is validated later.
     """
     seen = [one for one in obstacles if len(one.positions)]
     if not seen:
@@ -159,7 +159,7 @@ def _line(points: Points) -> Line:
 
 
 def _goals(task: PlanningTask) -> list[GoalMessage]:
-    """Return the goal states; first those that the reference path leads to."""
+    """Return the goal states, starting with those that the reference path leads to."""
     from commonroad.planning.goal import GoalRegion
 
     ahead = task.goal_ahead
@@ -182,7 +182,7 @@ def _goal_state(goal: Goal) -> GoalMessage:
 
 
 def _lanelets(task: PlanningTask) -> list[LaneletMessage]:
-    """Return the lanelets within the radius of the sensor around the reference path, by ascending id."""
+    """Return the lanelets within the sensor radius of the reference path, in order of id."""
     import shapely
 
     around = shapely.LineString(task.reference.points).simplify(1.0).buffer(SENSOR_RADIUS_M)
@@ -208,7 +208,7 @@ def _lanelet(lanelet: "Lanelet", limit_mps: float | None) -> LaneletMessage:
 
 
 def _signals(task: PlanningTask) -> list[_Signal]:
-    """Return the working lights at the ends of the route's lanelets, in driving order."""
+    """Return the working traffic lights at the ends of the route's lanelets, in driving order."""
     found = []
     for key, end_m in zip(task.reference.lanelets, task.reference.lanelet_ends_m(task.network), strict=True):
         lanelet = task.network.find_lanelet_by_id(key)

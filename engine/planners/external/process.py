@@ -1,10 +1,9 @@
-"""A program that answers requests, a line of JSON each, within limits of time, memory, output and disk.
+"""A program that answers requests, one line of JSON each, within limits of time, memory, output and disk.
 
-A one-shot program is asked once a run (:meth:`PlannerProcess.ask`), a stepwise one again and again
-(:meth:`PlannerProcess.exchange`); both are read, limited and ended by the same code.
+A one-shot program answers once per run (:meth:`PlannerProcess.ask`), a stepwise one repeatedly
+(:meth:`PlannerProcess.exchange`). The same code reads, limits and ends both.
 
-What it does wrong is a :class:`PlannerFailure` whose ``reason`` names it; after one, the program and all that it
-started in its process group are gone.
+A violation raises a :class:`PlannerFailure` with a ``reason``; after that, the program and its process group are gone.
 """
 
 import os
@@ -24,27 +23,27 @@ from ....schemas.planning import CommandPlanner
 from ....schemas.text import cited, printable
 
 _HALF_LOG_BYTES = 32_768
-"""What is kept of standard error: so much of its beginning, where what went wrong may stand, and of its end."""
-_TOLD_LOG = 300
-"""Characters of it that an error repeats."""
+"""Bytes kept from the start of standard error, where the cause may be, and from its end."""
+_QUOTED_LOG = 300
+"""Characters of standard error that an error quotes."""
 _LOOK_S = 0.05
-"""How often the folder is looked at, and an exit waited for."""
+"""Interval for checking the folder and waiting for an exit."""
 _LEAVE_S = 0.5
-"""How long a stepwise program may take to end by itself after its input was closed: time for its last log."""
+"""Time that a stepwise program has to end after its input is closed, and to write its last log."""
 _CHUNK_BYTES = 65_536
-"""What is read at once: as much as a pipe of Linux holds."""
+"""Size of one read: the capacity of a Linux pipe."""
 _MIB = 1024**2
 _LEAST_FILE_BYTES = 4096
-"""Every file counts as at least this: a million empty ones fill a disk, too."""
+"""Smallest size that a file counts as, since a million empty files also fill a disk."""
 _PASSED_ON = ("PATH", "HOME", "LANG", "LC_ALL", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that a program gets; others of the server may be secrets."""
+"""Variables that a program receives; the server's other variables may be secrets."""
 
 
 class PlannerProcess:
     """A running program with a temporary working folder.
 
     Raises:
-        PlannerFailure: it cannot be started.
+        PlannerFailure: The program cannot be started.
     """
 
     def __init__(self, name: str, declared: CommandPlanner) -> None:
@@ -54,7 +53,7 @@ class PlannerProcess:
             why = f"there is no program {program}" if os.name == "posix" else "this system has no process groups"
             raise PlannerFailure(
                 f"planner {name} cannot be started: {why}",
-                next_step=f"mend command of [planners.{name}] in the settings",
+                next_step=f"correct command of [planners.{name}] in the settings",
                 reason="cannot_start",
             )
         self._folder = tempfile.TemporaryDirectory(prefix="plannerforge-", ignore_cleanup_errors=True)
@@ -92,17 +91,17 @@ class PlannerProcess:
 
     @property
     def log(self) -> str:
-        """What is kept of what it wrote to standard error in this run, printable."""
+        """The kept part of the program's standard error in this run, as printable text."""
         kept = self._log + (b"\n[...]\n" if len(self._end_of_log) == _HALF_LOG_BYTES else b"") + self._end_of_log
         return printable(kept.decode("utf-8", "replace"))
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """True while the program runs."""
         return self._exited() is None
 
     def fresh_folder(self, given: Path) -> Path:
-        """An empty folder for one run, with a copy of a file that is given, which does not count as its own."""
+        """Return an empty folder for one run with a copy of a file, which does not count towards the limit."""
         folder = self.folder / "run"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
@@ -112,21 +111,21 @@ class PlannerProcess:
         return folder
 
     def begin_run(self) -> None:
-        """Keep the log of a new run from now on."""
+        """Start a new log for a new run."""
         self._log.clear()
         self._end_of_log.clear()
         self._log_bytes = 0
 
     def ask(self, request: bytes) -> bytes:
-        """Its answer to a request of one line: a line where it stays, else all that it wrote until it ended.
+        """Send a one-line request; return one line of a long-lived program, or the whole output of a program that ends.
 
         Raises:
-            PlannerFailure: it broke a limit, ended with an error, or ended without an answer.
+            PlannerFailure: The program broke a limit, ended with an error, or ended without an answer.
         """
         self.begin_run()
         stays = self._declared.stays
         with self._closed_on_failure():
-            self._talk(request, self._declared.time_s, until_line=stays, close_input=not stays)
+            self._exchange_lines(request, self._declared.time_s, until_line=stays, close_input=not stays)
             answer, self._unread = bytes(self._unread), bytearray()
             return answer
 
@@ -134,15 +133,15 @@ class PlannerProcess:
         """Send a one-line message and return the next line of output; further output is kept for the next call.
 
         Raises:
-            PlannerFailure: it broke a limit, ended, or closed its input or output.
+            PlannerFailure: The program broke a limit, ended, or closed its input or output.
         """
         with self._closed_on_failure():
-            self._talk(message, limit_s, until_line=True, close_input=False)
+            self._exchange_lines(message, limit_s, until_line=True, close_input=False)
             line, _, self._unread = self._unread.partition(b"\n")
             return bytes(line)
 
     def finish(self) -> None:
-        """Close its input, give it a moment to end by itself and to write its last log, and end it."""
+        """Close the input, wait briefly for the program to end and to write its last log, and end it."""
         if self._process.returncode is None:
             self._close_input()
             ends = monotonic() + _LEAVE_S
@@ -153,11 +152,11 @@ class PlannerProcess:
         self.close()
 
     def close(self) -> None:
-        """End the program with all that it started, and remove its folder."""
+        """End the program with everything that it started, and remove its folder."""
         if self._process.returncode is not None:
             return
         with suppress(ProcessLookupError):
-            os.killpg(self._process.pid, signal.SIGKILL)  # not reaped yet: the id is still its own
+            os.killpg(self._process.pid, signal.SIGKILL)  # not reaped yet, so the id still belongs to it
         self._process.wait()
         self._selector.close()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
@@ -174,8 +173,8 @@ class PlannerProcess:
             self.close()
             raise
 
-    def _talk(self, request: bytes, limit_s: float, *, until_line: bool, close_input: bool) -> None:
-        """Send a line and read into ``_unread`` until a line is there, or until the output ends with exit status 0."""
+    def _exchange_lines(self, request: bytes, limit_s: float, *, until_line: bool, close_input: bool) -> None:
+        """Send a line and read into ``_unread`` until it has a line, or until the output ends with exit status 0."""
         ends = monotonic() + limit_s
         self._unsent, self._unheard = memoryview(request + b"\n"), False
         self._send(close_input=close_input)
@@ -183,21 +182,21 @@ class PlannerProcess:
             self._check_limits(ends, limit_s)
             if self._read(_LOOK_S):
                 self._send(close_input=close_input)
-            if until_line and self._exited() is not None:  # a process that it started may hold its output open
+            if until_line and self._exited() is not None:  # a child process may keep its output open
                 self._read(0.0)
                 break
         if until_line and b"\n" in self._unread:
             if self._unheard:
-                raise self._failure("closed_input", "answers although it closed its standard input")
+                raise self._failure("closed_input", "answered although it had closed its standard input")
             self._check_limits(ends, limit_s)
             return
-        status = self._awaited(ends, limit_s)
+        status = self._wait_for_exit(ends, limit_s)
         self._check_limits(ends, limit_s)
         if status or until_line:
-            raise self._ended(status)
+            raise self._exit_failure(status)
 
     def _send(self, *, close_input: bool) -> None:
-        """Write as much of the message as its input takes: a program that reads nothing holds up nothing."""
+        """Write as much of the message as the input takes, so that a program that reads nothing blocks nothing."""
         stdin = self._process.stdin
         if stdin is None or not self._unsent:
             return
@@ -205,7 +204,7 @@ class PlannerProcess:
             self._unsent = self._unsent[os.write(stdin.fileno(), self._unsent) :]
         except BlockingIOError:
             pass
-        except BrokenPipeError:  # it closed its input, or it ended: its exit says which
+        except BrokenPipeError:  # it closed its input or ended; its exit status tells which
             self._unsent, self._unheard = self._unsent[:0], True
         if self._unsent and stdin not in self._selector.get_map():
             self._selector.register(stdin, selectors.EVENT_WRITE, "input")
@@ -224,7 +223,7 @@ class PlannerProcess:
             stdin.close()
 
     def _read(self, wait_s: float) -> bool:
-        """Take what it has written within a time; whether its input takes more."""
+        """Read output for at most a given time; return True if the input takes more."""
         writable = False
         for key, _ in self._selector.select(wait_s):
             if key.data == "input":
@@ -246,26 +245,26 @@ class PlannerProcess:
     def _check_limits(self, ends: float, limit_s: float) -> None:
         declared = self._declared
         if len(self._unread) > declared.output_mb * _MIB:
-            raise self._failure("flooded_output", f"writes more than {declared.output_mb} MB to standard output")
+            raise self._failure("flooded_output", f"wrote more than {declared.output_mb} MB to standard output")
         if self._is_stepwise and self._log_bytes > declared.output_mb * _MIB:
-            raise self._failure("flooded_log", f"writes more than {declared.output_mb} MB to standard error")
+            raise self._failure("flooded_log", f"wrote more than {declared.output_mb} MB to standard error")
         if self._folder_bytes() - self._given_bytes >= declared.folder_mb * _MIB:
-            raise self._failure("wrote_too_much", f"writes more than {declared.folder_mb} MB to its folder")
+            raise self._failure("wrote_too_much", f"wrote more than {declared.folder_mb} MB to its folder")
         if monotonic() > ends:
             if self._is_stepwise and self._unheard:
-                raise self._failure("closed_input", "closed its standard input and was ended")
-            raise self._failure("timed_out", f"gives no answer within {limit_s:g} s and was ended")
+                raise self._failure("closed_input", "closed its standard input and was stopped")
+            raise self._failure("timed_out", f"gave no answer within {limit_s:g} s and was stopped")
 
     def _folder_bytes(self) -> int:
         total = 0
         for folder, _, names in os.walk(self.folder):
             for name in names:
-                with suppress(OSError):  # it removes its own files meanwhile
+                with suppress(OSError):  # the program may remove its own files meanwhile
                     total += max(Path(folder, name).lstat().st_size, _LEAST_FILE_BYTES)
         return total
 
     def _exited(self) -> int | None:
-        """Its exit status, without reaping it: until then its group's id belongs to nobody else."""
+        """Return the exit status without reaping the process, so that its group's id stays reserved."""
         if self._process.returncode is not None:
             return self._process.returncode
         try:
@@ -274,35 +273,37 @@ class PlannerProcess:
             return 0
         return None if state is None else int(state.si_status)
 
-    def _awaited(self, ends: float, limit_s: float) -> int:
-        """Return its exit status once its output has ended."""
+    def _wait_for_exit(self, ends: float, limit_s: float) -> int:
+        """Wait until the program ends, and return its exit status."""
         while (status := self._exited()) is None:
             if self._is_stepwise and monotonic() > ends:
-                raise self._failure("closed_output", "closed its standard output and was ended")
+                raise self._failure("closed_output", "closed its standard output and was stopped")
             self._check_limits(ends, limit_s)
             sleep(_LOOK_S / 5)
         return status
 
-    def _ended(self, status: int) -> PlannerFailure:
+    def _exit_failure(self, status: int) -> PlannerFailure:
         if status == 128 + signal.SIGXFSZ:
-            return self._failure("wrote_too_much", f"writes a file of more than {self._declared.folder_mb} MB")
+            return self._failure("wrote_too_much", f"wrote a file of more than {self._declared.folder_mb} MB")
         if status > 128:
             return self._failure("died", f"was ended by signal {status - 128}")
         without = "" if status else " without an answer"
         return self._failure("exit_status", f"ended with exit status {status}{without}")
 
     def _failure(self, reason: str, what: str) -> PlannerFailure:
-        told = _told(self.log)
-        return PlannerFailure(f"planner {self._name} {what}{told}", reason=reason)
+        quoted_log = _quote_log(self.log)
+        return PlannerFailure(f"planner {self._name} {what}{quoted_log}", reason=reason)
 
 
-def _told(log: str) -> str:
-    """What an error repeats of standard error: the exception of a Python program, which noise of its libraries follows,
-    else the end; a traceback that was broken off says nothing.
+def _quote_log(log: str) -> str:
+    """Return the part of standard error that an error quotes: a Python program's exception, otherwise the end of the
+    log.
+
+    Libraries may log after an exception, and a truncated traceback is useless.
     """
     before, traceback, block = log.rpartition("Traceback (most recent call last):")
     raised = next((line for line in block.splitlines()[1:] if line and not line.startswith(" ")), "")
     if traceback and raised:
-        return f"; it raised {cited(raised, _TOLD_LOG)}"
-    end = (before if traceback else log).strip()[-_TOLD_LOG:]
-    return f"; standard error ends: {cited(end, _TOLD_LOG)}" if end else ""
+        return f"; it raised {cited(raised, _QUOTED_LOG)}"
+    end = (before if traceback else log).strip()[-_QUOTED_LOG:]
+    return f"; standard error ends: {cited(end, _QUOTED_LOG)}" if end else ""

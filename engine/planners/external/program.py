@@ -1,4 +1,4 @@
-"""Planners that are programs, whichever protocol they speak: made, ended, and asked for their logs."""
+"""Creates program planners of either protocol, ends them, and reads their logs."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,9 @@ from .stepwise import StepwiseDriver
 
 
 def program_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) -> CommandDriver | StepwiseDriver:
-    """Return a new planner that asks the program; a stepwise program does not get the file, which holds the future."""
+    """Return a new planner that calls the program; a stepwise program does not get the file, which contains
+    the future.
+    """
     if declared.protocol == "stepwise":
         return StepwiseDriver(name, declared, scenario.scenario_id)
     return command_driver(name, declared, scenario)
@@ -20,7 +22,7 @@ def program_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) 
 
 @contextmanager
 def ended_after(planner: Planner) -> Iterator[Planner]:
-    """Yield the planner for a ``with`` block; afterwards no process of it is left."""
+    """Yield the planner for a ``with`` block, and end its process afterwards."""
     try:
         yield planner
     finally:
@@ -29,13 +31,13 @@ def ended_after(planner: Planner) -> Iterator[Planner]:
 
 
 def log_of(planner: Planner | None) -> str:
-    """Return what is kept of what a program wrote to standard error; empty for a planner that is a class."""
+    """Return the kept part of a program's standard error; empty for a planner that is a class."""
     return planner.log if isinstance(planner, CommandDriver | StepwiseDriver) else ""
 
 
 @contextmanager
 def planner_driver(name: str, planner: OwnPlanner | CommandPlanner, file: ScenarioFile) -> Iterator[Planner]:
-    """Yield a user's new planner as the loop drives it, for a ``with`` block; afterwards no process of it is left."""
+    """Yield a user's new planner in the form that the loop drives, and end its process after the ``with`` block."""
     made = guarded(name, planner.make) if isinstance(planner, OwnPlanner) else program_driver(name, planner, file)
     with ended_after(made) as driver:
         yield driver

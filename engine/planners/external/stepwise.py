@@ -1,4 +1,4 @@
-"""A program as a planner that is asked at every planning step, by the stepwise protocol of ``schemas/stepwise.py``."""
+"""A program as a planner that is called at every planning step, by the stepwise protocol of ``schemas/stepwise.py``."""
 
 from collections.abc import Sequence
 from time import monotonic
@@ -21,7 +21,7 @@ from .process import PlannerProcess
 class StepwiseDriver:
     """The planner; see :class:`plannerforge.engine.planners.interface.Planner`.
 
-    ``log``: the beginning and the end of what the program wrote to standard error during the run.
+    ``log``: the start and the end of the program's standard error during the run.
     """
 
     def __init__(self, name: str, declared: CommandPlanner, scenario_id: str) -> None:
@@ -32,14 +32,14 @@ class StepwiseDriver:
 
     @property
     def log(self) -> str:
-        """What is kept of what the program wrote to standard error."""
+        """The kept part of the program's standard error."""
         return self._log if self._process is None else self._process.log
 
     def reset(self, task: PlanningTask) -> None:
-        """Start the program where it does not run yet, tell it of the run, and wait until it is ready.
+        """Start the program if it does not run, send it the task, and wait until it is ready.
 
         Raises:
-            PlannerFailure: it cannot be started, broke a limit, or is not ready for this protocol.
+            PlannerFailure: The program cannot be started, broke a limit, or is not ready for this protocol.
         """
         self._task, self._messages = task, StepMessages(task)
         self._left_s = self._declared.time_s
@@ -56,13 +56,13 @@ class StepwiseDriver:
         """Return the program's plan for this step.
 
         Raises:
-            PlannerFailure: the program broke a limit, or its answer is not a plan for this step.
+            PlannerFailure: The program broke a limit, or its answer is not a plan for this step.
         """
         ego, task = observation.ego, self._task
         answered = self._exchange(self._messages.at(observation), self._declared.step_time_s)
         answer = read_message(PlanMessage, answered, self._failure)
         if answer.step != ego.step:
-            raise self._failure("wrong_step", f"answers for step {answer.step}; asked was step {ego.step}")
+            raise self._failure("wrong_step", f"answered for step {answer.step} instead of step {ego.step}")
         self._shown = [np.column_stack([one.x_m, one.y_m]) for one in answer.shown]
         debug = _debug_values(answer.debug)
         if answer.trajectory is None:
@@ -73,7 +73,7 @@ class StepwiseDriver:
         return drivable(plan, task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return other candidates of the last step, as the program showed them."""
+        """Return further candidates of the last step that the program showed."""
         return [self._shown[place] for place in evenly_chosen(len(self._shown), most)]
 
     def close(self) -> None:
@@ -84,9 +84,9 @@ class StepwiseDriver:
             self._log, self._process = self._process.log, None
 
     def _exchange(self, message: Model, limit_s: float) -> bytes:
-        """Return the answer to a message, within its own limit and within what is left of the limit of the run."""
+        """Return the answer to a message, within its own time limit and the remaining time of the run."""
         if self._process is None:
-            raise PlannerFailure(f"planner {self._name} was ended before", reason="died")
+            raise PlannerFailure(f"planner {self._name} has already been stopped", reason="died")
         began = monotonic()
         try:
             answered = self._process.exchange(message.model_dump_json().encode(), min(limit_s, self._left_s))
@@ -95,7 +95,7 @@ class StepwiseDriver:
             raise
         self._left_s -= monotonic() - began
         if self._left_s <= 0:
-            raise self._failure("timed_out", f"takes more than {self._declared.time_s:g} s for the run and was ended")
+            raise self._failure("timed_out", f"took more than {self._declared.time_s:g} s for the run and was stopped")
         return answered
 
     def _failure(self, reason: str, what: str) -> PlannerFailure:
@@ -103,7 +103,7 @@ class StepwiseDriver:
         return PlannerFailure(f"planner {self._name} {what}", reason=reason)
 
     def _end(self) -> None:
-        """End the program after what it did wrong; one that stays is started again for the next run."""
+        """End the program after a violation; a long-lived program starts again for the next run."""
         if self._process is not None:
             self._log = self._process.log
             self._process.close()

@@ -1,7 +1,7 @@
-"""What the version of a planner is called: as its author declares it, as git describes its source, or by a digest.
+"""Names the version of a planner: the declared version, git's description of its source, or a digest.
 
-The digest of the source follows either name, because an edit changes it even before it is declared or committed.
-Git is asked only for names and object ids: no hook, filter, monitor or remote of a repository is run or reached.
+The digest of the source follows either name, since it changes with an edit that is not declared or committed yet. Git
+is queried only for names and object ids: no hook, filter, monitor or remote of a repository is run or contacted.
 """
 
 import hashlib
@@ -15,20 +15,20 @@ from ....schemas.text import one_line
 from .found import Found
 
 SHORT_DIGEST = 7
-"""Characters of a digest that are shown, as git abbreviates object ids."""
+"""Shown characters of a digest; git abbreviates object ids to the same length."""
 GIT_LIMIT_S = 5.0
-"""The longest that git may take for one answer; chosen: it takes milliseconds on a local disk."""
+"""Time limit for one answer of git (chosen: milliseconds on a local disk)."""
 _LONGEST = 40
-"""Characters of a version that are shown; chosen: tags and version numbers are shorter."""
+"""Shown characters of a version (chosen: tags and version numbers are shorter)."""
 _QUIET = {"LC_ALL": "C", "GIT_OPTIONAL_LOCKS": "0", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1"}
-"""Git takes no lock, prompts for nothing and fetches nothing."""
+"""Makes git take no lock, prompt for nothing and fetch nothing."""
 _SETTINGS = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false")
 
 
 def version_in_words(found: Found) -> str:
-    """Return ``v1.2 (a1b2c3d)``: the declared version, git's, or the package's, with the digest.
+    """Return text such as ``v1.2 (a1b2c3d)``: the declared version, git's or the package's, with the digest.
 
-    The class of the planner is imported for what it declares: for workers.
+    This imports the planner's class for its declaration, so only workers may call it.
     """
     digest = found.version[:SHORT_DIGEST]
     named = _declared(found) or described_by_git(found.sources) or found.package_version
@@ -41,16 +41,16 @@ def _declared(found: Found) -> str:
 
 
 def described_by_git(sources: Sequence[Path]) -> str:
-    """Return ``git describe`` of the commit that holds the first source file, with ``-dirty`` if a file differs.
+    """Return ``git describe`` of the commit with the first source file, with ``-dirty`` if a file differs.
 
-    Empty if that file is not in a commit of a repository, git is not installed, or git takes too long.
+    Empty if that file is not in a commit, git is not installed, or git takes too long.
     """
     files = [path.resolve() for path in sources if path.is_file()]
     return _described(tuple(files), tuple(_stamps(files))) if files else ""
 
 
 def _stamps(files: Sequence[Path]) -> list[int]:
-    """Return when the files and what git knows of them changed last: the key by which an answer is kept."""
+    """Return the modification times of the files and of git's records on them, as a cache key."""
     repository = next((folder / ".git" for folder in files[0].parents if (folder / ".git").exists()), None)
     names = ("HEAD", "logs/HEAD", "packed-refs", "refs/tags")
     of_git = [] if repository is None else [repository / name for name in names]
@@ -73,7 +73,7 @@ def _described(files: tuple[Path, ...], stamps: tuple[int, ...]) -> str:
 
 
 def _committed(folder: Path) -> dict[Path, str]:
-    """Return the files in and below a folder that the present commit holds, each with its object id."""
+    """Return the files in and below a folder in the current commit, each with its object id."""
     top = Path(_git(folder, "rev-parse", "--show-toplevel").strip())
     listed = _git(folder, "ls-tree", "-r", "-z", "--full-name", "HEAD", "--", ".")
     entries = (line.partition("\t") for line in listed.split("\0") if line)
@@ -81,19 +81,19 @@ def _committed(folder: Path) -> dict[Path, str]:
 
 
 def _blob_id(path: Path, like: str) -> str:
-    """Return the object id that git gives to the content of a file, by the algorithm of another id."""
+    """Return git's object id for the content of a file, with the algorithm of another id."""
     content = path.read_bytes()
     algorithm = "sha256" if len(like) == hashlib.sha256().digest_size * 2 else "sha1"
     return hashlib.new(algorithm, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
 
 
 def _git(folder: Path, *arguments: str) -> str:
-    """Return what git answers.
+    """Return git's output.
 
     Raises:
-        OSError: git is not installed.
-        subprocess.SubprocessError: it refuses, or takes too long.
-        ValueError: its answer is not text.
+        OSError: Git is not installed.
+        subprocess.SubprocessError: Git refuses, or takes too long.
+        ValueError: The output is not text.
     """
     environment = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ} | _QUIET
     done = subprocess.run(

@@ -1,26 +1,27 @@
-"""The C++ core of FISS (fiss-planner 1.0.0): what goes in, what comes out, and its traps.
+"""The C++ core of FISS (fiss-planner 1.0.0): its inputs, its outputs, and its pitfalls.
 
-The core plans the centre of the vehicle in the Frenet frame of a reference line. Lateral motions are quintic,
-longitudinal ones quartic polynomials of time; a candidate ends after 0.6 to 1 times the horizon (the core's own default
-is 3 to 5 s), at one of some speeds between standing still and the desired speed, and at one of some offsets within a
-lane. Its coordinates are those of the world. Lengths in m, headings in rad.
+The core plans the centre of the vehicle in the Frenet frame of a reference line. Lateral motions are quintic and
+longitudinal ones quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own default
+is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a lane. Its
+coordinates are world coordinates. Lengths in m, headings in rad.
 
-Traps (``tests/engine/planners/test_fiss_traps.py`` holds them):
+Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
 
-- It heads its vehicle where the centre moves. Real vehicles do not: the rear axle moves where they head, and the
-  centre swings out. The headings of a plan are those of a rear axle that is dragged after the centre (a tractrix), the
-  speeds those of the rear axle, and the centre begins in the direction in which a vehicle that turns moves.
-- It normalises headings to ±π at every state. They are not taken from it.
-- It knows no limit of the steering rate, and neither friction nor steering at low speed. What a vehicle can drive is
-  checked again (``driving/drivability.py``).
-- Its lateral motion is a polynomial only of time: a vehicle that stands would slide sideways to its lane's centre.
-  Below ``LOW_SPEED_MPS`` it keeps its offset.
-- It finds the nearest point of the whole line if it gets no hint, so a path that crosses itself would put the ego on
-  another lap. Every projection of the ego begins at its last station.
-- It places the ego as far backwards as forwards: a vehicle that heads against the path gets a negative speed along it.
-- A desired speed below 0 is taken, and its grid of speeds then has one speed, 0.
-- Its refinement (``fiss_plus``) takes the middle of a band for the lane's centre, whatever the band says. Bands are
-  therefore symmetrical about their centres.
+- The core's heading is the direction of the centre's motion. For a real vehicle the rear axle moves in the direction of
+  the heading, and the centre swings out. Our headings are therefore those of a rear axle that is dragged behind the
+  centre (a tractrix), the speeds are the rear axle's, and the centre starts in the direction in which a turning vehicle
+  moves.
+- It normalises headings to ±π at every state, so we do not use them.
+- It has no limit of the steering rate, and checks neither friction nor steering at low speed. We check again what the
+  vehicle can drive (``driving/drivability.py``).
+- Its lateral motion is a polynomial of time only, so a standing vehicle would slide sideways to the lane's centre.
+  Below ``LOW_SPEED_MPS`` the vehicle keeps its offset.
+- Without a hint it finds the nearest point of the whole line, so on a path that crosses itself it could put the ego on
+  another lap. Every projection of the ego starts at its last station.
+- It also places an ego that heads against the path, with a negative speed along it.
+- It accepts a desired speed below 0; its grid of speeds then has one speed, 0.
+- Its refinement (``fiss_plus``) takes the middle of a band as the lane's centre, whatever the band's own centre. Bands
+  are therefore symmetrical about their centres.
 """
 
 import math
@@ -39,16 +40,17 @@ from ..interface import EgoState, PlannedTrajectory, PredictedObstacle
 from ..reference_path import ReferencePath
 
 SEARCHES = ("fop", "fop_plus", "fiss", "fiss_plus")
-"""The core's searches by the number that the setting ``search`` has."""
+"""The core's searches, indexed by the setting ``search``."""
 LOW_SPEED_MPS = 2.0
-"""Chosen: the same as in Frenetix; below it a vehicle cannot drive lateral motions by time."""
+"""The same as in Frenetix (chosen): below it a vehicle cannot drive lateral motions that depend on time."""
 _SHORTEST_SHARE, _DURATIONS = 0.6, 5
-"""The core's default: durations from 3 s to 5 s, five of them."""
+"""The core's default: five durations from 3 s to 5 s."""
 _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
-"""Limits that the core's authors plan with: 8 m/s² of braking and across (0.8 g), 4 m/s² of accelerating; but no more
-than the vehicle's own."""
+"""Limits in the core authors' plans: 8 m/s² for braking and lateral acceleration (0.8 g), and 4 m/s² for acceleration;
+the vehicle's own limits may be lower.
+"""
 _BEHIND_M, _BESIDE_M = 80.0, 60.0
-"""The core looks at obstacles from 80 m behind the ego to 60 m beyond what it can reach."""
+"""The core considers obstacles from 80 m behind the ego to 60 m beyond its reach."""
 _LINE_SPACING_M = 2.0
 """The core's own spacing, at which it looks for the curve that limits the speed."""
 REJECTIONS = {
@@ -61,7 +63,7 @@ REJECTIONS = {
     "collision": "collision",
     "safety_distance": "safety_distance",
 }
-"""The core's reasons to reject a candidate, and the names that plans have for them."""
+"""Maps the core's reasons for rejecting a candidate to the names in plans."""
 _COST_FIELDS = {
     "time": "w_time",
     "speed": "w_speed",
@@ -86,15 +88,16 @@ _SAFETY_FIELDS = {
     "reaction_time_s": "reaction_time",
     "crossing_gap_s": "crossing_time_gap",
 }
-"""Our weights by the core's names."""
+"""Maps our weights to the core's names."""
 _HARD_DISTANCES = ("least_gap_m", "least_headway_s", "least_time_to_collision_s", "crossing_gap_s")
 Care = Literal["full", "margins", "bodies"]
-"""How far a candidate must keep from others: the hard distances, the core's margins (0.5 m before and behind, 0.3 m at
-the sides), or only without contact. ``margins`` drops the hard distances, ``bodies`` the margins too."""
+"""How far a candidate must keep from others: the hard distances, the core's margins (0.5 m in front and behind, 0.3 m
+at the sides), or only no contact. ``margins`` drops the hard distances, and ``bodies`` the margins as well.
+"""
 
 
 def vehicle_limits(vehicle: VehicleParameters) -> "fiss_planner.VehicleParams":
-    """Return a vehicle as the core knows it."""
+    """Return a vehicle's limits in the core's form."""
     limits = fiss_planner.VehicleParams()
     limits.length, limits.width = vehicle.length_m, vehicle.width_m
     limits.wheelbase, limits.rear_axle_to_center = vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m
@@ -117,12 +120,12 @@ def core_configuration(
     """Return the core's configuration.
 
     Args:
-        weights: those of the planner, by our names.
-        settings: for the search, the horizon and the number of samples.
-        step_s: time step of the plans.
-        offsets: another number of lateral offsets a lane.
-        care: which distances to others a candidate must keep.
-        every_candidate: make, check and return every candidate, whatever the search of the settings.
+        weights: The planner's weights, by our names.
+        settings: The settings for the search, the horizon and the number of samples.
+        step_s: The time step of the plans.
+        offsets: The number of lateral offsets per lane, to override the settings.
+        care: The distances that a candidate must keep from others.
+        every_candidate: True to generate, check and return every candidate, whatever the search.
     """
     configuration = fiss_planner.PlannerConfig()
     search = "fop" if every_candidate else SEARCHES[settings.search]
@@ -144,7 +147,7 @@ def core_configuration(
 
 
 class PathLine:
-    """The reference path as the core's line; ``hardest_mps2``: the lateral acceleration that its curves may need."""
+    """The reference path as the core's line; ``hardest_mps2`` is the largest lateral acceleration in its curves."""
 
     def __init__(self, reference: ReferencePath, hardest_mps2: float) -> None:
         path = reference.points
@@ -155,18 +158,19 @@ class PathLine:
         self._reference = reference
 
     def first_station(self, point: Points) -> float:
-        """Return the station in m of the ego at a point (2,) at which it begins."""
+        """Return the ego's station in m at its initial point (2,)."""
         return self._reference.follower().place(point)[0]
 
     def curve_speed_mps(self, station_m: float, ahead_m: float) -> float:
-        """Return the speed at which no curve of the next metres needs more than the lateral acceleration."""
+        """Return the speed at which no curve within a distance ahead needs more than the lateral acceleration."""
         first, last = np.searchsorted(self._stations, (station_m, station_m + ahead_m))
         return float(self._curve_mps[first : last + 1].min(initial=math.inf))
 
     def start(self, ego: EgoState, vehicle: VehicleParameters, near_m: float) -> "fiss_planner.FrenetState | None":
-        """Return the ego's centre in the line's frame, or None if it heads against it or is past a curve's centre.
+        """Return the ego's centre in the line's frame, or None if the ego heads against the line or is past a curve's
+        centre.
 
-        ``near_m``: about where on the path it is.
+        ``near_m``: the approximate station of the ego.
         """
         speed = max(ego.speed_mps, 0.0)
         sideways = vehicle.rear_axle_behind_center_m * ego.yaw_rate_radps
@@ -189,9 +193,9 @@ class PathLine:
 def core_obstacles(
     obstacles: Sequence[PredictedObstacle], ego: EgoState, reach_m: float, step_s: float, until_s: float = math.inf
 ) -> list["fiss_planner.Obstacle"]:
-    """Return the obstacles that can matter to an ego that gets at most ``reach_m`` far.
+    """Return the obstacles that can matter to an ego that covers at most ``reach_m``.
 
-    ``until_s``: how long their predictions count.
+    ``until_s``: the duration for which their predictions count.
     """
     made, farthest_m = [], max(_BEHIND_M, reach_m + _BESIDE_M)
     for obstacle in obstacles:
@@ -212,9 +216,9 @@ def core_obstacles(
 
 
 def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
-    """Return the unwrapped headings of a rod of length ``drag_m`` whose front end follows the points (n, 2).
+    """Return the unwrapped headings of a rod of length ``drag_m`` with its front end on the points (n, 2).
 
-    While the front end goes a way s straight on, the tangent of half the angle between way and rod falls by
+    While the front end moves straight by s, the tangent of half the angle between its direction and the rod falls by
     exp(−s / drag), which is the tractrix of a straight line.
     """
     ways = np.diff(center, axis=0)
@@ -233,7 +237,8 @@ def driven_by_rear_axle(
 ) -> PlannedTrajectory:
     """Return the motion of a vehicle with its centre on points (n, 2), moving in directions (n,) at speeds (n,).
 
-    It begins in the ego's heading; the rear axle is dragged after the centre, as in the kinematic single-track model.
+    It starts with the ego's heading; the rear axle is dragged behind the centre, as in the kinematic single-track
+    model.
     """
     heading = dragged_headings(center, ego.heading_rad, vehicle.rear_axle_behind_center_m)
     speed = np.maximum(center_mps * np.cos(directions_rad - heading), 0.0)
@@ -244,14 +249,16 @@ def driven_by_rear_axle(
 def copied_trajectory(
     candidate: "fiss_planner.Trajectory", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> PlannedTrajectory:
-    """Return a candidate as states of the centre that a vehicle can be in."""
+    """Return a candidate as feasible states of the vehicle's centre."""
     center = np.stack([candidate.x, candidate.y], axis=1)
     center[0] = ego.position
     return driven_by_rear_axle(center, candidate.yaw, candidate.v, ego, vehicle, step_s)
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """Return the weighted terms of a candidate; ``proximity`` is headway, time to collision and clearance together."""
+    """Return the weighted cost terms of a candidate; ``proximity`` combines headway, time to collision and
+    clearance.
+    """
     terms = candidate.cost
     return {
         "acceleration": terms.accel,
@@ -266,19 +273,19 @@ def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
 
 @dataclass(frozen=True)
 class DrivenPlan:
-    """The candidate that was chosen at ``first_step``, and the trajectory that was made of it."""
+    """The candidate that was chosen at ``first_step``, and its trajectory."""
 
     first_step: int
     candidate: "fiss_planner.Trajectory"
     trajectory: PlannedTrajectory
 
     def index_of(self, ego: EgoState) -> int | None:
-        """Return where on the plan the ego is, if it followed it."""
+        """Return the ego's index on the plan, or None if it does not follow the plan."""
         index = ego.step - self.first_step
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
-        """Return what is left of the plan."""
+        """Return the rest of the plan."""
         return self.trajectory.since(index)
 
 
@@ -291,9 +298,9 @@ def braking_trajectory(
     step_s: float,
     horizon_s: float,
 ) -> PlannedTrajectory:
-    """Brake evenly to a stand along the path, at the offset that the ego drifts to while it brakes.
+    """Brake evenly to a standstill along the path, at the offset that the ego drifts to while it brakes.
 
-    The drift fades as the speed does: its share of the speed along the path is the same at every moment.
+    The drift fades with the speed: its share of the speed along the path is constant.
     """
     times = np.arange(round(horizon_s / step_s) + 1) * step_s
     speed = np.maximum(start.s_d - deceleration_mps2 * times, 0.0)

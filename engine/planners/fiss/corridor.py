@@ -1,9 +1,9 @@
-"""The lanes along a reference path as the core of FISS sees them: bands of lateral offsets, one value a station.
+"""The lanes along a reference path in the form of FISS's core: bands of lateral offsets, with one value per station.
 
-Lane 0 is the band around the path itself, as wide as the lane under it, so that a path that changes lanes leads the
-planner from one to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, where a change
-is allowed. Where there is no such lane, its band has no width: the core samples no end states in bands that are
-narrower than the vehicle, and they add nothing to the road.
+Lane 0 is the band around the path itself, as wide as the lane under it, so a path that changes lanes leads the planner
+from one lane to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, if a lane change
+is allowed. A missing lane has a band of zero width: the core samples no end states in bands that are narrower than the
+vehicle, and such a band adds nothing to the road.
 """
 
 from collections.abc import Collection, Iterator
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 _SPACING_M = 2.0
-"""Chosen: distance of the stations of a band; lanes change their width over tens of metres."""
+"""Distance between the stations of a band (chosen: lanes change their width over tens of metres)."""
 _BESIDE_M, _AHEAD_M = 10.0, 1.0
-"""A lane's cross-section belongs to a station if it is within these distances across and along the path."""
+"""A lane's cross-section belongs to a station if it is within these lateral and longitudinal distances."""
 _ALIGNED = 0.5
-"""Cosine of 60°: a lanelet with a smaller difference in direction from the path leads the same way."""
+"""Cosine of 60°: a lanelet leads the same way as the path if their directions differ by less."""
 _TOUCHING_M = 0.75
-"""Chosen: neighbouring lanes of recorded maps overlap, or leave a gap, by up to this."""
+"""Largest overlap or gap between neighbouring lanes of recorded maps (chosen)."""
 _USUAL_HALF_WIDTH_M = 1.75
-"""Half of the lane width of 3.5 m that CommonRoad's hand-crafted roads have, for a path that lies on no lane."""
+"""Half of the lane width of 3.5 m of CommonRoad's hand-crafted roads, for a path that is on no lane."""
 _NOT_CROSSED = frozenset({"solid", "solid_solid", "broad_solid", "curb", "lowered_curb"})
 """CommonRoad's line markings that a vehicle must not cross."""
 
 
 @dataclass(frozen=True)
 class LaneBand:
-    """Edges of a lane as offsets from the path in m, left positive, one a station (n,).
+    """Edges of a lane as offsets from the path in m, left positive, one per station (n,).
 
-    ``is_next``: whether the route changes to this lane later.
+    ``is_next``: True if the route changes to this lane later.
     """
 
     right_m: Values
@@ -57,12 +57,12 @@ class Bands:
     left: LaneBand
 
     def off_route(self, station_m: float) -> tuple[bool, bool]:
-        """Return for the lanes to the right and left of a station whether the route does not change to them."""
+        """Return whether the route never changes to the lane on the right, and on the left, of a station."""
         index = min(int(np.searchsorted(self.stations_m, station_m)), len(self.stations_m) - 1)
         return not self.right.is_next[index], not self.left.is_next[index]
 
     def corridor(self, right_cost: float, left_cost: float) -> "fiss_planner.Corridor":
-        """Return the bands in the core's form; the core adds their costs to candidates that end in that side's lane."""
+        """Return the bands in the core's form; the core adds each side's cost to candidates that end in its lane."""
         corridor = fiss_planner.Corridor(self.stations_m.tolist())
         for offset, band, cost in ((-1, self.right, right_cost), (0, self.under, 0.0), (1, self.left, left_cost)):
             lane = fiss_planner.LaneBand()
@@ -78,10 +78,10 @@ class Bands:
 
 
 def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
-    """Return the bands along a reference path, from its beginning to its end.
+    """Return the bands along a reference path, from its start to its end.
 
-    Only lanes that belong to the route count, those that follow it, and those to which a change of lane leads from
-    them. A marking that must not be crossed keeps a lane out unless the route itself changes to it.
+    Only lanes of the route count, their successors, and lanes to which a lane change leads from them. A marking that
+    must not be crossed excludes a lane, unless the route itself changes to it.
     """
     length_m = float(arc_length(reference.points)[-1])
     stations = np.linspace(0.0, length_m, max(round(length_m / _SPACING_M), 1) + 1)
@@ -99,9 +99,10 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
 
 
 def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
-    """Return the lanelets of a route with their places in it, in the order of driving.
+    """Return the lanelets of a route with their positions in it, in driving order.
 
-    Those before its first have the place −1; those that follow its last, as far as a path goes on, that of the last.
+    Predecessors of the first lanelet have the position −1; successors of the last one, as far as a path continues, have
+    the last position.
     """
     places = dict.fromkeys(graph.predecessors[lanelets[0]], -1) | {key: at for at, key in enumerate(lanelets)}
     ends = {lanelets[-1]: 0.0}
@@ -116,9 +117,9 @@ def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[in
 
 @dataclass(frozen=True)
 class _Section:
-    """Where a lane crosses the normal of the path at one station: its edges as offsets in m.
+    """The cross-section of a lane at one station of the path, with its edges as offsets in m.
 
-    ``place``: of its lanelet in the route, None where it is no part of it.
+    ``place``: the position of its lanelet in the route; None if it is not part of it.
     """
 
     station: int
@@ -133,12 +134,12 @@ class _Section:
         return (self.right_m + self.left_m) / 2
 
     def comes_after(self, other: "_Section") -> bool:
-        """Return whether the route changes to this lane from the other."""
+        """Return True if the route changes to this lane from the other."""
         return self.place is not None and other.place is not None and self.place > other.place
 
 
 def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | None) -> Iterator[_Section]:
-    """Yield the sections of a lanelet, at most one a station: the nearest of its cross-sections, about 1 m apart."""
+    """Yield the sections of a lanelet, at most one per station: the nearest of its cross-sections, about 1 m apart."""
     left, right = np.asarray(lanelet.left_vertices, dtype=float), np.asarray(lanelet.right_vertices, dtype=float)
     center = np.asarray(lanelet.center_vertices, dtype=float)
     lengths = arc_length(center)
@@ -166,7 +167,7 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | No
 
 
 def _near(points: Points, center: Points) -> NDArray[np.intp]:
-    """Return the points within ``_BESIDE_M`` of the box around a line."""
+    """Return the points within ``_BESIDE_M`` of the bounding box of a line."""
     low, high = center.min(axis=0) - _BESIDE_M, center.max(axis=0) + _BESIDE_M
     return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
 
@@ -181,13 +182,13 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
         by_station.setdefault(section.station, []).append(section)
     count = len(stations)
     half = np.full(count, np.nan)
-    beside: dict[bool, list[_Section | None]] = {side: [None] * count for side in (False, True)}
+    adjacent: dict[bool, list[_Section | None]] = {side: [None] * count for side in (False, True)}
     is_next = {side: [False] * count for side in (False, True)}
     for station, here in by_station.items():
         under = _under(here)
         if under is not None:
             half[station] = (under.left_m - under.right_m) / 2
-            for is_left, neighbours in beside.items():
+            for is_left, neighbours in adjacent.items():
                 neighbours[station] = _neighbour(under, here, is_left=is_left)
                 is_next[is_left][station] = _is_next(under, neighbours[station])
     known = np.isfinite(half)
@@ -195,8 +196,8 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
     return Bands(
         stations,
         under=LaneBand(-half, half, np.ones(count, dtype=np.bool_)),
-        right=_beside(beside[False], is_next[False], -half),
-        left=_beside(beside[True], is_next[True], half),
+        right=_adjacent_band(adjacent[False], is_next[False], -half),
+        left=_adjacent_band(adjacent[True], is_next[True], half),
     )
 
 
@@ -207,7 +208,7 @@ def _under(here: list[_Section]) -> _Section | None:
 
 
 def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
-    """Return the lane that touches the one under the path on a side, if it may be entered."""
+    """Return the lane that touches the one under the path on a side, if the vehicle may enter it."""
     edge = under.left_m if is_left else under.right_m
     crossed = under.crossed_left if is_left else under.crossed_right
     candidates = [
@@ -225,8 +226,8 @@ def _is_next(under: _Section, neighbour: _Section | None) -> bool:
     return neighbour is not None and neighbour.comes_after(under)
 
 
-def _beside(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
-    """Return a band along the edge of the lane under the path; it has no width where there is no lane."""
+def _adjacent_band(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:
+    """Return a band along the edge of the lane under the path; its width is 0 at stations without a lane."""
     right, left = inner_m.copy(), inner_m.copy()
     for index, section in enumerate(neighbours):
         if section is not None:

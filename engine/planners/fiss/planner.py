@@ -1,9 +1,9 @@
-"""FISS: iterative search over sampled end states (Sun et al.), its C++ core driven by our own loop.
+"""FISS: iterative search over sampled end states (Sun et al.), with its C++ core in our own loop.
 
-The core samples end states in the lanes along the reference path and searches them for the cheapest trajectory that it
-finds valid; it makes and checks only the candidates that its search comes to. Four searches can be chosen (setting
-``search``). What it chooses is checked once more, for the limits of the vehicle and against the exact bodies and the
-edge of the road; if that fails, all candidates are generated, and the cheapest one that passes is driven.
+The core samples end states in the lanes along the reference path and searches them for the cheapest valid trajectory.
+It generates and checks only the candidates that its search reaches. The setting ``search`` selects one of four
+searches. The result is checked once more, for the limits of the vehicle and against the exact bodies and the edge of
+the road; if that fails, all candidates are generated, and the ego drives the cheapest one that passes.
 
 If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
 distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes:
@@ -48,18 +48,20 @@ from .core import (
 from .corridor import lane_bands
 
 _SHORT_HORIZON_S = 2.5
-"""The core's default: how far collisions count where nothing is free for longer."""
+"""The core's default: the time for which collisions count if no candidate is free for longer."""
 _BRAKING_SHARES = (1.0, 0.75, 0.5, 0.35, 0.2)
-"""Shares of the vehicle's braking that are tried in turn: in a curve its tyres hold the ego on its path too."""
+"""Shares of the vehicle's deceleration that are tried in turn, since in a curve the tyres also hold the ego on its
+path.
+"""
 _REST_S = 1.0
-"""The least that a plan lasts, by the contract of planners."""
+"""Shortest duration of a plan by the contract of planners."""
 _RECOVERY_MPS2 = 2.0
-"""The core's default: after the ego has braked at its limit, a plan goes on from at most this deceleration."""
+"""The core's default: the largest deceleration with which a plan starts after the ego has braked at its limit."""
 
 
 @dataclass
 class _Step:
-    """One planning step in progress: where the ego is, and what was found so far."""
+    """One planning step in progress: the ego's state and the results so far."""
 
     observation: Observation
     start: "fiss_planner.FrenetState"
@@ -89,7 +91,7 @@ class Fiss:
         self._step: _Step | None = None
 
     def plan(self, observation: Observation) -> Plan:
-        """Search; take the cheapest candidate that the vehicle can drive and that is safe."""
+        """Search, and return the cheapest candidate that is safe and that the vehicle can drive."""
         ego, task = observation.ego, self._task
         index = self._driven.index_of(ego) if self._driven else None
         start = self._start(observation, index)
@@ -103,23 +105,23 @@ class Fiss:
         target_mps = max(min(desired_mps, self._path.curve_speed_mps(start.s, reach_m)), 0.0)
         step = self._step = _Step(observation, start, target_mps, reach_m, SafetyCheck(task, observation))
         return (
-            self._searched(step)
+            self._search_plan(step)
             or self._rest(step, index)
-            or self._searched(step, "margins")
-            or self._searched(step, "margins", until_s=_SHORT_HORIZON_S)
-            or self._searched(step, "bodies", until_s=_SHORT_HORIZON_S)
-            or self._searched(step, "bodies", until_s=_SHORT_HORIZON_S, target_mps=self._hurrying_mps(step))
-            or self._braking(step)
+            or self._search_plan(step, "margins")
+            or self._search_plan(step, "margins", until_s=_SHORT_HORIZON_S)
+            or self._search_plan(step, "bodies", until_s=_SHORT_HORIZON_S)
+            or self._search_plan(step, "bodies", until_s=_SHORT_HORIZON_S, target_mps=self._hurrying_mps(step))
+            or self._brake(step)
         )
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return valid candidates of the last planning step by cost."""
+        """Return valid candidates of the last planning step, ordered by cost."""
         step = self._step
         found = [] if step is None else self._valid(step, "full", math.inf, step.target_mps)
         return [self._trajectory(found[i], step).positions for i in evenly_chosen(len(found), most) if step]
 
     def _start(self, observation: Observation, index: int | None) -> "fiss_planner.FrenetState | None":
-        """Return where the ego's centre is in the frame of the path: on the plan that it follows, or as observed."""
+        """Return the ego's centre in the frame of the path, from the plan that it follows or as observed."""
         ego = observation.ego
         if index is not None and self._driven is not None and index < len(self._driven.candidate.t):
             return self._driven.candidate.frenet_state_at(index)
@@ -131,7 +133,7 @@ class Fiss:
         return self._path.start(ego, self._task.vehicle, near_m)
 
     def _core(self, care: Care, *, slow: bool, every_candidate: bool = False) -> "fiss_planner.Planner":
-        """Return the core for an ego at low speed or not; each remembers its last plan."""
+        """Return the core for an ego at low or normal speed; each core remembers its last plan."""
         key = slow, care, every_candidate
         if key not in self._cores:
             configuration = core_configuration(
@@ -145,12 +147,12 @@ class Fiss:
             self._cores[key] = fiss_planner.make_planner(configuration, vehicle_limits(self._task.vehicle))
         return self._cores[key]
 
-    def _searched(
+    def _search_plan(
         self, step: _Step, care: Care = "full", *, until_s: float = math.inf, target_mps: float | None = None
     ) -> Plan | None:
-        """Return the plan of one search, or None if nothing that it came to can be driven and is safe.
+        """Return the plan of one search, or None if no candidate that it reached is drivable and safe.
 
-        ``until_s``: how long collisions count; ``target_mps``: another speed to end at than the desired one.
+        ``until_s``: the time for which collisions count; ``target_mps``: an end speed other than the desired speed.
         """
         target = step.target_mps if target_mps is None else target_mps
         result = self._result(step, care, until_s, target)
@@ -168,7 +170,7 @@ class Fiss:
         return next(filter(None, (self._driven_if_safe(other, step, until_s) for other in others)), None)
 
     def _valid(self, step: _Step, care: Care, until_s: float, target_mps: float) -> list["fiss_planner.Trajectory"]:
-        """Return all candidates that the core finds valid, by cost; not only those that its search comes to."""
+        """Return all valid candidates by cost, including those that the core's search does not reach."""
         every = self._result(step, care, until_s, target_mps, every_candidate=True).candidates
         return sorted((one for one in every if one.rejection == fiss_planner.Rejection.OK), key=_total_cost)
 
@@ -188,8 +190,8 @@ class Fiss:
     def _hurrying_mps(self, step: _Step) -> float:
         """Return the speed that the ego reaches within half of the horizon, as far as curves allow it.
 
-        The core samples no speeds above its target, so without this an ego that is slower than those behind it could
-        only brake.
+        The core samples no speeds above its target, so without this an ego that is slower than its followers could only
+        brake.
         """
         gained_mps = BRISKEST_MPS2 * self._task.configuration.settings.horizon_s / 2
         fastest_mps = min(step.observation.ego.speed_mps + gained_mps, self._task.vehicle.maximum_speed_mps)
@@ -197,7 +199,7 @@ class Fiss:
         return max(step.target_mps, within_curves)
 
     def _lanes(self, step: _Step) -> "fiss_planner.Corridor":
-        """Return the lanes along the path; an adjacent one costs more if the route does not change to it."""
+        """Return the lanes along the path; an adjacent lane costs more if the route does not change to it."""
         weight = self._task.configuration.weights["route"]
         right, left = self._bands.off_route(step.start.s)
         costs = weight * right, weight * left
@@ -206,7 +208,7 @@ class Fiss:
         return self._corridors[costs]
 
     def _kept_offset(self, step: _Step) -> "fiss_planner.Corridor":
-        """Return a corridor about the offset that a slow ego has, or drifts to."""
+        """Return a corridor around the offset that a slow ego has, or drifts to."""
         horizon_s = self._task.configuration.settings.horizon_s
         offset = step.start.d + step.start.d_d * horizon_s / 4
         half = self._bands.half_width_at(step.start.s)
@@ -228,7 +230,7 @@ class Fiss:
         return None
 
     def _followed(self, trajectory: PlannedTrajectory, step: _Step) -> PlannedTrajectory:
-        """Return the motion with which the vehicle follows a trajectory, however far from it."""
+        """Return the motion with which the vehicle follows a trajectory, at any distance from it."""
         return follow(trajectory, step.observation.ego, self._task.vehicle, self._task.step_s).trajectory
 
     def _trajectory(self, candidate: "fiss_planner.Trajectory", step: _Step) -> PlannedTrajectory:
@@ -244,7 +246,7 @@ class Fiss:
         return Plan(trajectory, costs or {}, dict(step.rejected), step.candidates, kind, step.core_s)
 
     def _rest(self, step: _Step, index: int | None) -> Plan | None:
-        """Return what is left of the plan that the ego follows, while it is long enough and still safe."""
+        """Return the rest of the plan that the ego follows, if it is still long enough and safe."""
         if index is None or self._driven is None:
             return None
         rest = self._driven.rest(index)
@@ -255,8 +257,10 @@ class Fiss:
             return None
         return self._plan_of(followed.trajectory, step, costs_of(self._driven.candidate))
 
-    def _braking(self, step: _Step) -> Plan:
-        """Stand still, or brake as hard as the tyres allow on the path; no plan if no braking can be driven."""
+    def _brake(self, step: _Step) -> Plan:
+        """Stand still, or brake as hard as the tyres allow on the path; return no plan if the vehicle cannot brake at
+        all.
+        """
         ego, task = step.observation.ego, self._task
         self._driven, self._has_braked = None, True
         horizon_s = task.configuration.settings.horizon_s
@@ -266,14 +270,14 @@ class Fiss:
             still = PlannedTrajectory(positions, headings, np.zeros(count), np.zeros(count))
             return self._plan_of(self._followed(still, step), step, kind="standstill")
         hardest = task.vehicle.maximum_acceleration_mps2
-        for trajectory in self._brakings(step, (share * hardest for share in _BRAKING_SHARES)):
+        for trajectory in self._braking_trajectories(step, (share * hardest for share in _BRAKING_SHARES)):
             limit = violated_limit(trajectory, task.vehicle, task.step_s)
             if limit is None:
                 return self._plan_of(self._followed(trajectory, step), step, kind="stopping")
             step.rejected[limit] += 1
         return Plan(None, {}, dict(step.rejected), max(step.candidates, 1), core_s=step.core_s)
 
-    def _brakings(self, step: _Step, decelerations: Iterable[float]) -> Iterable[PlannedTrajectory]:
+    def _braking_trajectories(self, step: _Step, decelerations: Iterable[float]) -> Iterable[PlannedTrajectory]:
         task, ego = self._task, step.observation.ego
         horizon_s = task.configuration.settings.horizon_s
         line, start = self._path.line, step.start

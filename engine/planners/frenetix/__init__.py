@@ -1,1 +1,1 @@
-"""Frenetix: the planner, the C++ core that it drives, and the cost terms that the core lacks."""
+"""Frenetix: the planner, its C++ core, and the cost terms that the core lacks."""

@@ -1,28 +1,27 @@
-"""Frenetix's C++ core (0.4.0): what goes in, what comes out, and every trap on the way.
+"""Frenetix's C++ core (0.4.0): its inputs, its outputs, and its pitfalls.
 
-In the order of use: the frame that the core gets (``FrameKeeper``), the ego's state in it, the end states that it
-samples, its feasibility checks and cost functions, and copies of its samples as values of our own. Lengths in m,
-headings in rad; "inner" are coordinates of the frame, all others those of the world.
+In the order of use: the core's frame (``FrameKeeper``), the ego's state in it, the sampled end states, the feasibility
+checks and cost functions, and copies of the core's samples as our own values. Lengths in m, headings in rad; "inner"
+coordinates are those of the frame, all others are world coordinates.
 
-Traps (``test_frenetix_traps.py`` holds them):
+Pitfalls (tested by ``test_frenetix_traps.py``):
 
-- The core interpolates the reference heading as its smallest angle, so it jumps by 2π where a route crosses ±π, and
-  every candidate there fails the yaw-rate check. It gets coordinates that are turned to the middle of the headings
-  ahead; a route that turns through more than a full circle gets a new frame on the way.
-- It takes the direction of the segment behind a vertex for the heading at the vertex, so its headings run half a
-  segment ahead of its positions: in a curve the ego would head up to 40 mrad aside from where its rear axle moves,
-  which no vehicle can drive. The tangents at the vertices are put in their place.
-- It evaluates its polynomials by Horner's scheme and leaves out the factor 2 of the second derivative: the
-  accelerations of its samples, along and across the path, are half of the true ones. A plan that went on from them
-  would begin with a jump in acceleration, so they are doubled here, and the acceleration of a trajectory is taken
-  from its speeds. What the vehicle can drive is judged anew (``driving/drivability.py``). The core's cost terms
-  ``acceleration`` and ``jerk`` stay a quarter of the true integrals, because the weights of the presets were found
-  with them.
-- Array properties of its samples are views into its memory: they dangle once candidates are generated anew.
-  Everything is copied.
-- It keeps cost functions until one of the same name replaces them (:func:`add_step_functions`), cannot take an empty
+- The core interpolates the reference heading as its smallest angle. On a route that crosses ±π, the heading jumps by
+  2π and every candidate there fails the yaw-rate check. The core therefore gets coordinates turned to the middle of the
+  headings ahead; a route that turns through more than a full circle gets a new frame on the way.
+- It takes the direction of the segment behind a vertex as the heading at the vertex, so its headings run half a segment
+  ahead of its positions. In a curve the ego's heading would differ by up to 40 mrad from the motion of its rear axle,
+  which no vehicle can drive. We replace the headings by the tangents at the vertices.
+- It evaluates its polynomials by Horner's scheme without the factor 2 of the second derivative, so the longitudinal and
+  lateral accelerations of its samples are half of the true ones. A plan that continues from them would start with a
+  jump in acceleration, so we double them, and take the acceleration of a trajectory from its speeds. We check again
+  what the vehicle can drive (``driving/drivability.py``). The core's cost terms ``acceleration`` and ``jerk`` stay a
+  quarter of the true integrals, since the presets' weights were tuned with them.
+- Array properties of its samples are views of its memory and dangle once new candidates are generated. We copy all of
+  them.
+- It keeps cost functions until one with the same name replaces them (:func:`add_step_functions`), cannot take an empty
   array of obstacles, and compares its state i with entry i − 1 of a prediction (:func:`_core_prediction`).
-- Its term ``distance_to_obstacles`` keeps a view of the array that it is given, not a copy.
+- Its term ``distance_to_obstacles`` keeps a view of the given array, not a copy.
 - It refuses paths that come back over themselves (:func:`_longest_accepted`).
 """
 
@@ -44,15 +43,15 @@ from ..interface import EgoState, Observation, PlannedTrajectory, PredictedObsta
 from ..reference_path import FASTEST_MPS
 
 SECOND_DERIVATIVE_FACTOR = 2.0
-"""True over reported second derivatives of the core's samples; a test holds it against differences."""
+"""Ratio of the true to the reported second derivatives of the core's samples; a test compares it with differences."""
 SAFE_RANGE_RAD = 0.75 * math.pi
-"""Chosen: headings of a frame stay within this of its direction, far from ±π."""
+"""Headings of a frame stay within this of its direction, far from ±π (chosen)."""
 _BEHIND_M = 10.0
-"""Chosen: the headings that decide on a frame begin this far behind the ego."""
+"""Distance behind the ego from which headings count for a frame (chosen)."""
 _DURATION_STEPS_S = (1.0, 0.5, 0.3, 0.2)
-"""Steps of the sampled durations at the levels 0 to 3, as in the reference for time steps of 0.1 s."""
+"""Steps of the sampled durations at levels 0 to 3, as in the reference for time steps of 0.1 s."""
 _SHORTEST_REST_S = 0.2
-"""Chosen: what is left of the driven plan is an end state as long as it lasts this long."""
+"""Shortest rest of the driven plan that still counts as an end state (chosen)."""
 FINAL_SPEED, FINAL_OFFSET = 5, 10
 """Columns of the sampling matrix."""
 CONSTRAINTS = {
@@ -61,14 +60,14 @@ CONSTRAINTS = {
     "Curvature Constraint": "curvature",
     "Curvature Rate Constraint": "curvature_rate",
 }
-"""Names of the core's feasibility checks, and those that plans have for them."""
+"""Maps the core's feasibility checks to the names in plans."""
 BESIDE_REACH_M = 15.0
-"""√50 m of the core and the largest lateral offset, with some to spare; the ego's own length comes on top."""
+"""√50 m of the core plus the largest lateral offset, with a margin; the ego's own length is added to it."""
 
 
 @dataclass(frozen=True)
 class FrenetFrame:
-    """A reference path as the core sees it: moved to ``origin`` and turned by ``-angle_rad``."""
+    """A reference path in the core's frame: moved to ``origin`` and turned by ``-angle_rad``."""
 
     origin: Points
     angle_rad: float
@@ -76,7 +75,7 @@ class FrenetFrame:
 
     @classmethod
     def of(cls, path: Points, angle_rad: float) -> "FrenetFrame":
-        """The frame of a path for a middle heading."""
+        """Return the frame of a path for a middle heading."""
         origin = np.array(path[0])
         inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
         system = frenetix.CoordinateSystemWrapper(inner)
@@ -84,22 +83,22 @@ class FrenetFrame:
         return cls(origin, angle_rad, system)
 
     def inwards(self, points: Points) -> Points:
-        """World coordinates, shape (…, 2), in the frame."""
+        """Convert world coordinates, shape (…, 2), to the frame."""
         inner: Points = (points - self.origin) @ _rotation(self.angle_rad)
         return inner
 
     def outwards(self, points: Points) -> Points:
-        """Frame coordinates, shape (n, 2), in the world."""
+        """Convert frame coordinates, shape (n, 2), to world coordinates."""
         outer: Points = points @ _rotation(self.angle_rad).T + self.origin
         return outer
 
     def heading_inwards(self, heading_rad: float) -> float:
-        """A heading in the frame, in [−π, π)."""
+        """Convert a heading to the frame, in [−π, π)."""
         return (heading_rad - self.angle_rad + math.pi) % math.tau - math.pi
 
 
 class FrameKeeper:
-    """Gives the frame in which no heading ahead comes near ±π, and a new one only where the old does not serve."""
+    """Provides a frame in which no heading ahead is near ±π, and keeps the old frame while it is suitable."""
 
     def __init__(self, path: Points) -> None:
         try:
@@ -116,7 +115,7 @@ class FrameKeeper:
         self.frame = FrenetFrame.of(path, (low + high) / 2 if fits else float(self._headings[0]))
 
     def frame_for(self, station_m: float, ahead_m: float) -> FrenetFrame:
-        """The frame for planning from an arc length over the metres ahead."""
+        """Return the frame for planning from an arc length over the given distance ahead."""
         near = (self._stations >= station_m - _BEHIND_M) & (self._stations <= station_m + ahead_m)
         window = self._headings[near] if near.any() else self._headings[-1:]
         turned = np.abs(np.remainder(window - self.frame.angle_rad + math.pi, math.tau) - math.pi)
@@ -127,10 +126,10 @@ class FrameKeeper:
 
 
 def _longest_accepted(path: Points) -> Points:
-    """The path, or as much of it from its beginning as the core takes.
+    """Return the path, or the longest initial part that the core accepts.
 
-    Where a path comes back over itself, as one does that goes on around the loop of a dead end, the core finds no area
-    in which every point has one place along the path, and refuses the whole.
+    If a path comes back over itself, for example around the loop of a dead end, the core finds no area in which every
+    point has a unique position along the path, and refuses the whole path.
     """
     accepted, refused = 2, len(path)
     while refused - accepted > 1:
@@ -144,9 +143,9 @@ def _longest_accepted(path: Points) -> Points:
 
 
 def tangents(segments_rad: Values) -> Values:
-    """Heading at every vertex: the middle of the segments before and after it.
+    """Return the heading at every vertex, the mean of the segments before and after it.
 
-    ``segments_rad``: heading of the segment after each vertex, without jumps, the last one twice.
+    ``segments_rad``: the heading of the segment after each vertex, without jumps; the last one appears twice.
     """
     tangents = segments_rad.copy()
     tangents[1:-1] = 0.5 * (segments_rad[:-2] + segments_rad[1:-1])
@@ -154,16 +153,16 @@ def tangents(segments_rad: Values) -> Values:
 
 
 def _rotation(angle_rad: float) -> Points:
-    """Matrix R with ``p @ R`` turned by ``-angle_rad``."""
+    """Return the matrix R such that ``p @ R`` is p turned by ``-angle_rad``."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[cos, -sin], [sin, cos]])
 
 
 @dataclass(frozen=True)
 class CurvilinearState:
-    """Arc length and lateral offset with two derivatives each.
+    """Arc length and lateral offset, with two derivatives each.
 
-    At low speed (``low_speed``) the lateral derivatives are by arc length, else by time.
+    At low speed (``low_speed``) the lateral derivatives are by arc length, otherwise by time.
     """
 
     longitudinal: Values
@@ -171,7 +170,7 @@ class CurvilinearState:
     low_speed: bool
 
     def as_mode(self, low_speed: bool) -> "CurvilinearState":
-        """The same state with the lateral derivatives of the other mode (chain rule)."""
+        """Return the same state with the lateral derivatives of the other mode (chain rule)."""
         if low_speed == self.low_speed:
             return self
         _, speed, acceleration = self.longitudinal
@@ -189,7 +188,7 @@ class CurvilinearState:
 def initial_state(
     frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters, low_speed: bool
 ) -> CurvilinearState | None:
-    """The ego's curvilinear state by the core; None where it cannot be placed (opposite heading, off the path)."""
+    """Return the ego's curvilinear state, or None if the core cannot place it (opposite heading, off the path)."""
     rear = frame.inwards(rear_axle(ego.position, ego.heading_rad, vehicle))
     steering = ego.steering_rad
     if steering is None:
@@ -211,7 +210,7 @@ def initial_state(
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s every 0.3 s."""
+    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s in steps of 0.3 s."""
 
     horizon_s: float = 3.0
     shortest_s: float = 1.1
@@ -221,22 +220,26 @@ class SamplingSettings:
 
     @property
     def followed_within_m(self) -> float:
-        """How far the vehicle may be from a candidate that it follows: half the distance of two sampled offsets.
+        """Largest distance of the vehicle from a candidate that it follows: half the distance between two sampled
+        offsets.
 
-        Farther away it is nearer to another candidate, and the costs are those of a motion that is not driven.
+        Farther away the vehicle is nearer to another candidate, and the costs belong to a motion that it does not
+        drive.
         """
         return self.lateral_m / (self.values - 1)
 
     @classmethod
     def of(cls, settings: PlannerSettings) -> "SamplingSettings":
-        """The horizon and the level of a configuration; each level halves the distance of the values."""
+        """Return the sampling for a configuration's horizon and level; each level halves the distance
+        between values.
+        """
         level = settings.sampling_level
         return cls(horizon_s=settings.horizon_s, values=2 ** (level + 1) + 1, duration_step_s=_DURATION_STEPS_S[level])
 
 
 @dataclass(frozen=True)
 class EndState:
-    """Where a candidate ends: after ``duration_s``, at ``speed_mps`` along the path and ``offset_m`` beside it."""
+    """The end of a candidate: after ``duration_s``, at ``speed_mps`` along the path and lateral offset ``offset_m``."""
 
     duration_s: float
     speed_mps: float
@@ -244,7 +247,7 @@ class EndState:
 
     @classmethod
     def of(cls, sample: "frenetix.TrajectorySample") -> "EndState":
-        """The end that a sample was made for."""
+        """Return the end state of a sample."""
         row = sample.sampling_parameters
         return cls(duration_s=float(row[1]), speed_mps=float(row[FINAL_SPEED]), offset_m=float(row[FINAL_OFFSET]))
 
@@ -256,12 +259,12 @@ def sampling_matrix(
     vehicle: VehicleParameters,
     going_on: EndState | None = None,
 ) -> Points:
-    """All combinations as the core's matrix, shape (n, 13).
+    """Return all combinations as the core's matrix, shape (n, 13).
 
-    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''.
-    About 800 rows: the present speed and offset and the whole horizon are among the end states, and ``going_on``, the
-    rest of the plan that is being driven. Without it a plan that stops just in time is lost by replanning, because
-    every new candidate takes at least ``shortest_s``.
+    Columns: t0, t1, s0, s0', s0'', s1', s1'', d0, d0', d0'', d1, d1', d1''. The matrix has about 800 rows. The end
+    states include the present speed and offset, the whole horizon, and ``going_on``, the rest of the driven plan.
+    Without the latter, replanning loses a plan that stops just in time, since every new candidate takes at least
+    ``shortest_s``.
     """
     durations = np.arange(settings.shortest_s, settings.horizon_s + 1e-9, settings.duration_step_s)
     durations = np.unique(np.round(np.append(durations, settings.horizon_s), 6))
@@ -283,10 +286,11 @@ def sampling_matrix(
 
 @dataclass
 class PlanningStep:
-    """One planning step in progress: what the functions of the core depend on, and what is counted.
+    """One planning step in progress: the inputs of the core's functions, and the counters.
 
-    ``reach_m``: distance that the fastest candidate covers within the horizon; ``core_s``: time that the core took.
-    ``obstacle_places``: the array that the core's cost term reads, which has to live as long as candidates are made.
+    ``reach_m``: the distance that the fastest candidate covers within the horizon; ``core_s``: the core's computation
+    time.
+    ``obstacle_places``: the array that the core's cost term reads; it must exist while candidates are generated.
     """
 
     observation: Observation
@@ -304,12 +308,12 @@ class PlanningStep:
 
     @property
     def ego(self) -> EgoState:
-        """The ego as observed."""
+        """The observed ego."""
         return self.observation.ego
 
 
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
-    """The four constraints that the core really checks; they stay the same during a run.
+    """Add the four constraints that the core really checks; they stay the same during a run.
 
     The core's accelerations are half of the true ones (see the module), so it gets half of the limit.
     """
@@ -327,10 +331,10 @@ def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParam
 
 
 def add_step_functions(handler: "frenetix.TrajectoryHandler", weights: dict[str, float], step: PlanningStep) -> None:
-    """Coordinates and quick cost terms of this step; those of the step before are removed first.
+    """Replace the coordinates and cheap cost terms of the previous step by those of this step.
 
-    The handler keeps functions until one of the same name replaces them, so a term that is left out this time (no
-    obstacle in sight) would otherwise go on with old positions.
+    The handler keeps functions until one with the same name replaces them. A term that is left out this time (no
+    obstacle in sight) would otherwise keep old positions.
     """
     handler.clear_cost_functions()
     orientation = step.frame.heading_inwards(step.ego.heading_rad)
@@ -376,7 +380,9 @@ _CONSTANT = {
 def collision_probability(
     weight: float, step: PlanningStep, vehicle: VehicleParameters
 ) -> costs.CalculateCollisionProbabilityFast:
-    """The core's term ``prediction``. It takes longer than all else in the core, so it is kept out of the handler."""
+    """Return the core's term ``prediction``, which is kept out of the handler since it takes longer than all other
+    terms.
+    """
     counted = [(obstacle, _last_within_reach(obstacle, step, vehicle)) for obstacle in step.observation.obstacles]
     predictions = {o.obstacle_id: _core_prediction(o, last, step.frame) for o, last in counted if last > 0}
     return costs.CalculateCollisionProbabilityFast(
@@ -385,10 +391,10 @@ def collision_probability(
 
 
 def _last_within_reach(obstacle: PredictedObstacle, step: PlanningStep, vehicle: VehicleParameters) -> int:
-    """The last step ahead at which the core can count an obstacle, 0 where it never can.
+    """Return the last step ahead at which the core can count an obstacle, or 0 if it never can.
 
-    The core counts nothing farther than √50 m from the ego's box, at the same step. At a share of the horizon a
-    candidate is at most that share of ``reach_m`` away, and its lateral offset on top.
+    The core counts no obstacle farther than √50 m from the ego's box at the same step. After a share of the horizon, a
+    candidate is at most that share of ``reach_m`` away, plus its lateral offset.
     """
     away = np.linalg.norm(obstacle.positions - step.ego.position, axis=1)
     times = np.arange(len(away)) * step.step_s
@@ -397,9 +403,9 @@ def _last_within_reach(obstacle: PredictedObstacle, step: PlanningStep, vehicle:
 
 
 def _core_prediction(obstacle: PredictedObstacle, last: int, frame: FrenetFrame) -> "frenetix.PredictedObject":
-    """The obstacle until step ``last``.
+    """Return the obstacle until step ``last``.
 
-    The core compares its state i with entry i − 1, so its list begins one step ahead; and it ends one entry early.
+    The core compares its state i with entry i − 1, so its list starts one step ahead and ends one entry early.
     """
     turn = np.array(
         [[np.cos(frame.angle_rad), np.sin(frame.angle_rad)], [-np.sin(frame.angle_rad), np.cos(frame.angle_rad)]]
@@ -412,14 +418,14 @@ def _core_prediction(obstacle: PredictedObstacle, last: int, frame: FrenetFrame)
     half = (obstacle.headings_rad[1 : last + 2] - frame.angle_rad) / 2
     places, turns = np.zeros((len(positions), 3)), np.zeros((len(positions), 4))
     places[:, :2], turns[:, 2], turns[:, 3] = positions, np.sin(half), np.cos(half)
-    columns = covariances.transpose(0, 2, 1)  # symmetric; the core takes matrices by columns
+    columns = covariances.transpose(0, 2, 1)  # symmetric; the core expects column-major matrices
     poses = [frenetix.PoseWithCovariance(*pose) for pose in zip(places, turns, columns, strict=True)]
     return frenetix.PredictedObject(obstacle.obstacle_id, poses, obstacle.length_m, obstacle.width_m)
 
 
 @dataclass(frozen=True)
 class DrivenPlan:
-    """The trajectory that was chosen at ``first_step``, with its curvilinear states (6, n): s, s', s'', d, d', d''."""
+    """The trajectory chosen at ``first_step``, with its curvilinear states (6, n): s, s', s'', d, d', d''."""
 
     first_step: int
     trajectory: PlannedTrajectory
@@ -428,7 +434,7 @@ class DrivenPlan:
     end: EndState
 
     def state_for(self, ego: EgoState, low_speed: bool, within_m: float) -> CurvilinearState | None:
-        """Return the curvilinear state of this plan, if the ego is as near to it as ``within_m``."""
+        """Return the curvilinear state of this plan, or None if the ego is farther than ``within_m`` from it."""
         index = ego.step - self.first_step
         if not is_on_plan(self.trajectory, index, ego, within_m):
             return None
@@ -436,14 +442,14 @@ class DrivenPlan:
         return CurvilinearState(column[:3].copy(), column[3:].copy(), self.low_speed).as_mode(low_speed)
 
     def rest_for(self, ego: EgoState, step_s: float) -> EndState:
-        """What is left of this plan at a later step."""
+        """Return the rest of this plan at a later step."""
         return replace(self.end, duration_s=round(self.end.duration_s - (ego.step - self.first_step) * step_s, 6))
 
 
 def copied_trajectory(
     sample: "frenetix.TrajectorySample", frame: FrenetFrame, ego: EgoState, vehicle: VehicleParameters
 ) -> PlannedTrajectory:
-    """A sample as states of the centre in the world; headings continue the ego's."""
+    """Return a sample as states of the centre in world coordinates; headings continue the ego's."""
     inner = sample.cartesian
     speed = np.array(inner.v, dtype=float)
     heading = np.array(inner.theta, dtype=float) + frame.angle_rad
@@ -458,7 +464,7 @@ def copied_trajectory(
 
 
 def _changes(values: Values, step_s: float) -> Values:
-    """What ``np.gradient`` gives, in a fifth of its time: central differences, at both ends one-sided ones."""
+    """Return the result of ``np.gradient`` in a fifth of its time: central differences, one-sided at both ends."""
     changes = np.empty_like(values)
     changes[1:-1] = (values[2:] - values[:-2]) / (2.0 * step_s)
     changes[0], changes[-1] = (values[1] - values[0]) / step_s, (values[-1] - values[-2]) / step_s
@@ -466,7 +472,7 @@ def _changes(values: Values, step_s: float) -> Values:
 
 
 def copied_curvilinear(sample: "frenetix.TrajectorySample") -> Points:
-    """The curvilinear states of a sample, shape (6, n), with true second derivatives."""
+    """Return the curvilinear states of a sample, shape (6, n), with true second derivatives."""
     inner = sample.curvilinear
     rows = (inner.s, inner.s_dot, inner.s_ddot, inner.d, inner.d_dot, inner.d_ddot)
     states = np.array([np.array(row, dtype=float) for row in rows])

@@ -1,30 +1,30 @@
 """The cost terms that the C++ core lacks, computed for all feasible candidates at once.
 
-Each takes a ``CandidateBatch`` and gives raw costs of shape (n,). The meanings of path_length, velocity and
-lane_center_offset are those of the Frenetix reference's Python terms; responsibility is our own.
+Each term takes a ``CandidateBatch`` and returns raw costs of shape (n,). path_length, velocity and lane_center_offset
+have the meaning of the Frenetix reference's Python terms; responsibility is our own.
 
-**Responsibility** is nearness to others for which the ego would have to answer. The idea is that of Geisslinger,
+**Responsibility** measures proximity to others for which the ego would be to blame. The idea is that of Geisslinger,
 Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
-2023): a danger counts against the ego only where it enters what the other may legally reach; a road user that leaves
-its own lane or ignores the right of way answers for it. The rules and formulas below are ours.
+2023): a risk counts against the ego only if it enters the area that the other may legally reach. A road user that
+leaves its own lane or ignores the right of way is to blame itself. The rules and formulas below are ours.
 
-For every candidate and obstacle the conflict is the step of the smallest gap between their rectangles; it costs
-``exp(−gap / 2 m)`` where the ego is responsible. An obstacle's legal reach is its corridor: the lanelets of its
-direction under it and all that follow, from full braking (8 m/s²) to acceleration (3 m/s²). The rules, in this order:
+For every candidate and obstacle, the conflict is the step with the smallest gap between their rectangles; it costs
+``exp(−gap / 2 m)`` if the ego is responsible. An obstacle's legal reach is its corridor, the lanelets of its direction
+under it and all their successors, from full braking (8 m/s²) to acceleration (3 m/s²). The rules, in this order:
 
 1. A standing obstacle counts unless it is behind the ego.
-2. One that is ahead in the ego's corridor counts, because the ego has to keep its distance; a ghost driver does not.
-3. One that follows behind the ego in the same lane does not count.
-4. One without a lane of its own (a pedestrian, a car off the road) counts where it is in front at the conflict.
-5. Otherwise the ego has to be within the other's legal reach: a conflict elsewhere (the other cuts in, comes over the
-   line) counts only where the ego has left its own corridor too.
-6. Within that reach the ego is responsible where it has left its own corridor, or where it drives parallel to the
-   other with its body over the edge of the other's lane. Where the corridors meet, the one that has to give way
-   answers: by signs (yield or stop, priority, crosswalks), else right before left, left turns after oncoming traffic,
-   and in a merge the one behind.
+2. An obstacle ahead in the ego's corridor counts, since the ego must keep its distance; a wrong-way driver does not.
+3. An obstacle that follows the ego in the same lane does not count.
+4. An obstacle without a lane (a pedestrian, a car off the road) counts if it is in front at the conflict.
+5. Otherwise the ego must be within the other's legal reach. A conflict elsewhere (the other cuts in or crosses the
+   line) counts only if the ego has left its own corridor too.
+6. Within that reach the ego is responsible if it has left its own corridor, or if it drives parallel to the other with
+   its body over the edge of the other's lane. If the corridors meet, the one that must give way is responsible: by
+   signs (yield or stop, priority, crosswalks), otherwise by right before left, left turns after oncoming traffic, and
+   in a merge the one behind.
 
-Simplifications: traffic lights and speed limits are not read, right-hand traffic is assumed, headings count as they
-are now, and a car that has cut in counts as ahead from the next planning step on.
+Simplifications: traffic lights and speed limits are ignored, traffic drives on the right, headings keep their present
+values, and a car that has cut in counts as ahead from the next planning step.
 """
 
 import math
@@ -40,17 +40,17 @@ from ..interface import PredictedObstacle
 from ..lanes import Corridor, LaneCenters, LaneCorridors
 
 _RANGE_M = 8.0
-"""Chosen: a wider gap costs nothing; it would cost less than 0.02."""
+"""A wider gap costs nothing (chosen: it would cost less than 0.02)."""
 _SCALE_M = 2.0
-"""Chosen: over this gap the cost falls to 1/e."""
+"""Gap over which the cost falls to 1/e (chosen)."""
 _EVERY_S = 0.2
-"""Chosen: the gaps are looked at in steps of this duration."""
+"""Time between the evaluated gaps (chosen)."""
 _ACCELERATION_MPS2 = 3.0
-"""Chosen: what another may accelerate with; that of a brisk car."""
+"""Acceleration of another vehicle (chosen: that of a brisk car)."""
 _SIDE_BY_SIDE_RAD = math.radians(30.0)
-"""Chosen: headings that differ by less, or by this less than 180°, are parallel."""
+"""Headings within this of each other, or of the opposite direction, are parallel (chosen)."""
 _LEFT_TURN_RAD = math.radians(20.0)
-"""Chosen: a candidate that turns to the left by more than this before the conflict turns left."""
+"""A candidate that turns left by more than this before the conflict turns left (chosen)."""
 _Flags = NDArray[np.bool_]
 
 
@@ -58,8 +58,9 @@ _Flags = NDArray[np.bool_]
 class CandidateBatch:
     """States of n candidates at m steps: centre ``x_m``, ``y_m``, heading, speed, each of shape (n, m).
 
-    They are some of the candidates of a planning step; ``fastest_mps`` is the largest final speed among all.
-    ``target_speed_mps``: mean speed that brings the ego to the goal in the time left; None where the goal has no place.
+    The batch has some of a planning step's candidates; ``fastest_mps`` is the largest final speed of all of them.
+    ``target_speed_mps``: the mean speed that brings the ego to the goal in the time left; None for a goal without
+    position.
     """
 
     x_m: Points
@@ -77,25 +78,27 @@ class CandidateBatch:
 
 
 def _path_length(batch: CandidateBatch) -> Values:
-    """Length of the candidate in m: the integral of its speed (trapezoids)."""
+    """Return the length of the candidate in m, the integral of its speed (trapezoids)."""
     return np.asarray(np.trapezoid(batch.speed_mps, dx=batch.step_s, axis=1))
 
 
 def _velocity(batch: CandidateBatch) -> Values:
-    """|mean speed − speed that reaches the goal in the time left| in m/s; 0 where the goal has no place."""
+    """Return |mean speed − speed that reaches the goal in the time left| in m/s; 0 for a goal without a position."""
     if batch.target_speed_mps is None:
         return np.zeros(len(batch.speed_mps))
     return np.asarray(np.abs(batch.speed_mps.mean(axis=1) - batch.target_speed_mps))
 
 
 def _lane_center_offset(batch: CandidateBatch) -> Values:
-    """Mean distance in m to the centre line of the lanelet under each point; 5 m where there is none."""
+    """Return the mean distance in m to the centre line of the lanelet under each point; 5 m without a lanelet."""
     points = np.stack([batch.x_m.ravel(), batch.y_m.ravel()], axis=1)
     return np.asarray(batch.lanes.offsets(points).reshape(batch.x_m.shape).mean(axis=1))
 
 
 def responsibility(batch: CandidateBatch) -> Values:
-    """Sum over obstacles of ``exp(−smallest gap / 2 m)`` where the ego is responsible, per candidate, shape (n,)."""
+    """Return per candidate the sum of ``exp(−smallest gap / 2 m)`` over obstacles that the ego is responsible for,
+    (n,).
+    """
     total = np.zeros(len(batch.x_m))
     nearness = _Nearness(batch)
     horizon_s = batch.x_m.shape[1] * batch.step_s
@@ -117,10 +120,10 @@ def responsibility(batch: CandidateBatch) -> Values:
 
 
 class _Nearness:
-    """Gaps between the candidates' rectangles and those of an obstacle; the present step is left out.
+    """Gaps between the candidates' rectangles and an obstacle's rectangle, except at the present step.
 
-    In the obstacle's frame the ego counts by its bounding box, which is exact where both are parallel or at right
-    angles. Every 0.2 s is looked at, the last step included; steps at which no candidate can be within 8 m are skipped.
+    In the obstacle's frame the ego counts by its bounding box, which is exact if both are parallel or at right angles.
+    The gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate can be within 8 m.
     """
 
     def __init__(self, batch: CandidateBatch) -> None:
@@ -134,7 +137,7 @@ class _Nearness:
         self._high = np.stack([self._x.max(axis=0), self._y.max(axis=0)], axis=1)
 
     def to(self, other: PredictedObstacle) -> tuple[Values, NDArray[np.intp]]:
-        """Smallest gap in m (infinite beyond the range) and its step, for every candidate."""
+        """Return the smallest gap in m (infinite beyond the range) and its step for every candidate."""
         half_length, half_width = self._batch.half_length_m, self._batch.half_width_m
         steps = self._steps[self._steps < len(other.positions)]
         there, count = other.positions[steps], len(steps)
@@ -171,7 +174,7 @@ class _Conflict:
     step: NDArray[np.intp]
 
     def is_the_egos(self, horizon_s: float) -> _Flags:
-        """Whether the ego would be responsible, by the rules of the module."""
+        """Return whether the ego would be responsible, by the rules of the module."""
         other, there = self.other, self.other.positions[0]
         turn = wrap_angle(float(other.headings_rad[0]) - self.heading_rad)
         reach = _reach_m(other.speed_mps, horizon_s)
@@ -189,7 +192,7 @@ class _Conflict:
         return self._between_lanes(legal, turn)
 
     def _between_lanes(self, legal: Corridor, turn: float) -> _Flags:
-        """Rules 5 and 6: neither follows the other now."""
+        """Return the result of rules 5 and 6, in which neither vehicle follows the other."""
         points = self._points()
         left_own = np.ones(len(points), dtype=np.bool_) if self.own is None else self.own.locate(points)[1] > 0.0
         both_left = left_own & (legal.locate(self.other.positions)[1] > 0.0)[self.step]
@@ -209,7 +212,7 @@ class _Conflict:
         if abs(turn) > math.pi - _SIDE_BY_SIDE_RAD:
             turned = wrap_angles(self.batch.heading_rad[self.near, self.step] - self.heading_rad)
             return np.asarray(turned > _LEFT_TURN_RAD)
-        return np.full(len(self.near), turn > 0.0)  # who drives to the ego's left comes from its right
+        return np.full(len(self.near), turn > 0.0)  # a vehicle that moves to the ego's left comes from its right
 
     def _reachable(self, station: Values) -> _Flags:
         time = self.step * self.batch.step_s
@@ -220,7 +223,7 @@ class _Conflict:
         return np.asarray((station >= least - margin) & (station <= most + margin))
 
     def _in_front(self) -> _Flags:
-        """Whether the obstacle is before the ego's centre at the conflict."""
+        """Return whether the obstacle is in front of the ego's centre at the conflict."""
         heading = self.batch.heading_rad[self.near, self.step]
         away = self.other.positions[self.step] - self._points()
         return np.asarray(np.cos(heading) * away[:, 0] + np.sin(heading) * away[:, 1] > 0.0)
@@ -250,4 +253,4 @@ OWN_TERMS: dict[str, Callable[[CandidateBatch], Values]] = {
     "velocity": _velocity,
     "responsibility": responsibility,
 }
-"""The terms that are computed here, by weight."""
+"""Maps weights to the terms computed here."""

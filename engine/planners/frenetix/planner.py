@@ -1,9 +1,9 @@
-"""Frenetix: the sampling planner of TUM, its C++ core driven by our own loop.
+"""Frenetix: the sampling planner of TUM, with its C++ core in our own loop.
 
-Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path).
-They are tested in the order of their cost against the limits of the vehicle, the predicted obstacles and the edge of
-the road; the first that passes is driven. Where none passes: standing still under 0.1 m/s, else the drivable candidate
-that stops soonest.
+Candidates end at sampled durations, speeds and lateral offsets (quartic along, quintic across the reference path). They
+are checked in order of cost against the limits of the vehicle, the predicted obstacles and the edge of the road; the
+ego drives the first that passes. If no candidate passes, an ego below 0.1 m/s stands still; otherwise it drives the
+feasible candidate that stops soonest.
 """
 
 import heapq
@@ -47,11 +47,11 @@ from .costs import OWN_TERMS, CandidateBatch
 from .screening import Screening
 
 _LOW_SPEED_MPS = 2.0
-"""Chosen: under it the core plans with lateral derivatives by arc length (``CurvilinearState``)."""
+"""Speed below which the core plans with lateral derivatives by arc length (``CurvilinearState``; chosen)."""
 COMPLETED_AT_ONCE = 16
-"""Chosen: candidates for which our own cost terms are computed together; the core's are computed one by one."""
+"""Candidates that get our own cost terms together, while the core computes its terms one by one (chosen)."""
 _MADE_AT_ONCE = 16
-"""Chosen: as many of the cheapest candidates are made by the core at a time."""
+"""Candidates that the core generates at a time, cheapest first (chosen)."""
 
 
 class Frenetix:
@@ -81,7 +81,7 @@ class Frenetix:
         self._driven: DrivenPlan | None = None
 
     def plan(self, observation: Observation) -> Plan:
-        """Sample, score, and take the first candidate that is safe."""
+        """Sample, compute costs, and return the first candidate that is safe."""
         ego, task = observation.ego, self._task
         horizon_s = self._settings.horizon_s
         reach_m = (ego.speed_mps + task.vehicle.maximum_acceleration_mps2 / 6.0 * horizon_s) * horizon_s
@@ -119,13 +119,15 @@ class Frenetix:
         return self._fallback(feasible, float(state.lateral[0]), step)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Of the feasible candidates of the last planning step, as they are ranked before the expensive terms."""
+        """Return feasible candidates of the last planning step, in their order before the expensive cost terms."""
         step, samples = self._step, list(self._candidates)
         chosen = evenly_chosen(len(samples), most)
         return [copied_trajectory(samples[i], step.frame, step.ego, self._task.vehicle).positions for i in chosen]
 
     def _feasible(self, matrix: Points, step: PlanningStep) -> "_Feasible":
-        """The feasible candidates with their quick terms; the others are counted by what rejects them."""
+        """Return the feasible candidates with their cheap terms, and count the others by the constraint that rejects
+        them.
+        """
         add_step_functions(self._handler, self._weights, step)
         began = perf_counter()
         screening = Screening.of(matrix, step, self._task.vehicle, self._weights)
@@ -142,7 +144,7 @@ class Frenetix:
     def _ranked(
         self, feasible: Iterable["frenetix.TrajectorySample"], step: PlanningStep
     ) -> Iterator["frenetix.TrajectorySample"]:
-        """Feasible candidates, cheapest first; the expensive terms are computed as the candidates are asked for."""
+        """Return feasible candidates, cheapest first; the expensive terms are computed on demand."""
         weight, collision = self._weights["prediction"], None
         if weight > 0:
             collision = collision_probability(weight, step, self._task.vehicle)
@@ -205,7 +207,7 @@ class Frenetix:
         return self._drive(chosen, "stopping", step)
 
     def _limit(self, sample: "frenetix.TrajectorySample", step: PlanningStep) -> Limit | None:
-        """The limit of the vehicle that a candidate breaks."""
+        """Return the limit of the vehicle that a candidate breaks."""
         vehicle = self._task.vehicle
         return violated_limit(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
 
@@ -216,7 +218,7 @@ class Frenetix:
         step: PlanningStep,
         followed: FollowedPlan | None = None,
     ) -> Plan:
-        """Return the motion of the vehicle along a candidate; the planner goes on from the candidate itself."""
+        """Return the vehicle's motion along a candidate; the planner continues from the candidate itself."""
         trajectory = copied_trajectory(sample, step.frame, step.ego, self._task.vehicle)
         followed = followed or follow(trajectory, step.ego, self._task.vehicle, self._task.step_s)
         self._driven = DrivenPlan(
@@ -227,11 +229,11 @@ class Frenetix:
 
 
 class _Feasible:
-    """The feasible candidates of a planning step, by ascending cost, the same objects each time.
+    """The feasible candidates of a planning step by ascending cost, the same objects in every iteration.
 
-    The core makes those that screening leaves open, and of the others the cheapest as far as they are asked for: making
-    and copying them takes most of a planning step. ``count``: how many there are; ``others``: how many infeasible ones
-    broke which constraints.
+    The core generates the candidates that screening leaves undecided, and of the others only the cheapest, on demand,
+    since generating and copying them takes most of a planning step. ``count``: the number of feasible candidates;
+    ``others``: the number of infeasible candidates by the constraints that they broke.
     """
 
     def __init__(
@@ -264,7 +266,7 @@ class _Feasible:
             self._step.core_s += perf_counter() - began
 
     def _make(self, rows: NDArray[np.intp]) -> None:
-        """Have the core make the candidates of some rows of the matrix; their ids are their rows."""
+        """Let the core generate the candidates of some rows of the matrix, with the row numbers as their ids."""
         if not len(rows):
             return
         self._handler.generate_trajectories(self._matrix[rows], self._step.low_speed)
@@ -280,15 +282,15 @@ class _Feasible:
 
 
 class _Candidate(Protocol):
-    """A trajectory with its total cost; the id decides between equal costs."""
+    """A trajectory with its total cost; the id breaks ties."""
 
     @property
     def cost(self) -> Any:
-        """Weighted sum of the cost terms."""
+        """The weighted sum of the cost terms."""
 
     @property
-    def uniqueId(self) -> Any:  # noqa: N802 - as the core names it
-        """A number of its own."""
+    def uniqueId(self) -> Any:  # noqa: N802 - the core's name
+        """A unique number."""
 
 
 _AnyCandidate = TypeVar("_AnyCandidate", bound=_Candidate)
@@ -297,11 +299,11 @@ _AnyCandidate = TypeVar("_AnyCandidate", bound=_Candidate)
 def cheapest_first(
     candidates: Iterable[_AnyCandidate], complete: Callable[[Sequence[_AnyCandidate]], None], at_once: int
 ) -> Iterator[_AnyCandidate]:
-    """Candidates by ascending cost, the rest of their costs computed only as far as candidates are asked for.
+    """Yield candidates by ascending cost, and complete their costs only on demand.
 
-    The given costs ascend and lack expensive terms that are never negative. ``complete`` adds them, to ``at_once``
-    candidates at a time. A completed candidate that costs less than the next one does without the expensive terms is
-    cheaper than all that follow, so the order is the same as if all had been completed before.
+    The given costs ascend and lack expensive, non-negative terms. ``complete`` adds these to ``at_once`` candidates at
+    a time. A completed candidate that costs less than the incomplete cost of the next one is cheaper than all that
+    follow, so the order is the same as if all had been completed first.
     """
     waiting = (one for _, equal in groupby(candidates, _cost) for one in sorted(equal, key=_order))
     completed: list[tuple[Any, Any, _AnyCandidate]] = []
@@ -326,7 +328,7 @@ def _order(candidate: _Candidate) -> tuple[Any, Any]:
 def first_feasible(
     ordered: Iterable[_AnyCandidate], objection: Callable[[_AnyCandidate], str | None], rejected: Counter[str]
 ) -> _AnyCandidate | None:
-    """The first candidate without an objection; the objections to those before it are counted in ``rejected``."""
+    """Return the first candidate without an objection, and count the earlier objections in ``rejected``."""
     for candidate in ordered:
         reason = objection(candidate)
         if reason is None:

@@ -1,14 +1,14 @@
-"""Which candidates the core would reject, and what the others cost at least, before the core makes any of them.
+"""Predicts which candidates the core would reject, and a lower bound of the others' costs, before it generates them.
 
-Making, judging and copying a candidate takes the core ten times as long as the closed forms below take for it, and of
-800 candidates a planning step looks at some dozens. So the constraints and the cheap cost terms of all candidates are
-computed here at once, with the formulas of the core, from the coefficients of their polynomials. The last digits differ
-from the core's. Therefore a candidate is *clear* only if every value is farther from its limit than rounding can move
-it; the core decides about all others. What is driven, its costs and the number of rejected candidates are those of the
-core alone.
+The core takes ten times as long to generate, check and copy a candidate as the closed forms below, and of 800
+candidates a planning step uses only some dozens. This module therefore computes the constraints and the cheap cost
+terms of all candidates at once, with the core's formulas, from the coefficients of their polynomials. The last digits
+differ from the core's. A candidate is *clear* only if every value is farther from its limit than rounding can move it;
+the core decides on all others. The driven motion, its costs and the number of rejected candidates are exactly the
+core's.
 
 Arrays have the shape (n, m) for n candidates at m steps. "along" is s, "across" is d; second derivatives are halved, as
-they are in the core (see ``core.py``).
+in the core (see ``core.py``).
 """
 
 from dataclasses import dataclass
@@ -22,26 +22,26 @@ from .core import CONSTRAINTS, FINAL_OFFSET, FINAL_SPEED, SECOND_DERIVATIVE_FACT
 
 _Flags = NDArray[np.bool_]
 _SLOW_MPS = 1.1e-3
-"""The core goes on with the last heading below 1e-3 m/s, which rounding decides."""
+"""Below 1e-3 m/s the core keeps the last heading; near this speed rounding decides."""
 _LARGEST_CURVATURE_RATE = 0.4
 """In 1/(m·s): a constant of the core's check."""
 _ROUNDING = 1e-6
-"""Share of a value, and least amount, that rounding cannot reach; the digits that differ are the last three of 16."""
+"""Relative and absolute difference that rounding cannot reach, since only the last three of 16 digits differ."""
 _ROUNDING_OF_CURVATURE = 1e-9
-"""In m/s²: divided by the squared speed it is what rounding cannot reach in a curvature, a quotient by that."""
+"""In m/s²: divided by the squared speed, the difference that rounding cannot reach in a curvature."""
 _ROUNDED_YAW_RATE = 6e-6
 """In rad/s: the core rounds yaw rates to five decimals before it compares them."""
 _LEAST_SCALE = 0.01
-"""Nearer to the centre of the path's curve rounding is magnified a hundred times."""
+"""Nearer to the centre of the path's curve, rounding errors grow a hundredfold."""
 _FARTHEST_RAD = np.pi - 1e-6
-"""Beyond this heading of the path in its frame rounding decides on which side of ±π it is."""
+"""Beyond this heading of the path in its frame, rounding decides on which side of ±π it is."""
 
 
 @dataclass(frozen=True)
 class Screening:
-    """What is known of n candidates before the core has made them.
+    """The screening result for n candidates.
 
-    ``is_clear`` (n,): whether the core is known to agree. ``broken`` (n, 4): the constraints that a clear candidate
+    ``is_clear`` (n,): whether the core is certain to agree. ``broken`` (n, 4): the constraints that a clear candidate
     breaks, in the order of ``CONSTRAINTS``. ``least_cost`` (n,): a lower bound of its weighted cost.
     """
 
@@ -53,7 +53,7 @@ class Screening:
     def of(
         cls, matrix: Points, step: PlanningStep, vehicle: VehicleParameters, weights: dict[str, float]
     ) -> "Screening":
-        """Screen the rows of a sampling matrix; at low speed nothing is clear."""
+        """Screen the rows of a sampling matrix; at low speed no candidate is clear."""
         count = len(matrix)
         if step.low_speed:
             return cls(np.zeros(count, bool), np.zeros((count, len(CONSTRAINTS)), bool), np.zeros(count))
@@ -66,10 +66,10 @@ class Screening:
 
 @dataclass(frozen=True)
 class _Steps:
-    """The steps of candidates until their end states and after them.
+    """The steps of candidates until and after their end states.
 
-    ``ends`` (n,): the number of steps until then; ``times_s`` (n, m): time, no more than that of the last of these;
-    ``beyond_s`` (n, m): time since then.
+    ``ends`` (n,): the number of steps until the end state; ``times_s`` (n, m): time, at most that of the last of these
+    steps; ``beyond_s`` (n, m): time after it.
     """
 
     ends: NDArray[np.intp]
@@ -88,17 +88,17 @@ class _Steps:
 
 
 def _pairs(first: Values, second: Values) -> tuple[Values, Values, NDArray[np.intp]]:
-    """Return the different pairs of two columns, and for each row the index of its pair."""
-    pairs, index = np.unique(first + 1j * second, return_inverse=True)  # complex: ten times as fast as by rows
+    """Return the distinct pairs of two columns, and for each row the index of its pair."""
+    pairs, index = np.unique(first + 1j * second, return_inverse=True)  # complex numbers: ten times as fast as rows
     return pairs.real, pairs.imag, index
 
 
 @dataclass(frozen=True)
 class _Motions:
-    """The candidates along and across the path, and how the path runs beside them.
+    """The candidates' longitudinal and lateral motions, and the path next to them.
 
-    ``is_checked``: the steps until a candidate's end state, which the core checks; after them it goes on straight.
-    ``is_regular`` (n,): whether all is on the path and no rounding decides between formulas.
+    ``is_checked``: the steps until a candidate's end state, which the core checks; after it the candidate continues
+    straight. ``is_regular`` (n,): True if the candidate stays on the path and rounding selects no formula.
     """
 
     speed: Points
@@ -119,7 +119,7 @@ class _Motions:
         """Return the motions of the rows of a sampling matrix."""
         step_s = step.step_s
         count = int(1.0 + step.settings.horizon_s / step_s)
-        # along the path a candidate depends on two of its end values alone, across it on two others
+        # the longitudinal motion depends on only two end values, the lateral motion on two others
         durations, final_speeds, of_pair = _pairs(matrix[:, 1], matrix[:, FINAL_SPEED])
         quartic = _quartic(matrix[0, 2:5], durations, final_speeds)
         path, goes_so_far = _along(quartic, _Steps.of(durations, step_s, count), step)
@@ -134,7 +134,7 @@ class _Motions:
         slope = np.where(is_slow, 0.0, drift / divisor)
         slope_change = np.where(is_slow, 0.0, (half_drift_change - slope * half_acceleration) / divisor**2)
         scale = 1.0 - bend * across
-        secant = np.sqrt(1.0 + slope**2)  # 1 / cos of the heading beside the path, and slope is its tangent
+        secant = np.sqrt(1.0 + slope**2)  # 1 / cos of the heading relative to the path; slope is its tangent
         stretch = scale * secant
         away = bend * slope + bend_change * across
         curvature = (slope_change + away * slope) / (secant * stretch**2) + bend / stretch
@@ -157,7 +157,7 @@ class _Motions:
         )
 
     def exceeded(self, vehicle: VehicleParameters, step_s: float) -> list[tuple[_Flags, _Flags]]:
-        """Return for every constraint which candidates break it surely, and which perhaps, (n,) each."""
+        """Return for every constraint which candidates certainly break it, and which may break it, (n,) each."""
         bend = np.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
         error = _ROUNDING * (1.0 + np.abs(self.curvature))
         error += _ROUNDING_OF_CURVATURE / np.where(self.is_slow, 1.0, self.speed) ** 2
@@ -170,7 +170,7 @@ class _Motions:
         changed = np.abs(np.diff(self.curvature, axis=1)) / step_s - _LARGEST_CURVATURE_RATE
         after = is_checked[:, 1:]
         unknown_after = after & (self.is_slow[:, 1:] | self.is_slow[:, :-1])
-        inner = is_checked.copy()  # the core leaves out two steps at either end
+        inner = is_checked.copy()  # the core skips two steps at either end
         inner[:, :2] = False
         inner[:, :-2] &= is_checked[:, 2:]
         inner[:, -2:] = False
@@ -184,20 +184,22 @@ class _Motions:
         return [found[name] for name in CONSTRAINTS.values()]
 
     def least_cost(self, step: PlanningStep, weights: dict[str, float]) -> Values:
-        """Return the sum of the terms that follow from here, rounded down; no term of the core is negative."""
+        """Return the sum of the terms computed here, rounded down; no term of the core is negative."""
         off_speed = np.where(self.is_slow, 0.0, self.velocity - step.desired_speed_mps)
-        beside = self.across[:, self.across.shape[1] - self.across.shape[1] // 2 :]
+        lateral = self.across[:, self.across.shape[1] - self.across.shape[1] // 2 :]
         cost: Values = (
             weights["lateral_jerk"] * self.jerk_across
             + weights["longitudinal_jerk"] * self.jerk_along
             + weights["velocity_offset"] * np.sqrt((off_speed**2).sum(axis=1))
-            + weights["distance_to_reference_path"] * np.sqrt((beside**2).sum(axis=1))
+            + weights["distance_to_reference_path"] * np.sqrt((lateral**2).sum(axis=1))
         )
         return np.where(self.is_regular, cost * (1.0 - _ROUNDING) - _ROUNDING, 0.0)
 
 
 def _excess(above: Points, error: Points | float, counted: _Flags, unknown: _Flags) -> tuple[_Flags, _Flags]:
-    """Return in which rows a counted value is surely above zero, and in which it may be; ``unknown``: any value is."""
+    """Return in which rows a counted value is certainly above zero, and in which it may be; ``unknown`` allows any
+    value.
+    """
     sure = (above > error) & counted & ~unknown
     maybe = ((above > -error) & counted) | unknown
     return np.asarray(sure.any(axis=1)), np.asarray(maybe.any(axis=1))
@@ -239,7 +241,7 @@ def _values(coefficients: Points, times_s: Points) -> tuple[Points, Points, Poin
 
 
 def _jerk(coefficients: Points, time_s: float) -> Values:
-    """Return the root of the integral of the squared jerk until a time, with the factors of the core."""
+    """Return the root of the integral of the squared jerk until a time, with the core's factors."""
     third, fourth = coefficients[3], coefficients[4]
     squared = 36.0 * third**2 * time_s + 144.0 * third * fourth * time_s**2 + 192.0 * fourth**2 * time_s**3
     if len(coefficients) == 6:
@@ -250,9 +252,10 @@ def _jerk(coefficients: Points, time_s: float) -> Values:
 
 
 def _along(quartic: Points, steps: _Steps, step: PlanningStep) -> tuple[tuple[Points, ...], _Flags]:
-    """Return speed, half acceleration, the path's curvature, its change and heading there; and if it goes so far (n,).
+    """Return speed, half acceleration, the path's curvature, its derivative and heading; and whether the path is long
+    enough (n,).
 
-    After the end state the speed stays as it is.
+    After the end state the speed stays constant.
     """
     system = step.frame.system
     station, speed, half_acceleration = _values(quartic, steps.times_s)
@@ -269,7 +272,9 @@ def _along(quartic: Points, steps: _Steps, step: PlanningStep) -> tuple[tuple[Po
 
 
 def _across(quintic: Points, steps: _Steps) -> tuple[Points, Points, Points]:
-    """Return the offset, its derivative and half of the second; after the end state the offset stays as it is."""
+    """Return the offset, its derivative and half of its second derivative; after the end state the offset
+    is constant.
+    """
     offset, drift, half_change = _values(quintic, steps.times_s)
     drift[~steps.is_checked] = half_change[~steps.is_checked] = 0.0
     return offset, drift, half_change

@@ -1,8 +1,8 @@
-"""Candidates of MP-RBFN: sampled ends beside the reference path, and the motions of the rear axle that lead there.
+"""Candidates of MP-RBFN: sampled end states next to the reference path, and the rear-axle motions that lead to them.
 
-A candidate is a primitive of the network onto an offset from the path, then the way along the path at that offset until
-the horizon. Its speed changes evenly to a target within a ramp, over primitive and way alike, and stays there.
-Stations are arc lengths along the path in m, offsets in m with left positive.
+A candidate is a primitive of the network onto an offset from the path, followed by a motion along the path at that
+offset until the horizon. Its speed changes evenly to a target within a ramp, which may extend beyond the primitive, and
+then stays constant. Stations are arc lengths along the path in m, offsets in m with left positive.
 """
 
 from dataclasses import dataclass, fields
@@ -19,28 +19,28 @@ from ..reference_path import FASTEST_MPS
 from .network import Motions, PrimitiveEnds, PrimitiveNetwork, motion_primitives
 
 _SPACING_M = 0.2
-"""Chosen: distance of the entries of a path's table; between them it runs straight."""
+"""Distance between the entries of a path's table, which is linear between them (chosen)."""
 _SMOOTHING_M = 1.5
-"""Chosen: over this length the curvature of the path is smoothed, to which primitives lead."""
+"""Length over which the curvature of the path is smoothed for the primitives' end states (chosen)."""
 _LATERAL_M = 3.0
 """Largest sampled offset, as in Frenetix."""
 _SHARES = (1 / 3, 2 / 3, 1.0)
-"""Chosen: shares of the horizon that primitives and ramps take."""
+"""Shares of the horizon that primitives and ramps take (chosen)."""
 _ASKEW_RAD = (-0.15, 0.15)
-"""Chosen: angles to the path at which primitives that take the whole horizon end beside those that end along it."""
+"""Angles to the path at which some full-horizon primitives end, in addition to those that end along it (chosen)."""
 _HARDEST = 0.9
-"""Chosen: share of the vehicle's largest acceleration with which the hardest stop brakes."""
+"""Share of the vehicle's largest acceleration that the hardest stop uses (chosen)."""
 _STANDING_M = 0.01
-"""Chosen: a stop on a shorter way is one on the spot."""
+"""A stop on a shorter distance counts as one on the spot (chosen)."""
 _LEAST_PACE = 0.2
-"""Inside a turn the way at an offset is shorter than the path, at most by this factor."""
+"""Inside a turn, the distance at an offset is shorter than the path's, at most by this factor."""
 
 
 class PathTable:
     """A reference path by its arc length: points, headings and curvatures, for many stations at once.
 
-    It follows the rear axle of one run, whose feet are asked for in the order of driving and which begins near the
-    station ``begin_m``, if that is known.
+    It follows the rear axle of one run, which starts near the station ``begin_m`` if that is known. Requests for its
+    feet must come in driving order.
     """
 
     def __init__(self, path: Points, begin_m: float | None = None) -> None:
@@ -55,19 +55,21 @@ class PathTable:
         self._table = np.column_stack([points, heading, gaussian(turn, _SMOOTHING_M / _SPACING_M)])
 
     def at(self, stations_m: Points) -> Points:
-        """x, y, heading and curvature at stations of any shape, as a last axis; beyond its ends those of the ends."""
+        """Return x, y, heading and curvature at stations of any shape, as a last axis; the ends' values beyond the
+        ends.
+        """
         place = np.clip(stations_m / _SPACING_M, 0.0, len(self._table) - 1.000001)
         left = place.astype(np.intp)
         share = (place - left)[..., None]
         return np.asarray(self._table[left] * (1 - share) + self._table[left + 1] * share)
 
     def foot(self, point: Points) -> float:
-        """The station nearest to a point (2,)."""
+        """Return the station nearest to a point (2,)."""
         nearest = np.array([self._follower.place(point)[0]])
-        return float(self.beside(point[:1], point[1:], nearest)[0][0])
+        return float(self.coordinates(point[:1], point[1:], nearest)[0][0])
 
-    def beside(self, x_m: Points, y_m: Points, near_m: Points, rounds: int = 4) -> tuple[Points, Points, Points]:
-        """Stations, offsets and the path's headings for points near stations, all of the same shape."""
+    def coordinates(self, x_m: Points, y_m: Points, near_m: Points, rounds: int = 4) -> tuple[Points, Points, Points]:
+        """Return stations, offsets and the path's headings for points near stations, all of the same shape."""
         stations = near_m
         for _ in range(rounds):
             here = self.at(stations)
@@ -81,7 +83,7 @@ class PathTable:
 
 @dataclass(frozen=True)
 class Start:
-    """The rear axle at the beginning: position (2,), heading, speed, curvature; and its place by the path."""
+    """The rear axle at the start: position (2,), heading, speed, curvature, and its position relative to the path."""
 
     position: Points
     heading_rad: float
@@ -93,29 +95,29 @@ class Start:
 
     @classmethod
     def of(cls, path: PathTable, rear: Points, heading_rad: float, speed_mps: float, curvature_per_m: float) -> "Start":
-        """The beginning of a rear axle at a point (2,); ``turned_rad`` is its heading seen from the path."""
+        """Return the start of a rear axle at a point (2,); ``turned_rad`` is its heading relative to the path."""
         near = np.array([path.foot(rear)])
-        (station,), (offset,), (along,) = path.beside(rear[:1], rear[1:], near)
+        (station,), (offset,), (along,) = path.coordinates(rear[:1], rear[1:], near)
         turned = wrap_angle(heading_rad - float(along))
         return cls(rear, heading_rad, speed_mps, curvature_per_m, float(station), float(offset), turned)
 
 
 def _sampled_values(level: int) -> int:
-    """Return how many speeds and offsets are sampled."""
+    """Return the number of sampled speeds and offsets."""
     return int(2 ** (level + 1)) + 1
 
 
 def followed_within_m(level: int) -> float:
-    """Return how far the vehicle may be from a candidate that it follows: half the distance of two sampled offsets."""
+    """Return the largest distance from a candidate at which the vehicle still follows it: half the offset spacing."""
     return _LATERAL_M / (_sampled_values(level) - 1)
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What n candidates aim at, each of shape (n,): a target speed within a ramp, and an offset by a primitive's end.
+    """The targets of n candidates, each of shape (n,): a speed within a ramp, and an offset at a primitive's end.
 
-    ``askew_rad``: the angle to the path at its end; ``as_steered``: it keeps the present steering angle instead, and
-    ends at a stand.
+    ``askew_rad``: the angle to the path at its end; ``as_steered``: the candidate keeps the present steering angle
+    instead, and ends at a standstill.
     """
 
     duration_s: Values
@@ -129,7 +131,7 @@ class Samples:
     def of(
         cls, start: Start, desired_mps: float, horizon_s: float, step_s: float, level: int, vehicle: VehicleParameters
     ) -> "Samples":
-        """All combinations; the present speed and offset and the desired speed are among them, and the hardest stop."""
+        """Return all combinations, including the present speed and offset, the desired speed, and the hardest stop."""
         values = _sampled_values(level)
         spans = [max(round(share * horizon_s / step_s), 1) * step_s for share in _SHARES]
         low = max(0.0, start.speed_mps - vehicle.maximum_acceleration_mps2 * horizon_s)
@@ -152,12 +154,12 @@ class Samples:
         return cls(span, ramp, target, offset, askew, steered > 0.0)
 
     def speeds_at(self, start: Start, times_s: Values) -> Points:
-        """The speed after each time, shape (n, m)."""
+        """Return the speed after each time, shape (n, m)."""
         gained = np.minimum(times_s / self.ramp_s[:, None], 1.0)
         return np.asarray(start.speed_mps + (self.target_mps - start.speed_mps)[:, None] * gained)
 
     def travelled_m(self, start: Start, times_s: Points) -> Points:
-        """The way after times of shape (m,) or (n, m): shape (n, m)."""
+        """Return the distance covered after times of shape (m,) or (n, m): shape (n, m)."""
         ramp = self.ramp_s[:, None]
         within, after = np.minimum(times_s, ramp), np.maximum(times_s - ramp, 0.0)
         change = (self.target_mps - start.speed_mps)[:, None]
@@ -166,11 +168,11 @@ class Samples:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Motions of n candidates over m steps in the world, and where they are by the path at the last of them.
+    """Motions of n candidates over m steps in world coordinates, and their last positions relative to the path.
 
-    ``known``: whether the network knows the primitive; ``primitive_steps`` (n,): how many steps it takes; ``goes_on``:
-    whether it ends along the path, or standing;
-    ``gentleness`` (n,): mean change of speed in m/s² over the ramp; ``stops_s`` (n,): when they stand, else infinite.
+    ``known``: whether the network knows the primitive; ``primitive_steps`` (n,): its number of steps; ``goes_on``:
+    whether it ends along the path or standing; ``gentleness`` (n,): mean change of speed in m/s² over the ramp;
+    ``stops_s`` (n,): the time of its standstill, otherwise infinite.
     """
 
     motions: Motions
@@ -184,16 +186,16 @@ class Candidates:
 
     @property
     def count(self) -> int:
-        """How many."""
+        """The number of candidates."""
         return len(self.known)
 
     def part(self, rows: slice) -> "Candidates":
-        """Some of them."""
+        """Return some of the candidates."""
         motions = Motions(*(values[rows] for values in _arrays(self.motions)))
         return Candidates(motions, *(values[rows] for values in _arrays(self)[1:]))
 
     def with_rest(self, rest: "Candidates | None") -> "Candidates":
-        """With one more candidate: the rest of the plan that is being driven."""
+        """Return these candidates together with the rest of the current plan."""
         if rest is None:
             return self
         both = (np.concatenate(pair) for pair in zip(_arrays(self.motions), _arrays(rest.motions), strict=True))
@@ -208,7 +210,7 @@ def _arrays(record: Motions | Candidates) -> list[Any]:
 def candidates(
     network: PrimitiveNetwork, path: PathTable, start: Start, samples: Samples, times_s: Values
 ) -> Candidates:
-    """The motions to sampled ends at m times, the first of which is 0."""
+    """Return the motions to sampled ends at m times; the first is 0."""
     span = samples.duration_s
     way = samples.travelled_m(start, span[:, None])[:, 0]
     station = _stations_after(path, start, samples.offset_m, way)
@@ -245,9 +247,10 @@ def candidates(
 
 
 def _stations_after(path: PathTable, start: Start, offsets_m: Values, way_m: Values) -> Values:
-    """Where primitives of a length that lead to an offset end by the path, shape (n,).
+    """Return the stations at which primitives of a length and end offset end, shape (n,).
 
-    Going aside costs way; at an offset the way is longer or shorter than the path by the curvature between.
+    Lateral motion takes up distance, and at an offset the distance is longer or shorter than the path's, depending on
+    the curvature between.
     """
     aside = offsets_m - start.offset_m
     ahead = np.sqrt(np.maximum(way_m**2 - 1.2 * aside**2, (0.3 * way_m) ** 2))
@@ -258,7 +261,7 @@ def _stations_after(path: PathTable, start: Start, offsets_m: Values, way_m: Val
 
 
 def _ends(path: PathTable, start: Start, samples: Samples, way_m: Values, station_m: Values) -> PrimitiveEnds:
-    """Where the primitives end, seen from the rear axle."""
+    """Return the primitives' ends relative to the rear axle."""
     here = path.at(station_m)
     heading, bend = here[:, 2], here[:, 3]
     x = here[:, 0] - samples.offset_m * np.sin(heading) - start.position[0]
@@ -283,9 +286,9 @@ def _ends(path: PathTable, start: Start, samples: Samples, way_m: Values, statio
 def _along(
     path: PathTable, start: Start, samples: Samples, station_m: Values, times_s: Values
 ) -> tuple[Motions, Values]:
-    """The ways along the path behind the primitives' ends, and the stations at their last step.
+    """Return the motions along the path behind the primitives' ends, and the stations at their last step.
 
-    The headings go on from the start's, whatever multiple of 2π the path's are.
+    The headings continue those of the start, whatever multiple of 2π the path's headings have.
     """
     offset = samples.offset_m
     way = samples.travelled_m(start, np.maximum(times_s, samples.duration_s[:, None]))
@@ -309,18 +312,18 @@ def _along(
 
 @dataclass(frozen=True)
 class Driven:
-    """The candidate that was chosen at ``first_step``, as candidate and as trajectory of the centre."""
+    """The candidate chosen at ``first_step``, as a candidate and as a trajectory of the centre."""
 
     first_step: int
     chosen: Candidates
     trajectory: PlannedTrajectory
 
     def holds(self, ego: EgoState, within_m: float) -> bool:
-        """Return whether the ego is as near to this plan as ``within_m``."""
+        """Return True if the ego is within ``within_m`` of this plan."""
         return is_on_plan(self.trajectory, ego.step - self.first_step, ego, within_m)
 
     def rest(self, path: PathTable, step: int, step_s: float) -> Candidates | None:
-        """What is left of it at a later step, going on along the path with its last speed; None where it ends askew."""
+        """Return the rest at a later step, continued along the path at its last speed, or None if it ends askew."""
         gone, before = step - self.first_step, self.chosen
         if not before.goes_on[0]:
             return None
@@ -340,7 +343,7 @@ class Driven:
             0.0,
         )
         on_path, last_m = _along(path, start, beyond, before.last_station_m, times)
-        if not speed[0]:  # as steered it may stand askew
+        if not speed[0]:  # a candidate as steered may stand askew
             on_path = Motions(*(np.repeat(values[:, None], gone + 1, axis=1) for values in last))
         joined = (
             np.concatenate([first[:, gone:], after[:, 1:]], axis=1)

@@ -1,16 +1,16 @@
-"""The seven cost channels of MP-RBFN, each divided by a scale of its own so that 1 is a lot.
+"""The seven cost channels of MP-RBFN, each divided by its own scale so that 1 is a high cost.
 
-Names and meanings are those of the planner's public copy; the scales, which its weights need to be comparable, are
-ours. Each channel takes a ``ChannelBatch`` and gives costs of shape (n,):
+Names and meanings are those of the planner's public copy; the scales, which make its weights comparable, are ours. Each
+channel takes a ``ChannelBatch`` and returns costs of shape (n,):
 
 - ``distance_to_reference_path``: mean offset from the path, by 3 m; ``…_final``: at the last step;
 - ``velocity_offset_final``: squared difference from the desired speed at the last step, by (5 m/s)²;
 - ``orientation_offset``: mean squared angle to the path, by (0.5 rad)²; ``…_final``: at the last step;
-- ``prediction``: inverse squared Mahalanobis distance to each predicted obstacle where it is least, at most 1 where the
-  bodies touch, summed. The distance is that of the prediction's uncertainty together with the bodies, which count as an
-  ellipse of the half lengths and half widths of both as two standard deviations: 2 is where they touch;
-- ``distance_to_boundary``: inverse squared distance of the ego's side to the edge of the road, by (0.5 m)², at most 1,
-  in the mean.
+- ``prediction``: inverse squared Mahalanobis distance to each predicted obstacle at its minimum, at most 1 at contact,
+  summed. The distance combines the prediction's uncertainty with the bodies: an ellipse of both half lengths and half
+  widths counts as two standard deviations, so the bodies touch at 2;
+- ``distance_to_boundary``: mean inverse squared distance of the ego's side to the edge of the road, by (0.5 m)², at
+  most 1.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,17 +26,17 @@ from ..interface import PredictedObstacle
 from ..lanes import Road
 
 _OFFSET_M, _SPEED_MPS, _ANGLE_RAD, _CLEARANCE_M = 3.0, 5.0, 0.5, 0.5
-"""Chosen: what counts as 1 in the channels of distance, speed, angle and boundary."""
+"""Values that count as 1 in the channels of distance, speed, angle and boundary (chosen)."""
 _TOUCHING = 2.0
 """Standard deviations at which the bodies touch."""
 _FARTHEST_M = 30.0
-"""Chosen: an obstacle farther from all candidates costs less than 0.03 and is left out."""
+"""Obstacles farther from all candidates are left out, since they cost less than 0.03 (chosen)."""
 _EDGE_SPACING_M = 0.5
-"""Chosen: distance of the points by which the edge of the road is known."""
+"""Distance between the points that represent the edge of the road (chosen)."""
 
 
 class RoadEdge:
-    """Points of the edge of a road; built once a run."""
+    """Points of the edge of a road, built once per run."""
 
     def __init__(self, road: Road) -> None:
         import shapely
@@ -46,13 +46,13 @@ class RoadEdge:
         self._tree = cKDTree(shapely.get_coordinates(lines))
 
     def distances_m(self, x_m: Points, y_m: Points) -> Points:
-        """How far points are from the edge, whichever side they are on."""
+        """Return the distances of points from the edge, on either side of it."""
         return np.asarray(self._tree.query(np.stack([x_m, y_m], axis=-1))[0])
 
 
 @dataclass(frozen=True)
 class ChannelBatch:
-    """n candidates at m of their steps (``steps``): centres and, seen from the path, offsets and angles, (n, m).
+    """n candidates at m of their steps (``steps``): centres, and offsets and angles relative to the path, (n, m).
 
     ``final_mps`` (n,): speeds at the last step.
     """
@@ -74,7 +74,7 @@ class ChannelBatch:
         return low, np.array([self.x_m.max(), self.y_m.max()]) + _FARTHEST_M
 
     def near(self, obstacle: PredictedObstacle) -> bool:
-        """Whether an obstacle comes near to any candidate."""
+        """Return True if an obstacle comes near any candidate."""
         low, high = self._box
         return bool(((obstacle.positions >= low) & (obstacle.positions <= high)).all(axis=1).any())
 
@@ -90,7 +90,7 @@ def _prediction(batch: ChannelBatch) -> Values:
 
 
 def _squared_mahalanobis(batch: ChannelBatch, obstacle: PredictedObstacle, steps: NDArray[np.intp]) -> Points:
-    """Squared distances (n, k) of the ego's centre to the obstacle's at k of the steps."""
+    """Return squared distances (n, k) of the ego's centre to the obstacle's at k of the steps."""
     length = (obstacle.length_m + batch.vehicle.length_m) / 2 / _TOUCHING
     width = (obstacle.width_m + batch.vehicle.width_m) / 2 / _TOUCHING
     cos, sin = np.cos(obstacle.headings_rad[steps]), np.sin(obstacle.headings_rad[steps])
@@ -117,4 +117,4 @@ CHANNELS: Mapping[str, Callable[[ChannelBatch], Values]] = {
     "prediction": _prediction,
     "distance_to_boundary": _distance_to_boundary,
 }
-"""The channels by weight, in the order of the weights."""
+"""Maps weights to channels, in the order of the weights."""

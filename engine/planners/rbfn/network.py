@@ -1,22 +1,22 @@
-"""The network of radial basis functions that makes motion primitives, run by numpy alone.
+"""The network of radial basis functions that generates motion primitives, implemented in numpy.
 
-A primitive is the motion of a rear axle by the kinematic single-track model between two states, in a given time, that
-changes its speed and its curvature as little as it can. The idea is that of Kaufeld, Piccinini and Betz, "MP-RBFN:
-Learning-based vehicle motion primitives using radial basis function networks" (2025): a network learns the solutions
-of an optimal control problem. Scaling, network and training are ours.
+A primitive is a rear-axle motion by the kinematic single-track model between two states in a given time, with as little
+change of speed and curvature as possible. The idea is that of Kaufeld, Piccinini and Betz, "MP-RBFN: Learning-based
+vehicle motion primitives using radial basis function networks" (2025): a network learns the solutions of an optimal
+control problem. Scaling, network and training are ours.
 
-**Scaling.** Measured in its own duration and in the length of its chord, every primitive is one of a family of six
-boundary values, whatever the speed, the duration and the wheelbase. With ``T`` the duration, ``l`` the chord, ``v`` the
-speed and ``k`` the curvature (tangent of the steering angle by the wheelbase), ``V = v·T/l`` and ``K = k·l``:
+**Scaling.** Measured in its own duration and in the length of its chord, every primitive belongs to a family with six
+boundary values, regardless of speed, duration and wheelbase. With ``T`` the duration, ``l`` the chord, ``v`` the speed
+and ``k`` the curvature (tangent of the steering angle by the wheelbase), ``V = v·T/l`` and ``K = k·l``:
 
 - ``dx/dτ = V cos ψ``, ``dy/dτ = V sin ψ``, ``dψ/dτ = V·K``, for τ from 0 to 1;
-- the inputs are V and K at the beginning, the bearing of the chord, the turn ψ(1), and K and V at the end;
-- mirrored inputs give the mirrored primitive, so the network knows bearings to the left only.
+- the inputs are V and K at the start, the bearing of the chord, the turn ψ(1), and K and V at the end;
+- mirrored inputs give the mirrored primitive, so the network knows only bearings to the left.
 
-**Network.** One linear layer (the inputs, standardised), Gaussian radial units, one linear layer. Its outputs are what
-V and K have above the straight line between their ends, at 29 inner nodes; between nodes both run straight, as in the
-samples. Integrating them gives the pose, so a primitive is one of the model however well the network has learnt; what
-it has not learnt is a miss of the end. The miss is closed by a smooth shift along the primitive.
+**Network.** One linear layer (the standardised inputs), Gaussian radial units, one linear layer. Its outputs are the
+differences of V and K from the straight line between their ends, at 29 inner nodes; between nodes both are linear, as
+in the samples. Integrating them gives the pose, so every primitive satisfies the model, however well the network is
+trained; a training error only makes it miss the end. A smooth shift along the primitive closes this miss.
 """
 
 from dataclasses import dataclass
@@ -29,14 +29,14 @@ from numpy.typing import NDArray
 from ...geometry import Points, Values
 
 PRIMITIVE_NODES = 31
-"""States of a primitive, both ends included."""
+"""States of a primitive, including both ends."""
 PRIMITIVE_INPUTS = ("speed_start", "curvature_start", "bearing", "turn", "curvature_end", "speed_end")
-"""The boundary values in their order, scaled as the module says."""
+"""The boundary values in order, scaled as the module describes."""
 _FILE = "network.npz"
 _SHORTEST_CHORD_M = 1e-3
-"""Chosen: a shorter way is none, and nothing is divided by it."""
+"""Shorter distances count as 0, so that nothing is divided by them (chosen)."""
 _LARGEST_MISS, _LARGEST_MISS_RAD = 0.02, 0.03
-"""Chosen: a network that misses an end by more, as a share of the chord and in heading, does not know it."""
+"""Largest miss of an end, as a share of the chord and in heading, of a primitive that the network knows (chosen)."""
 _STEP = 1.0 / (PRIMITIVE_NODES - 1)
 _TAU: Values = np.linspace(0.0, 1.0, PRIMITIVE_NODES)
 _Flags = NDArray[np.bool_]
@@ -45,7 +45,7 @@ _Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class PrimitiveEnds:
-    """Where n primitives are to end, seen from the rear axle at their beginning; each array of shape (n,)."""
+    """The ends of n primitives relative to the rear axle at their start; each array has shape (n,)."""
 
     duration_s: Values
     x_m: Values
@@ -68,10 +68,10 @@ class Motions:
 
 @dataclass(frozen=True)
 class PrimitiveNetwork:
-    """Weights of a network; ``lowest`` and ``highest`` (6,) bound the inputs that it was trained with.
+    """Weights of a network; ``lowest`` and ``highest`` (6,) bound its training inputs.
 
-    ``mean`` and ``spread`` (6,) standardise inputs; ``centres`` (h, 6) of the units; ``width`` of all; ``outputs``
-    (h + 7, 58): weights of the units, of the six inputs and of one, for K at the inner nodes, then for V.
+    ``mean`` and ``spread`` (6,) standardise inputs; ``centres`` (h, 6) of the units; one ``width`` for all; ``outputs``
+    (h + 7, 58): weights of the units, of the six inputs and of a constant, for K at the inner nodes, then for V.
     """
 
     mean: _Floats
@@ -84,17 +84,21 @@ class PrimitiveNetwork:
 
     @classmethod
     def shipped(cls) -> "PrimitiveNetwork":
-        """The network that comes with the package."""
+        """Return the network in the package."""
         with files(__package__ or "").joinpath(_FILE).open("rb") as stream, np.load(stream) as arrays:
             return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
 
     def knows(self, inputs: Points) -> _Flags:
-        """Whether it was trained with such inputs (n, 6), mirrored where the bearing is to the right; shape (n,)."""
+        """Return whether the training covered the inputs (n, 6), mirrored if the bearing is to the right;
+        shape (n,).
+        """
         canonical = _to_the_left(inputs)[0]
         return np.asarray(((canonical >= self.lowest) & (canonical <= self.highest)).all(axis=1))
 
     def profiles(self, inputs: Points) -> tuple[Points, Points]:
-        """Curvature K and speed V at the nodes, each of shape (n, 31), for inputs (n, 6); their ends are exact."""
+        """Return curvature K and speed V at the nodes, each of shape (n, 31), for inputs (n, 6); their ends
+        are exact.
+        """
         canonical, side = _to_the_left(inputs)
         above = self.features(canonical) @ self.outputs
         inner = (PRIMITIVE_NODES - 2,)
@@ -105,7 +109,7 @@ class PrimitiveNetwork:
         return curvature * side[:, None], np.maximum(speed, 0.0)
 
     def features(self, canonical: Points) -> _Floats:
-        """What the last layer weighs, shape (n, h + 7), for inputs with bearings to the left."""
+        """Return the inputs of the last layer, shape (n, h + 7), for inputs with bearings to the left."""
         scaled = ((canonical - self.mean) / self.spread).astype(np.float32)
         squared = (scaled**2).sum(axis=1)[:, None] - 2.0 * scaled @ self.centres.T + self._squared
         units = np.exp(squared * np.float32(-0.5 / float(self.width) ** 2))
@@ -117,7 +121,7 @@ class PrimitiveNetwork:
 
 
 def scaled_inputs(speed_mps: float, curvature_per_m: float, ends: PrimitiveEnds) -> tuple[Points, Values]:
-    """The network's inputs (n, 6) for a beginning and n ends, and the chords (n,) in m."""
+    """Return the network's inputs (n, 6) for a start and n ends, and the chords (n,) in m."""
     chord = np.maximum(np.hypot(ends.x_m, ends.y_m), _SHORTEST_CHORD_M)
     pace = ends.duration_s / chord
     bearing = np.arctan2(ends.y_m, ends.x_m)
@@ -126,7 +130,7 @@ def scaled_inputs(speed_mps: float, curvature_per_m: float, ends: PrimitiveEnds)
 
 
 def _to_the_left(inputs: Points) -> tuple[Points, Values]:
-    """Inputs mirrored where the bearing is to the right, and the sides: −1 where mirrored."""
+    """Return the inputs, mirrored if the bearing is to the right, and the sides: −1 for mirrored ones."""
     side = np.where(inputs[:, 2] < 0.0, -1.0, 1.0)
     mirrored = inputs.copy()
     mirrored[:, 1:5] *= side[:, None]
@@ -134,14 +138,14 @@ def _to_the_left(inputs: Points) -> tuple[Points, Values]:
 
 
 def straight_lines(first: Values, last: Values) -> Points:
-    """Straight lines over the nodes from first to last values (n,), shape (n, 31)."""
+    """Return straight lines over the nodes from first to last values (n,), shape (n, 31)."""
     return np.asarray(first[:, None] + (last - first)[:, None] * _TAU)
 
 
 def driven_poses(curvature: Points, speed: Points) -> tuple[Points, Points, Points]:
-    """x, y and heading (n, 31) of a rear axle with scaled curvatures and speeds (n, 31), straight between nodes.
+    """Return x, y and heading (n, 31) of a rear axle with scaled curvatures and speeds (n, 31), linear between nodes.
 
-    The headings are exact, the positions by Simpson's rule on every interval.
+    The headings are exact; the positions use Simpson's rule on every interval.
     """
     k0, k1, v0, v1 = curvature[:, :-1], curvature[:, 1:], speed[:, :-1], speed[:, 1:]
     middle_k, middle_v = (k0 + k1) / 2, (v0 + v1) / 2
@@ -162,9 +166,9 @@ def _summed(gains: Points) -> Points:
 def motion_primitives(
     network: PrimitiveNetwork, speed_mps: float, curvature_per_m: float, ends: PrimitiveEnds, times_s: Values
 ) -> tuple[Motions, _Flags]:
-    """The primitives to n ends at m times, and whether the network knows each: it saw the like, and hardly misses.
+    """Return the primitives to n ends at m times, and whether the network knows each: trained inputs, and a small miss.
 
-    They begin at the origin, heading along x. After its duration a primitive stays at its end.
+    They start at the origin with the heading along x. After its duration a primitive stays at its end.
     """
     inputs, chord = scaled_inputs(speed_mps, curvature_per_m, ends)
     curvature, speed = network.profiles(inputs)
@@ -200,7 +204,7 @@ def motion_primitives(
 
 
 def _cubic(values: Points, slopes: Points, left: NDArray[np.intp], share: Values) -> Points:
-    """Cubic Hermite curves between nodes, from values and slopes at the nodes (n, 31), at m places: shape (n, m)."""
+    """Return cubic Hermite curves from values and slopes at the nodes (n, 31), at m positions: shape (n, m)."""
     rest = 1.0 - share
     ends = values[:, left] * (1 + 2 * share) * rest**2 + values[:, left + 1] * share**2 * (3 - 2 * share)
     bent = slopes[:, left] * share * rest**2 - slopes[:, left + 1] * share**2 * rest

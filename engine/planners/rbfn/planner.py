@@ -1,9 +1,9 @@
-"""MP-RBFN: candidates are motion primitives that a network of radial basis functions makes, all in one call.
+"""MP-RBFN: candidates are motion primitives that a network of radial basis functions generates in one call.
 
-PrimitiveEnds are sampled beside the reference path, the network leads there, and the way goes on along the path
-(``candidates.py``). What the vehicle cannot drive is left out; the others are tested in the order of their cost
-(``costs.py``) against the predicted obstacles and the edge of the road, and the first that passes is driven. Where none
-passes: standing still under 0.1 m/s, else the drivable candidate that stops soonest.
+The planner samples end states next to the reference path, the network leads to them, and the motion continues along the
+path (``candidates.py``). Infeasible candidates are left out. The others are checked in order of cost (``costs.py``)
+against the predicted obstacles and the edge of the road, and the ego drives the first that passes. If no candidate
+passes, an ego below 0.1 m/s stands still; otherwise it drives the feasible candidate that stops soonest.
 """
 
 from collections import Counter
@@ -25,17 +25,18 @@ from .costs import CHANNELS, ChannelBatch, RoadEdge
 from .network import PrimitiveNetwork
 
 _SLOWEST_TURNING_MPS = 0.1
-"""Chosen: slower, a yaw rate tells nothing about the steering angle."""
+"""Below this speed a yaw rate does not determine the steering angle (chosen)."""
 _COSTED_S = 0.3
-"""Chosen: costs look at the candidates every 0.3 s."""
+"""Time between the states for which costs are computed (chosen)."""
 _EQUAL = 0.002
-"""Chosen: costs that differ by less than this share of the sum of all weights count as equal: the gentler is driven.
-What the network misses by, a thousandth of its way, must not decide between a gentle and a harsh one."""
+"""Costs that differ by less than this share of the sum of all weights are equal, and the gentler candidate wins
+(chosen). The network's error, a thousandth of the distance, must not decide between a gentle and a harsh candidate.
+"""
 
 
 @dataclass(frozen=True)
 class _Step:
-    """One planning step: what can be driven, and what it costs by channel, unweighted (n,)."""
+    """One planning step: the feasible candidates and their unweighted costs by channel (n,)."""
 
     ego: EgoState
     found: Candidates
@@ -63,7 +64,7 @@ class RadialBasisPrimitives:
         self._driven: Driven | None = None
 
     def plan(self, observation: Observation) -> Plan:
-        """Sample, score, and take the first candidate that is safe."""
+        """Sample, compute costs, and return the first candidate that is safe."""
         ego, task = observation.ego, self._task
         start, rest = self._start(ego)
         if abs(start.turned_rad) > np.pi / 2:
@@ -85,12 +86,12 @@ class RadialBasisPrimitives:
         return self._fallback(step)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Of the drivable candidates of the last planning step."""
+        """Return feasible candidates of the last planning step."""
         order = list(self._cheapest_first(self._step))
         return [self._trajectory(self._step, order[i]).positions for i in evenly_chosen(len(order), most)]
 
     def _start(self, ego: EgoState) -> tuple[Start, Candidates | None]:
-        """Where the rear axle begins, and the rest of the plan that is being driven, where the ego followed it."""
+        """Return the rear axle's start, and the rest of the current plan if the ego has followed it."""
         rear = rear_axle(ego.position, ego.heading_rad, self._task.vehicle)
         rest = None
         if self._driven is not None and self._driven.holds(ego, self._within_m):
@@ -104,7 +105,7 @@ class RadialBasisPrimitives:
         return Start.of(self._path, rear, ego.heading_rad, ego.speed_mps, curvature), rest
 
     def _drivable(self, found: Candidates, rejected: Counter[str]) -> NDArray[np.intp]:
-        """The candidates that the network knows and the vehicle can drive; the others are counted, each once."""
+        """Return the candidates that the network knows and the vehicle can drive, and count each of the others once."""
         vehicle, motions = self._task.vehicle, found.motions
         slips, turns = broken_limits(motions.heading_rad, motions.speed_mps, vehicle, self._task.step_s)
         steering = np.arctan(vehicle.wheelbase_m * motions.curvature_per_m)
@@ -124,7 +125,7 @@ class RadialBasisPrimitives:
     def _costs(
         self, found: Candidates, drivable: NDArray[np.intp], start: Start, desired_mps: float, observation: Observation
     ) -> dict[str, Values]:
-        """The channels that have a weight, for the drivable candidates."""
+        """Return the weighted channels for the feasible candidates, without the weights applied."""
         if not len(drivable):
             return {}
         every = max(round(_COSTED_S / self._task.step_s), 1)
@@ -134,7 +135,7 @@ class RadialBasisPrimitives:
             for values in (found.motions.x_m, found.motions.y_m, found.motions.heading_rad)
         )
         way = np.cumsum(found.motions.speed_mps[drivable], axis=1) * self._task.step_s
-        _, offset, along = self._path.beside(x, y, start.station_m + way[:, steps])
+        _, offset, along = self._path.coordinates(x, y, start.station_m + way[:, steps])
         back = self._task.vehicle.rear_axle_behind_center_m
         batch = ChannelBatch(
             steps=steps,
@@ -151,7 +152,7 @@ class RadialBasisPrimitives:
         return {name: channel(batch) for name, channel in CHANNELS.items() if self._weights[name] > 0}
 
     def _cheapest_first(self, step: _Step) -> Iterable[int]:
-        """Places in ``drivable`` by ascending cost, the gentler first where costs are equal."""
+        """Return indices into ``drivable`` by ascending cost; among equal costs, the gentler candidate comes first."""
         total = np.zeros(len(step.drivable))
         for name, values in step.costs.items():
             total += self._weights[name] * values
@@ -161,7 +162,7 @@ class RadialBasisPrimitives:
         return map(int, order)
 
     def _trajectory(self, step: _Step, index: int) -> PlannedTrajectory:
-        """A candidate as states of the centre."""
+        """Return a candidate as states of the centre."""
         motions, row = step.found.motions, step.drivable[index]
         heading, speed = motions.heading_rad[row], motions.speed_mps[row]
         rear = np.stack([motions.x_m[row], motions.y_m[row]], axis=1)

@@ -1,5 +1,5 @@
-"""Reference drivers: models of what a driver in the ego's place does, for verdicts on collisions and as planners.
+"""Reference drivers: models of a driver in the ego's place, for verdicts on collisions and as planners.
 
-``models`` describes each driver as a frozen dataclass that reacts to what it sees; ``paths`` shows a driver the others
-along its way; ``drives`` moves a driver among recorded others; ``planner`` drives them in the loop.
+``models`` describes each driver as a frozen dataclass that reacts to what it sees; ``paths`` gives a driver its view of
+the others along its path; ``drives`` moves a driver among recorded others; ``planner`` runs the drivers in the loop.
 """

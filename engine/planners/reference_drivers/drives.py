@@ -1,10 +1,9 @@
-"""A reference driver in the ego's place, among others that move as they did and do not react to it.
+"""A reference driver in the ego's place, among others that move as recorded and do not react to it.
 
-Until the driver reacts, the ego moves as a :class:`NominalMotion` says: as it was driven, or along its lane at the
-speed that it began with. From then on it brakes as the driver wants, keeps its speed in between, and follows the same
-way. A drive is followed until the ego stands or the two can no longer meet: an ego that still rolls has not
-prevented anything. If a track ends before that, the other goes on straight at its last speed; if it braked, it goes on
-braking until it stands.
+Until the driver reacts, the ego moves by a :class:`NominalMotion`: as driven, or along its lane at its initial speed.
+After that it brakes as the driver wants, keeps its speed in between, and follows the same path. A drive ends when the
+ego stands or the two can no longer meet; an ego that still rolls has not prevented anything. If a track ends earlier,
+the other continues straight at its last speed, or keeps braking to a standstill if it braked.
 """
 
 from collections.abc import Sequence
@@ -23,18 +22,18 @@ from .models import Brakes, Moment, ReferenceDriver, Seen
 from .paths import DriverPath, OnPath, rectangles, with_hidden
 
 WANDERING_M = 0.375
-"""How far the centre of a vehicle deviates from the middle of the way before it is seen to leave it (UN R157)."""
+"""Deviation of a vehicle's centre from the middle of the path at which it is perceived to leave it (UN R157)."""
 _MEAN_OVER_S, _BRAKES_MPS2 = 0.5, 1.0
-"""Whether a road user brakes as its track ends: its mean deceleration over the last half second is above 1 m/s²."""
+"""A road user brakes at the end of its track if its mean deceleration over the last half second exceeds 1 m/s²."""
 _LEAST_WAY_M = 5.0
-"""Bends cannot be determined on a way that is shorter than a car."""
+"""Curvature is undefined on a path shorter than a car."""
 
 
 @dataclass(frozen=True)
 class NominalMotion:
-    """How the ego moves until its driver reacts: stations (n,) in m along a way and speeds (n,), one a step.
+    """The ego's motion until its driver reacts: stations (n,) in m along a path and speeds (n,), one per step.
 
-    ``was_driven``: whether it is what the ego drove, so that it touches no other road user before it is changed.
+    ``was_driven``: True if it is the ego's own motion, which touches no other road user before it is changed.
     """
 
     path: DriverPath
@@ -45,7 +44,7 @@ class NominalMotion:
 
     @classmethod
     def driven(cls, ego: Track, count: int, step_s: float) -> "NominalMotion":
-        """Return the motion of a track over so many states; straight on at its last speed behind its end."""
+        """Return the motion of a track over ``count`` states; after its end, straight ahead at its last speed."""
         path, last = DriverPath.driven(ego), float(ego.speeds_mps[-1])
         after = np.arange(1, max(count - len(ego.positions), 0) + 1)
         stations = np.concatenate([path.stations_m, path.length_m + after * last * step_s])
@@ -56,9 +55,9 @@ class NominalMotion:
     def along_lane(
         cls, path: DriverPath, ego: Track, count: int, step_s: float, comfortable_mps2: float = COMFORTABLE_MPS2
     ) -> "NominalMotion":
-        """Return the motion of an ego that keeps to a way at the speed with which a track begins.
+        """Return the motion of an ego that keeps to a path at the initial speed of a track.
 
-        Only in bends it is slower, where it would need more than a comfortable lateral acceleration.
+        It is slower only in curves that would need more than a comfortable lateral acceleration.
         """
         known_m, limits = _bend_limits(path, comfortable_mps2)
         begin = float(path.follow(ego.positions[:1])[0][0])
@@ -73,7 +72,7 @@ class NominalMotion:
 
 
 def _bend_limits(path: DriverPath, comfortable_mps2: float) -> tuple[Values, Values]:
-    """Return stations and the speeds at which a path's bends stay at a comfortable acceleration, both (n,)."""
+    """Return stations and the speeds at which a path's curves need a comfortable acceleration, both (n,)."""
     if path.length_m < _LEAST_WAY_M:
         return np.zeros(1), np.full(1, np.inf)
     points = without_repeats(path.points)
@@ -85,9 +84,9 @@ def _bend_limits(path: DriverPath, comfortable_mps2: float) -> tuple[Values, Val
 
 @dataclass(frozen=True)
 class Driven:
-    """What a driver drove: stations (n,) and speeds (n,) until the encounter is over, and when it began to brake.
+    """A driver's motion: stations (n,) and speeds (n,) until the encounter is over, and the start of its braking.
 
-    ``brakes_from``: the index of the state at which the driver first wanted to brake, or None. ``stands``: whether the
+    ``brakes_from``: the index of the state at which the driver first wanted to brake, or None. ``stands``: True if the
     ego stands at its last state.
     """
 
@@ -99,12 +98,11 @@ class Driven:
 
 @dataclass(frozen=True)
 class DriverScene:
-    """The ego's body and brakes, how it moves until its driver reacts, and the others along its way.
+    """The ego's body and brakes, its motion until its driver reacts, and the others along its path.
 
-    ``body``: length and width in m. ``met``: the one that it collided with, going on after the end of its track as
-    :func:`going_on` says; ``met_until``: the last step that its track shows. ``others``: all others. On the way that
-    was driven, a driver reacts only to the one that was met, since the ego has already reacted to the others. On its
-    lane it reacts to all.
+    ``body``: length and width in m. ``met``: the road user that it collided with, extended beyond its track by
+    :func:`going_on`; ``met_until``: the last step of its track. ``others``: all others. On the driven path, a driver
+    reacts only to ``met``, since the ego has already reacted to the others. On its lane it reacts to all.
     """
 
     nominal: NominalMotion
@@ -117,12 +115,12 @@ class DriverScene:
 
     @property
     def first_step(self) -> int:
-        """The step at which the ego begins."""
+        """The step at which the ego starts."""
         return self.nominal.first_step
 
     @property
     def count(self) -> int:
-        """How many steps are looked at."""
+        """The number of evaluated steps."""
         return len(self.nominal.stations_m)
 
     @cached_property
@@ -131,7 +129,7 @@ class DriverScene:
 
     @cached_property
     def _watched(self) -> list[OnPath]:
-        """The others to which the driver reacts, or that may hide from it the one that was met."""
+        """The others to which the driver reacts, or that may hide ``met`` from it."""
         rows = [self._on_way(track) for track in self._near_the_path]
         if not self.nominal.was_driven:
             return rows
@@ -157,7 +155,7 @@ class DriverScene:
         return OnPath.of(self.nominal.path, track, self.step_s, float(self.nominal.stations_m[index]))
 
     def drive(self, driver: ReferenceDriver, takes_over: int = 0) -> Driven:
-        """Return what a driver drives that takes over at a state, by its index."""
+        """Return the motion of a driver that takes over at the state with an index."""
         stations: list[float] = self.nominal.stations_m[: takes_over + 1].tolist()
         speeds: list[float] = self.nominal.speeds_mps[: takes_over + 1].tolist()
         memory, braking, brakes_from = driver.begin(), 0.0, None
@@ -184,7 +182,7 @@ class DriverScene:
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
 
     def _is_over(self, index: int, met: Seen | None, speed: float, wanted: float | None) -> bool:
-        """Return whether the other goes on evenly and neither it nor the ego can reach the other any more."""
+        """Return True if the other moves evenly and neither it nor the ego can reach the other any more."""
         if met is None or self.first_step + index <= self.met_until or met.slowing_mps2 > 0:
             return False
         if met.is_passed:
@@ -192,16 +190,16 @@ class DriverScene:
         return wanted is None and met.gap_m > 0 and speed <= met.along_mps
 
     def undisturbed(self, count: int) -> Driven:
-        """Return the nominal motion over so many states."""
+        """Return the nominal motion over ``count`` states."""
         return Driven(self.nominal.stations_m[:count], self.nominal.speeds_mps[:count], None, stands=False)
 
     def _has_passed(self, index: int, station: float, speed: float) -> bool:
-        """Return whether the ego is past the one that it met, which does not catch up."""
+        """Return True if the ego has passed ``met``, and ``met`` does not catch up."""
         met = self._met.seen(self.first_step + index, station, self.body, self.step_s)
         return met is not None and met.is_passed and met.along_mps <= speed
 
     def _seen(self, index: int, station: float, met: Seen | None) -> tuple[Seen, ...]:
-        """Return what the driver sees: the one that it met unless another hides it, and on its lane all others."""
+        """Return what the driver sees: ``met`` unless another hides it, and on its lane all others."""
         if not self._watched:
             return () if met is None else (met,)
         if self.nominal.was_driven and (met is None or not met.is_in_way):
@@ -216,16 +214,17 @@ class DriverScene:
         return tuple(one for one in shown if one.key == self._met.key) if self.nominal.was_driven else shown
 
     def is_clear(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> bool:
-        """Return whether a drive touches neither the road user that was met nor any other that it drives into.
+        """Return True if a drive touches neither ``met`` nor any other road user that it drives into.
 
-        ``aside_m`` (n,): how far left of the way the ego is at each state, ``turned_rad`` (n,): and turned by how much.
+        ``aside_m`` (n,): the ego's offset to the left of the path at each state; ``turned_rad`` (n,): its additional
+        turn.
         """
         return self.is_clear_of_met(driven, aside_m, turned_rad) and not self._drives_into_others(driven)
 
     def bodies(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> NDArray[Any]:
         """Return the ego's polygons (n,) at the states of a drive; see :meth:`is_clear`.
 
-        A driver that reacts may come as near as the steps are long: its place is known no better than to half of full
+        For a driver that reacts, they are shorter by the resolution of the steps: its position is known to half of full
         braking times the squared step, and the fuzzy model and RSS stop exactly at a standing obstacle.
         """
         known_m = 0.0 if driven.brakes_from is None else self.brakes.full_mps2 * self.step_s**2 / 2
@@ -237,7 +236,7 @@ class DriverScene:
         return rectangles(centers, bearings, body)
 
     def is_clear_of_met(self, driven: Driven, aside_m: Values | None = None, turned_rad: Values | None = None) -> bool:
-        """Return whether a drive does not touch the one that was met; see :meth:`is_clear`."""
+        """Return True if a drive does not touch ``met``; see :meth:`is_clear`."""
         import shapely
 
         own = self.bodies(driven, aside_m, turned_rad)
@@ -251,12 +250,12 @@ class DriverScene:
 
     @cached_property
     def _met_bodies(self) -> tuple[int, NDArray[Any]]:
-        """The index of the state at which the one that was met is there first (or before it), and its polygons."""
+        """The index of the first state at which ``met`` is present (negative if it is earlier), and its polygons."""
         track = self.met
         return track.first_step - self.first_step, rectangles(track.positions, track.headings_rad, track.size_m)
 
     def _drives_into_others(self, driven: Driven) -> bool:
-        """Return whether the ego, once its driver decides how it moves, touches another that is not behind it."""
+        """Return True if the ego, once its driver controls it, touches another road user that is not behind it."""
         import shapely
 
         begins = driven.brakes_from if self.nominal.was_driven else 0
@@ -282,13 +281,13 @@ class DriverScene:
         return False
 
     def prevents(self, driver: ReferenceDriver, takes_over: int = 0) -> bool:
-        """Return whether a driver that takes over at a state touches neither the one that was met nor anyone ahead."""
+        """Return True if a driver that takes over at a state touches neither ``met`` nor any road user ahead."""
         return self.is_clear(self.drive(driver, takes_over))
 
     def latest_takeover(self, driver: ReferenceDriver, last: int) -> int | None:
         """Return the latest state at which the driver may take over, at most ``last``; None if the first is too late.
 
-        Found by halving: it prevents the collision from there, and no longer from the next state on.
+        Uses bisection: the driver prevents the collision from that state, but not from the next one.
         """
         if not self.prevents(driver):
             return None
@@ -300,7 +299,7 @@ class DriverScene:
 
 
 def going_on(track: Track, last_step: int, step_s: float) -> Track:
-    """Return a track up to a step: straight on at its last speed, and braking on to a stop if it braked."""
+    """Return a track extended to a step: straight at its last speed, and still braking to a standstill if it braked."""
     count = last_step - track.last_step
     if count <= 0:
         return track

@@ -1,4 +1,4 @@
-"""The line that keeps to the ego's lane and route, from where a planning problem begins."""
+"""The line along the ego's lane and route, from the start of a planning problem."""
 
 from typing import TYPE_CHECKING
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
 
 _ON_M = 300.0
-"""How far a route goes on if its goal has no place: 10 s at 30 m/s."""
+"""Length of a route if its goal has no position: 10 s at 30 m/s."""
 
 
 def lane_line(scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters) -> Points | None:
-    """Return the reference path of a planning problem, shape (n, 2); None if no route leads to its goal."""
+    """Return the reference path of a planning problem, shape (n, 2), or None if no route leads to its goal."""
     if not problem.goal.state_list:
         return None
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network

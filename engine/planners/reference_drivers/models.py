@@ -1,21 +1,21 @@
-"""Reference drivers as pure models: what each one sees, when it reacts, and how hard it brakes.
+"""Reference drivers as pure models: what each one perceives, when it reacts, and how hard it brakes.
 
-A driver is a frozen dataclass. ``react(memory, moment)`` takes what the driver remembers and what it sees at one
-moment, and returns its new memory and the deceleration in m/s² that it wants, or None if it does not react. Nothing
-here knows tracks, planners or simulations. The vehicle's :class:`Brakes` limit how fast and how far a wanted
-deceleration builds up.
+A driver is a frozen dataclass. ``react(memory, moment)`` takes the driver's memory and its perception at one time, and
+returns the new memory and the wanted deceleration in m/s², or None if the driver does not react. This module knows no
+tracks, planners or simulations. The vehicle's :class:`Brakes` limit how fast and how far a wanted deceleration builds
+up.
 
 * :class:`CarefulDriver`: the competent and careful human driver of UN Regulation No. 157 (ECE/TRANS/WP.29/2020/81,
   Annex 4, Appendix 3; Annex 3 since Supplement 1, and performance model 1 there since the 01 series of amendments).
-  Table 1 is checked against all three versions. The triggers are as esmini and the Joint Research Centre implement
-  them; the paragraphs (3.3 and 3.4 of the first version) are not checked against the regulation's text.
+  Table 1 is checked against all three versions. The triggers are those of esmini and the Joint Research Centre; the
+  paragraphs (3.3 and 3.4 of the first version) are not checked against the regulation's text.
 * :class:`FuzzyDriver`: the fuzzy safety model (FSM; performance model 2 there). Mattas and others, "Fuzzy surrogate
   safety metrics for real-time assessment of rear-end collision risk", Accident Analysis and Prevention 148, 2020, and
   "Driver models for the definition of safety requirements of automated vehicles in international regulations", there
   174, 2022. The parameters are those of the code that the European Commission's Joint Research Centre publishes
-  (JRC-FSM); the formulas are also those that the 01 series of amendments prints.
+  (JRC-FSM); the formulas also match those of the 01 series of amendments.
 * :class:`RssDriver`: Responsibility-Sensitive Safety. Shalev-Shwartz, Shammah, Shashua, "On a formal model of safe and
-  scalable self-driving cars", arXiv:1708.06374, definitions 1, 2, 6 and 7; IEEE 2846-2022 names the same parameters and
+  scalable self-driving cars", arXiv:1708.06374, definitions 1, 2, 6 and 7; IEEE 2846-2022 has the same parameters and
   leaves their values open.
 * :class:`FullBraking`: full braking at once, and :class:`KeepLane`: no reaction at all. They bound the others.
 
@@ -35,23 +35,23 @@ GRAVITY_MPS2 = 9.81
 
 @dataclass(frozen=True)
 class Brakes:
-    """How hard a vehicle brakes at most, and the time in which the braking builds up evenly to that."""
+    """The largest deceleration of a vehicle, and the time in which it builds up evenly."""
 
     full_mps2: float
     build_up_s: float
 
     @property
     def jerk_mps3(self) -> float:
-        """How fast the braking builds up, in m/s³."""
+        """The rate at which the deceleration builds up, in m/s³."""
         return self.full_mps2 / self.build_up_s
 
     def on_road(self, friction: float | None) -> "Brakes":
-        """Return the brakes on a road of some friction; the braking builds up at the same rate."""
+        """Return the brakes on a road with some friction; the deceleration builds up at the same rate."""
         full = self.full_mps2 if friction is None else min(self.full_mps2, friction * GRAVITY_MPS2)
         return self if full == self.full_mps2 else Brakes(full, full / self.jerk_mps3)
 
     def after(self, braking_mps2: float, wanted_mps2: float, step_s: float) -> float:
-        """Return the braking one step later if a driver wants a deceleration; releasing the pedal takes no time."""
+        """Return the deceleration one step later for a wanted one; releasing the pedal takes no time."""
         return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, wanted_mps2)
 
 
@@ -59,24 +59,25 @@ CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
 """UN R157, Annex 4, Appendix 3, table 1: 0.774 g after 0.6 s on a dry road."""
 HEAVY_BRAKES = Brakes(5.0, 0.6 / 0.75)
 """Trucks and buses: 5 m/s² is the least performance of the service brakes of categories M2, M3, N2 and N3 (UN R13,
-Annex 4; taken into UN R157 by its Supplement 3, ECE/TRANS/WP.29/2021/143/Rev.1; UN R79, annex 3, asks the same). The
-build-up is that of UN R13, Annex 6, 0.6 s until 75 % of the pressure is there, not checked against its text."""
+Annex 4; adopted by UN R157 in its Supplement 3, ECE/TRANS/WP.29/2021/143/Rev.1; UN R79, annex 3, requires the same).
+The build-up is that of UN R13, Annex 6, 0.6 s until the pressure reaches 75 %, not checked against its text.
+"""
 _HEAVY = ("truck", "bus")
 
 
 def brakes_of(kind: str) -> Brakes:
-    """Return the brakes of a class of vehicle, named as CommonRoad's obstacle types are; cars by default."""
+    """Return the brakes of a vehicle class, given as a CommonRoad obstacle type; cars by default."""
     return HEAVY_BRAKES if kind in _HEAVY else CAR_BRAKES
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Another road user as a driver sees it along its way at one moment.
+    """Another road user along a driver's path, as the driver perceives it at one time.
 
-    ``gap_m``: from the driver's front to its nearest end, negative alongside and behind; ``past_m``: how far the driver
-    has to go until its rear is past the other's far end. ``aside_m``: the gap between both bodies across the way, 0 or
-    less if it is in the way; ``nearing_mps``: how fast that gap closes; ``along_mps`` and ``slowing_mps2``: its speed
-    along the way and its deceleration. ``hider_gap_m``: the gap to the one that hides it; None: it can be seen.
+    ``gap_m``: distance from the driver's front to its nearest end, negative alongside and behind; ``past_m``: distance
+    until the driver's rear is past its far end. ``aside_m``: lateral gap between both bodies, at most 0 if it is in the
+    path; ``nearing_mps``: closing rate of that gap; ``along_mps`` and ``slowing_mps2``: its speed along the path and
+    its deceleration. ``hider_gap_m``: the gap to the road user that hides it; None if it is visible.
     """
 
     key: int
@@ -90,27 +91,29 @@ class Seen:
 
     @property
     def is_in_way(self) -> bool:
-        """Whether it is in the way, ahead of the driver or alongside its front."""
+        """True if it is in the path, ahead of the driver or alongside its front."""
         return self.aside_m <= 0 and not self.is_passed
 
     @property
     def is_passed(self) -> bool:
-        """Whether the driver is past it."""
+        """True if the driver is past it."""
         return self.past_m <= 0
 
     def is_in_way_before_passed(self, closing_mps: float, later_s: float = 0.0) -> bool:
-        """Return whether one at the side enters the way, at its rate, before the driver is past it (or a bit later)."""
+        """Return True if it enters the path from the side at its present rate before the driver is past it (plus a
+        delay).
+        """
         if self.nearing_mps <= 0 or closing_mps <= 0:
             return False
         return self.aside_m / self.nearing_mps <= self.past_m / closing_mps + later_s
 
     def time_to_collision_s(self, own_mps: float) -> float:
-        """Return the time until the driver reaches it along the way if both keep their speeds; infinite if never."""
+        """Return the time until the driver reaches it along the path if both keep their speeds; infinite if never."""
         closing = own_mps - self.along_mps
         return max(self.gap_m, 0.0) / closing if closing > 0 else math.inf
 
     def time_headway_s(self, own_mps: float) -> float:
-        """Return the time in which the driver covers the gap; infinite if it stands."""
+        """Return the time in which the driver covers the gap; infinite if the driver stands."""
         return _headway_s(self.gap_m, own_mps)
 
 
@@ -120,7 +123,7 @@ def _headway_s(gap_m: float, own_mps: float) -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """What a driver sees: the time, its own speed and acceleration, and the others ahead, hidden ones included."""
+    """A driver's perception: the time, its own speed and acceleration, and the others ahead, including hidden ones."""
 
     time_s: float
     own_mps: float
@@ -129,16 +132,16 @@ class Moment:
 
     @property
     def visible(self) -> tuple[Seen, ...]:
-        """Those that the driver can see."""
+        """The others that the driver can see."""
         return tuple(seen for seen in self.seen if seen.hider_gap_m is None)
 
 
 class ReferenceDriver(Protocol):
-    """A driver model. ``begin`` returns the memory of a driver that takes over now."""
+    """A driver model. ``begin`` returns the memory of a driver that takes over."""
 
     @property
     def name(self) -> ReferenceDriverName:
-        """The name by which verdicts, docs and configurations know the driver."""
+        """The name of the driver in verdicts, docs and configurations."""
 
     def begin(self) -> Any:
         """Return an empty memory."""
@@ -148,7 +151,7 @@ class ReferenceDriver(Protocol):
 
 
 _SLOWER_MPS = 0.1
-"""The resolution with which speeds are told apart: slower than this is standing, as in the time headway."""
+"""Speed resolution: a vehicle slower than this stands, as in the time headway."""
 _STILL_SLOWING_MPS2 = 1.0
 """A stronger deceleration counts as braking, as in the description of contacts."""
 _ROUNDING_S = 1e-9
@@ -156,9 +159,9 @@ _ROUNDING_S = 1e-9
 
 @dataclass(frozen=True)
 class _Hazard:
-    """What the careful driver knows of one road user: since when it shows each trigger, and when the risk was clear.
+    """The careful driver's knowledge of one road user: the start of each trigger, and the time of the decision.
 
-    ``followed_closely``: whether the driver followed the one that hid it within the critical time headway.
+    ``followed_closely``: True if the driver followed the hiding vehicle within the critical time headway.
     """
 
     farthest_m: float
@@ -173,18 +176,19 @@ class _Hazard:
 class CarefulDriver:
     """UN R157's competent and careful driver with its three triggers.
 
-    A road user is *noticed* when it has come nearer to the way by ``wandering_m`` or is in it (cut-in, 3.4.1), when it
-    brakes in the way by more than ``hard_mps2`` (deceleration, 3.4.3), or when it is in the way and slower than the
-    driver (cut-out, 3.4.2: the regulation means the one that a cut-out reveals; a leader that has become slower is
-    treated the same). A road user behind a broad one in the way is hidden until the centre of that one is more than
-    ``wandering_m`` off the way. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets
-    vehicles 1.9 m wide begin 1.6 m apart); what is farther aside is noticed only if, at its present rate, it is in the
-    way before the driver is past it.
+    The driver *notices* a road user that has come nearer to the path by ``wandering_m`` or is in it (cut-in, 3.4.1),
+    that brakes in the path by more than ``hard_mps2`` (deceleration, 3.4.3), or that is in the path and slower than the
+    driver (cut-out, 3.4.2: in the regulation, the vehicle that a cut-out reveals; a leader that has become slower is
+    treated the same). A broad road user in the path hides those behind it until its centre is more than ``wandering_m``
+    off the path. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets vehicles 1.9 m
+    wide start 1.6 m apart); a road user farther away is noticed only if, at its present rate, it enters the path before
+    the driver passes it.
 
-    ``perception_s`` later the risk is *perceived*. It is *critical* if the time to collision is below
-    ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if that to
-    the one that cut out was (cut-out: the regulation's data sheets let the driver follow that one at 2 s). ``delay_s``
-    after that the driver brakes fully, until the other is neither slower nor braking, or has left the way.
+    After ``perception_s`` the driver *perceives* the risk. It is *critical* if the time to collision is below
+    ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if the
+    headway to the vehicle that cut out was (cut-out: in the regulation's data sheets the driver follows that vehicle at
+    2 s). ``delay_s`` later the driver brakes fully, until the other is neither slower nor braking, or has left the
+    path.
     """
 
     wandering_m: float = 0.375
@@ -205,7 +209,7 @@ class CarefulDriver:
         return {}
 
     def react(self, memory: Mapping[int, _Hazard], moment: Moment) -> tuple[Mapping[int, _Hazard], float | None]:
-        """Brake fully if any perceived risk is critical since the delay."""
+        """Brake fully if any perceived risk has been critical for the delay."""
         hazards = {seen.key: self._hazard(memory.get(seen.key), seen, moment) for seen in moment.seen}
         decided = [hazard.decided_s for hazard in hazards.values() if hazard.decided_s is not None]
         brakes = any(moment.time_s - since >= self.delay_s - _ROUNDING_S for since in decided)
@@ -246,13 +250,13 @@ class CarefulDriver:
         return perceived(hazard.coming_since_s) and seen.time_to_collision_s(moment.own_mps) < self.critical_ttc_s
 
     def _may_come(self, seen: Seen, closing_mps: float) -> bool:
-        """Return whether a road user that comes nearer is in the adjacent lane, or will be in the way in time."""
+        """Return True if an approaching road user is in the adjacent lane, or will enter the path in time."""
         if seen.aside_m <= self.lane_m:
             return True
         return seen.is_in_way_before_passed(closing_mps)
 
     def _is_over(self, seen: Seen, moment: Moment) -> bool:
-        """Return whether what the driver brakes for is over."""
+        """Return True if the cause of the braking is over."""
         if seen.is_passed:
             return True
         if seen.aside_m > 0:
@@ -261,19 +265,19 @@ class CarefulDriver:
 
 
 def _since(before_s: float | None, now_s: float, holds: bool) -> float | None:
-    """Return since when a condition has held without a break; None if it does not hold."""
+    """Return the start of the uninterrupted time for which a condition has held, or None if it does not hold."""
     return None if not holds else now_s if before_s is None else before_s
 
 
 @dataclass(frozen=True)
 class _Alertness:
-    """Since when a situation has been unsafe, and since when it has been safe again; None: it has not."""
+    """The time since when a situation has been unsafe, and since when it has been safe again; None if it is not."""
 
     unsafe_since_s: float | None = None
     safe_since_s: float | None = None
 
     def after(self, is_unsafe: bool, now_s: float, calm_s: float) -> "_Alertness":
-        """Return the alertness after one more moment; a driver that saw nothing unsafe for a while is calm again."""
+        """Return the alertness after one more step; after a while without danger, a driver is calm again."""
         if is_unsafe:
             return _Alertness(now_s if self.unsafe_since_s is None else self.unsafe_since_s)
         if self.unsafe_since_s is None:
@@ -282,13 +286,13 @@ class _Alertness:
         return _Alertness() if now_s - safe_since_s >= calm_s else _Alertness(self.unsafe_since_s, safe_since_s)
 
     def responds(self, now_s: float, response_s: float) -> bool:
-        """Return whether the response time has passed since the situation became unsafe."""
+        """Return True if the response time has passed since the situation became unsafe."""
         return self.unsafe_since_s is not None and now_s - self.unsafe_since_s >= response_s - _ROUNDING_S
 
 
 @dataclass(frozen=True)
 class _RespondingDriver(ABC):
-    """A driver that brakes as hard as the most unsafe road user asks it to, once ``response_s`` has passed."""
+    """A driver that brakes as hard as the most dangerous road user requires, after ``response_s``."""
 
     response_s: float = 0.75
 
@@ -297,23 +301,24 @@ class _RespondingDriver(ABC):
         return _Alertness()
 
     def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
-        """Brake by how unsafe it is, once the response time has passed."""
+        """Brake according to the danger, after the response time."""
         wanted = max((self.wanted_mps2(seen, moment) for seen in moment.visible), default=0.0)
         memory = memory.after(wanted > 0, moment.time_s, self.response_s)
         return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
 
     @abstractmethod
     def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
-        """Return how hard one road user asks the driver to brake; 0 if it is safe."""
+        """Return the deceleration that one road user requires of the driver; 0 if it is safe."""
 
 
 @dataclass(frozen=True)
 class FuzzyDriver(_RespondingDriver):
-    """The driver of the fuzzy safety model: it begins early and gently, and brakes as hard as the situation is unsafe.
+    """The driver of the fuzzy safety model, which brakes early and gently, and harder as the situation becomes more
+    unsafe.
 
-    ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest braking; ``front_mps2``: that of the one ahead;
-    ``standstill_m``: the gap that it keeps when standing; ``margin_m``: added to the safe distance; ``earlier_s``: how
-    much later than the driver is past it another may come into the way.
+    ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest deceleration; ``front_mps2``: that of the leader;
+    ``standstill_m``: the gap that it keeps when standing; ``margin_m``: added to the safe distance; ``earlier_s``: the
+    largest delay, after the driver is past, with which another may still enter the path.
     """
 
     gentle_mps2: float = 4.0
@@ -329,7 +334,7 @@ class FuzzyDriver(_RespondingDriver):
         return "fsm"
 
     def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
-        """Return how hard one road user asks the driver to brake; 0 if it is safe."""
+        """Return the deceleration that one road user requires of the driver; 0 if it is safe."""
         if seen.is_passed:
             return 0.0
         closing = moment.own_mps - seen.along_mps
@@ -342,7 +347,7 @@ class FuzzyDriver(_RespondingDriver):
         return self.unsafe_share(gap, moment.own_mps, seen.along_mps) * self.gentle_mps2
 
     def unsafe_share(self, gap_m: float, own_mps: float, front_mps: float) -> float:
-        """Return the proactive metric: 0 if the one ahead may brake hard, 1 if hard braking is then too little."""
+        """Return the proactive metric: 0 if the leader may brake hard, 1 if hard braking would then be insufficient."""
         front_m = max(front_mps, 0.0) ** 2 / (2 * self.front_mps2)
         response_m = own_mps * self.response_s
         safe = response_m + own_mps**2 / (2 * self.gentle_mps2) - front_m + self.margin_m
@@ -350,7 +355,9 @@ class FuzzyDriver(_RespondingDriver):
         return _share_between(gap_m - self.standstill_m, safe, unsafe)
 
     def critical_share(self, gap_m: float, own_mps: float, front_mps: float, felt_mps2: float) -> float:
-        """Return the critical metric: 0 if gentle braking is enough for an even one ahead, 1 if hard braking is not."""
+        """Return the critical metric: 0 if gentle braking suffices for a leader at constant speed, 1 if hard braking
+        does not.
+        """
         if own_mps <= front_mps:
             return 0.0
         going_on = max(felt_mps2, -self.gentle_mps2)
@@ -363,19 +370,19 @@ class FuzzyDriver(_RespondingDriver):
 
 
 def _share_between(value: float, none: float, all_: float) -> float:
-    """Return 0 from one value on, 1 up to a smaller other one, and an even share between."""
+    """Return 0 from one value on, 1 up to a smaller one, and a linear share between."""
     return float(value < all_) if none <= all_ else min(max((none - value) / (none - all_), 0.0), 1.0)
 
 
 @dataclass(frozen=True)
 class RssDriver(_RespondingDriver):
-    """The driver of Responsibility-Sensitive Safety: it brakes fully while both distances to another are unsafe.
+    """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to another are unsafe.
 
-    The longitudinal distance is definition 1 for one that moves the driver's way, without acceleration during the
-    response (a driver that keeps its speed), and definition 2 for one that comes the other way. The lateral distance is
-    definition 6 with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay,
-    ``own_mps2`` and ``front_mps2`` are the braking that the driver counts on for itself and expects of others,
-    ``across_mps2`` and ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
+    The longitudinal distance is definition 1 for a road user in the driver's direction, without acceleration during the
+    response (a driver that keeps its speed), and definition 2 for an oncoming one. The lateral distance is definition 6
+    with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay, ``own_mps2`` and
+    ``front_mps2`` are the decelerations that the driver assumes for itself and for others, ``across_mps2`` and
+    ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
     """
 
     own_mps2: float = 4.0
@@ -393,13 +400,13 @@ class RssDriver(_RespondingDriver):
         return math.inf if self.is_unsafe(seen, moment.own_mps) else 0.0
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
-        """Return whether both distances to another are below the safe ones."""
+        """Return True if both distances to another are below the safe ones."""
         if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
             return False
         return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)
 
     def safe_distance_m(self, own_mps: float, front_mps: float) -> float:
-        """Return the safe longitudinal distance to another with a speed along the way (negative: it is oncoming)."""
+        """Return the safe longitudinal distance to another with a speed along the path (negative: it is oncoming)."""
         own = own_mps * self.response_s + own_mps**2 / (2 * self.own_mps2)
         if front_mps >= 0:
             return max(own - front_mps**2 / (2 * self.front_mps2), 0.0)
@@ -407,7 +414,7 @@ class RssDriver(_RespondingDriver):
         return own + theirs
 
     def safe_aside_m(self, nearing_mps: float) -> float:
-        """Return the safe lateral distance to another that comes nearer at a speed; none if it does not come nearer."""
+        """Return the safe lateral distance to another that approaches at a speed; 0 if it does not approach."""
         if nearing_mps <= 0:
             return 0.0
         later = nearing_mps + self.across_mps2 * self.response_s
@@ -417,7 +424,7 @@ class RssDriver(_RespondingDriver):
 
 @dataclass(frozen=True)
 class FullBraking:
-    """Full braking from the moment on at which the driver takes over, without any delay."""
+    """Full braking as soon as the driver takes over, without any delay."""
 
     @property
     def name(self) -> ReferenceDriverName:
@@ -425,17 +432,17 @@ class FullBraking:
         return "full_braking"
 
     def begin(self) -> None:
-        """Return no memory: there is nothing to remember."""
+        """Return no memory; there is nothing to remember."""
 
     def react(self, memory: None, moment: Moment) -> tuple[None, float | None]:
-        """Brake fully, whatever there is to see."""
+        """Brake fully, whatever the driver perceives."""
         del memory, moment
         return None, math.inf
 
 
 @dataclass(frozen=True)
 class KeepLane:
-    """A driver that keeps its lane and speed, whatever happens."""
+    """A driver that always keeps its lane and speed."""
 
     @property
     def name(self) -> ReferenceDriverName:
@@ -443,7 +450,7 @@ class KeepLane:
         return "keep_lane"
 
     def begin(self) -> None:
-        """Return no memory: there is nothing to remember."""
+        """Return no memory; there is nothing to remember."""
 
     def react(self, memory: None, moment: Moment) -> tuple[None, float | None]:
         """Do nothing."""

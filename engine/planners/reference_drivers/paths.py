@@ -1,8 +1,8 @@
-"""The way of a driver, and how it sees recorded road users along it.
+"""The path of a driver, and how the driver perceives recorded road users along it.
 
-Stations are arc lengths in m along the way. Others are projected with continuity, so that one aside of a bend or of a
-way that crosses itself does not jump. How far another's body reaches along and across the way is that of its rectangle
-turned against the way.
+Stations are arc lengths in m along the path. Others are projected with continuity, so that a road user next to a curve,
+or a path that crosses itself, causes no jump. The extent of another's body along and across the path is that of its
+rectangle, turned relative to the path.
 """
 
 import math
@@ -19,26 +19,26 @@ from ...geometry import Points, Values, arc_length, interpolate, project_along, 
 from .models import Seen
 
 AHEAD_M = 200.0
-"""A way goes on straight for this long after its end: more than a car on a motorway needs to stop."""
+"""Length of a path's straight extension after its end, more than a car on a motorway needs to stop."""
 _NARROW = ("pedestrian", "bicycle", "motorcycle")
 """Types that hide no other road user; all other types are as broad as a car."""
 
 
 @dataclass(frozen=True)
 class DriverPath:
-    """A line of points (n, 2) with the headings (n,) that a driver has there; straight on after its end."""
+    """A line of points (n, 2) with the driver's headings (n,) there; straight after its end."""
 
     points: Points
     headings_rad: Values
 
     @classmethod
     def driven(cls, track: Track) -> "DriverPath":
-        """Return the way that a track drove, with its own headings."""
+        """Return the path that a track drove, with the track's headings."""
         return cls(track.positions, np.unwrap(track.headings_rad))
 
     @classmethod
     def along(cls, line: Points) -> "DriverPath":
-        """Return the way along a line, with the headings of the line."""
+        """Return the path along a line, with the line's headings."""
         step = np.gradient(line, axis=0)
         return cls(line, np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
 
@@ -49,7 +49,7 @@ class DriverPath:
 
     @property
     def length_m(self) -> float:
-        """The length of the line, without what goes on behind it."""
+        """The length of the line without its extension."""
         return float(self.stations_m[-1])
 
     def poses(self, stations_m: Values) -> tuple[Points, Values]:
@@ -62,15 +62,15 @@ class DriverPath:
 
     @cached_property
     def _line(self) -> Points:
-        """The line that others are projected on: without repeated points, and with what goes on behind its end."""
+        """The line for projections: without repeated points, and with the extension behind its end."""
         end = float(self.headings_rad[-1])
         after = self.points[-1] + AHEAD_M * np.array([math.cos(end), math.sin(end)])
         return np.vstack([without_repeats(self.points), after])
 
     def follow(self, positions: Points, near_m: float | None = None) -> tuple[Values, Values, Values]:
-        """Return stations (m,), offsets (m,) left positive and headings of the way (m,) for a track of points (m, 2).
+        """Return stations (m,), offsets (m,) left positive and the path's headings (m,) for a track of points (m, 2).
 
-        ``near_m``: a station near which the track begins, for ways that come back to themselves.
+        ``near_m``: a station near which the track starts, for paths that return to themselves.
         """
         stations, offsets = project_along(self._line, positions, near_m)
         begins = arc_length(self._line)
@@ -81,10 +81,10 @@ class DriverPath:
 
 @dataclass(frozen=True)
 class OnPath:
-    """A road user along a way, one entry a step from ``first_step`` on.
+    """A road user along a path, one entry per step from ``first_step``.
 
-    ``middle_m``: stations; ``offset_m``: of its centre, left positive; ``half_along_m``, ``half_across_m``: how far its
-    body reaches; ``along_mps``: its speed along the way; ``slowing_mps2``: its deceleration.
+    ``middle_m``: stations; ``offset_m``: offset of its centre, left positive; ``half_along_m``, ``half_across_m``:
+    extents of its body; ``along_mps``: its speed along the path; ``slowing_mps2``: its deceleration.
     """
 
     key: int
@@ -99,7 +99,7 @@ class OnPath:
 
     @classmethod
     def of(cls, path: DriverPath, track: Track, step_s: float, near_m: float | None = None) -> "OnPath":
-        """Return a track along a way; ``near_m``: the driver's station when the track begins."""
+        """Return a track along a path; ``near_m``: the driver's station when the track starts."""
         middle, offset, bearings = path.follow(track.positions, near_m)
         turned = wrap_angles(track.headings_rad - bearings)
         cosine, sine = np.cos(turned), np.sin(turned)
@@ -119,12 +119,12 @@ class OnPath:
 
     @cached_property
     def aside_m(self) -> Values:
-        """The gap between its body and the line of the way, shape (n,)."""
+        """The gap between its body and the line of the path, shape (n,)."""
         gaps: Values = np.abs(self.offset_m) - self.half_across_m
         return gaps
 
     def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
-        """Return how a driver with its centre at a station sees it, or None if it is not there at the step.
+        """Return how a driver with its centre at a station perceives it, or None if it is absent at the step.
 
         ``body``: length and width of the driver's vehicle.
         """
@@ -144,21 +144,22 @@ class OnPath:
         )
 
     def offset_at(self, step: int) -> float:
-        """Return the offset of its centre from the way at a step at which it is there."""
+        """Return the offset of its centre from the path at a step at which it is present."""
         return float(self.offset_m[step - self.first_step])
 
     @cached_property
     def _rows(self) -> list[tuple[float, float, float, float, float]]:
-        """Station, reach along the way, gap to its line, speed along it and deceleration of each state."""
+        """Station, extent along the path, gap to its line, speed along it and deceleration of each state."""
         columns = self.middle_m, self.half_along_m, self.aside_m, self.along_mps, self.slowing_mps2
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def with_hidden(seen: Sequence[tuple[Seen, float, bool]], wandering_m: float) -> tuple[Seen, ...]:
-    """Return what a driver has ahead, marked where one hides another (UN R157, Annex 4, Appendix 3, 3.4.2).
+    """Return what is ahead of a driver, with hidden road users marked (UN R157, Annex 4, Appendix 3, 3.4.2).
 
-    Each comes with the offset of its centre from the way, and whether it hides others. One ahead in the way hides what
-    is in the way beyond it until its centre has left the middle of the way by more than the wandering distance.
+    Each entry has the offset of its centre from the path, and whether it hides others. One that is ahead in the path
+    hides what is in the path beyond it, until its centre is farther from the middle of the path than the wandering
+    distance.
     """
     hiding = [one.gap_m for one, offset, hides in seen if hides and one.is_in_way and abs(offset) <= wandering_m]
     nearest = min((gap for gap in hiding if gap >= 0), default=math.inf)

@@ -1,11 +1,10 @@
-"""Reference drivers as planners: they follow the reference path and brake as their model says.
+"""Reference drivers as planners: they follow the reference path and brake by their models.
 
-What a driver does while its model does not react is not part of the models. With ``follows`` it drives like the
-Intelligent Driver Model (``idm.py``): to the goal, at its time headway behind others, braking comfortably at most.
-Without it, it keeps its lane and the speed of the start until it reacts, and the speed that it then has, as the
-reference drivers of verdicts do. Its model sees the
-others as observed when the plan is made; within a plan they move as predicted. The lateral motion and the speeds in
-bends are those of the Intelligent Driver Model.
+The models do not define the driving while they do not react. With ``follows`` the planner drives like the Intelligent
+Driver Model (``idm.py``): to the goal, at its time headway behind others, braking at most comfortably. Without it, it
+keeps its lane and its initial speed until it reacts, and after that the speed that it then has, like the reference
+drivers of verdicts. Its model perceives the others as observed when the plan is made; within a plan they move as
+predicted. The lateral motion and the speeds in curves are those of the Intelligent Driver Model.
 """
 
 from collections.abc import Callable, Mapping
@@ -43,20 +42,21 @@ NOMINAL: Mapping[str, float] = {
     "deceleration_mps2": 1.67,
     "lateral_acceleration_mps2": 3.0,
 }
-"""How a reference driver drives while its model does not react, unless its configuration says it: at UN R157's
-time headway; accelerating like the vehicles of the Joint Research Centre's comparison; the rest as ``idm`` does."""
+"""Defaults for driving while the model does not react: UN R157's time headway, the acceleration of the vehicles in the
+Joint Research Centre's comparison, and otherwise the values of ``idm``.
+"""
 _TRACTOR = 4
-"""The number of CommonRoad's vehicle that is the tractor of a truck."""
+"""CommonRoad's number of the vehicle that is the tractor of a truck."""
 _HIDES_FROM_M = 1.2
 """Pedestrians, bicycles and motorcycles are narrower than this and hide no other road user."""
 _BEHIND_M, _AHEAD_M = 50.0, 300.0
-"""The part of the path that others are projected on: where they can matter to a vehicle at 50 m/s."""
+"""The part of the path on which others matter, enough for a vehicle at 50 m/s."""
 
 
 class ReferencePlanner(IntelligentDriver):
     """The planner of one reference driver; see :class:`plannerforge.engine.planners.interface.Planner`.
 
-    ``make``: the driver for the weights of a configuration, by name.
+    ``make``: creates the driver for the weights of a configuration, given by name.
     """
 
     def __init__(self, make: Callable[[Mapping[str, float]], ReferenceDriver]) -> None:
@@ -78,7 +78,7 @@ class ReferencePlanner(IntelligentDriver):
         self._brakes = brakes.on_road(task.vehicle.friction)
 
     def _motion(self, observation: Observation, station: float) -> tuple[Values, Values]:
-        """Return the distance in m and the speed, one a step, of a rear axle that begins at a station."""
+        """Return the distance in m and the speed, per step, of a rear axle that starts at a station."""
         ego, step_s = observation.ego, self._task.step_s
         if self._first_step is None:
             self._first_step = ego.step
@@ -93,7 +93,7 @@ class ReferencePlanner(IntelligentDriver):
             center_m = self._path.center_station(rear_m)
             seen = ahead.seen(i, center_m)
             memory, wanted = self._driver.react(memory, Moment(now_s + i * step_s, speed, felt, seen))
-            if i == 0:  # what it will see within the plan is foreseen, not seen
+            if i == 0:  # later steps of the plan are predicted, not perceived
                 self._memory = memory
             if wanted is None:
                 pedals = replace(pedals, braking_mps2=0.0)
@@ -153,7 +153,7 @@ class ReferencePlanner(IntelligentDriver):
 
 @dataclass(frozen=True)
 class _Pedals:
-    """How hard a driver brakes, and the speed that it keeps while it does not react."""
+    """A driver's deceleration, and the speed that it keeps while it does not react."""
 
     braking_mps2: float
     kept_mps: float
@@ -161,7 +161,7 @@ class _Pedals:
 
 @dataclass(frozen=True)
 class _Row:
-    """One obstacle along the path, one entry a step: station and offset of its centre, extents, speed along it."""
+    """One obstacle along the path, one entry per step: station and offset of its centre, extents, speed along it."""
 
     key: int
     hides: bool
@@ -210,7 +210,7 @@ class _Ahead:
     body: tuple[float, float]
 
     def seen(self, index: int, station_m: float) -> tuple[Seen, ...]:
-        """Return what a driver with its centre at a station sees so many steps ahead."""
+        """Return what a driver with its centre at a station perceives ``index`` steps ahead."""
         found = []
         for row in self.rows:
             if index >= len(row.middle_m):
@@ -238,11 +238,11 @@ DRIVERS: Mapping[DriverModelName, Callable[..., ReferenceDriver]] = {
     "full_braking": FullBraking,
     "keep_lane": KeepLane,
 }
-"""The model of each driver by its name."""
+"""Maps each driver's name to its model."""
 
 
 def reference_planner(name: DriverModelName) -> ReferencePlanner:
-    """Return the planner of a reference driver, whose parameters are those that the weights of a run name."""
+    """Return the planner of a reference driver, with parameters from a run's weights."""
     model = DRIVERS[name]
     parameters = signature(model).parameters
 

@@ -1,9 +1,9 @@
 """Traffic that reacts to the ego: SUMO drives the others, one step at a time.
 
-The ego is put at the pose it has driven to before every step of SUMO and its speed is set after it, so that the others
-see it as they see one another, one step late. A driven vehicle begins at its first recorded state (or at the one of the
-ego's first step) and is SUMO's from then on, on its recorded route led on. It obeys the traffic lights of the file. One
-such simulation may run in a process at a time.
+Before every step of SUMO the ego is moved to its driven pose, and after the step its speed is set. The others thus see
+it as they see one another, one step late. A driven vehicle starts at its first recorded state (or at the one of the
+ego's first step). From then on SUMO drives it along its recorded route and beyond. It obeys the traffic lights of the
+file. A process can run one such simulation at a time.
 """
 
 import math
@@ -33,31 +33,37 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
 
 _SUBLANES = ("--lateral-resolution", 0.4)
-"""Both lanes see a vehicle across their line; without sublanes only the lane of its front centre does."""
+"""With sublanes, both lanes see a vehicle that crosses their line; without them, only the lane of its front centre
+does.
+"""
 _MOST_OBLIQUE_RAD = 0.8
-"""An ego turned farther across its lane is shown as it stands: no box along the lane would fit it (chosen)."""
+"""An ego that is turned farther across its lane is shown in its own heading, since no box along the lane
+fits (chosen).
+"""
 _BESIDE_EGO_M = 0.3
-"""How much room beside the ego the others leave: SUMO knows neither how a vehicle turns while it moves to the side, nor
-an overlap with the next lane of less than a sublane."""
+"""Space that the others leave at the sides of the ego. SUMO models neither a vehicle's turn during lateral motion nor
+an overlap with the next lane of less than a sublane.
+"""
 _NEXT_LANE_M = 1.8
-"""Farther beside the ego's body a vehicle is in the next lane, whatever its heading (chosen): on concentric lanes 3 m
-apart, one that is headed for the ego's rear at some distance is then 2 m or more beside its body."""
+"""A vehicle farther to the side of the ego's body is in the next lane, whatever its heading (chosen). On concentric
+lanes 3 m apart, a distant one that heads for the ego's rear is then at least 2 m to the side of its body.
+"""
 _BEHIND_EGO_M, _LEAST_BEHIND_EGO_M = 1.0, 0.4
-"""Room that followers leave behind a standing ego, and that those who brake hard leave at least (chosen)."""
+"""Gap that followers keep behind a standing ego, and the least gap that hard-braking ones keep (chosen)."""
 _CLEARANCE_M = 1.0
-"""Room around a vehicle that appears in the middle of a run, at each end and in all across (chosen)."""
+"""Space around a vehicle that appears during a run, at each end and in total across (chosen)."""
 _COMFORTABLE_DECELERATION_MPS2 = 4.5
-"""How a vehicle that appears brakes for those ahead: SUMO's default deceleration of cars."""
+"""Deceleration of an appearing vehicle for those ahead: SUMO's default for cars."""
 
 
 @contextmanager
 def reactive_traffic(
     loaded: LoadedScenario, problem: "PlanningProblem", vehicle: VehicleParameters, seed: int
 ) -> Iterator[Traffic]:
-    """The others of a scenario, driven by SUMO from the ego's first step on.
+    """Yield the others of a scenario, driven by SUMO from the ego's first step.
 
     Raises:
-        NotPossible: no lanelet of the scenario can be driven on.
+        NotPossible: No lanelet of the scenario is drivable.
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
     """
     ego = EgoState.of(problem.initial_state)
@@ -65,30 +71,30 @@ def reactive_traffic(
         folder = Path(name)
         roles = TrafficRoles.of(loaded, ego.step)
         if not roles.scene.layout.edges:
-            raise NotPossible("no lanelet is drivable, so nobody can react", next_step="run with traffic recorded")
+            raise NotPossible("no lanelet is drivable, so no vehicle can react", next_step="run with traffic recorded")
         net = folder / "scenario.net.xml"
         signals = signals_of(roles.scene.network, loaded.step_s, ego.step)
         net.write_text(sumo_net(roles.scene.layout, roles.scene.lane_speeds_mps, signals), encoding="utf-8")
         setup = SimulationSetup(net, folder, loaded.step_s, 0, seed)
         types = roles.vehicle_types(vehicle)
         with open_simulation(setup, types, _SUBLANES) as sumo:
-            roles = roles.keeping_to_route(_astray(sumo, roles))
+            roles = roles.keeping_to_route(_misplaced_vehicles(sumo, roles))
         with open_simulation(setup, types, _SUBLANES) as sumo:
             goal = select_goal_state(roles.scene.network, problem.goal, ego, vehicle, loaded.step_s)
             yield _ReactiveTraffic(sumo, roles, roles.ego_edges(goal, ego), ego, vehicle)
 
 
-def _astray(sumo: Sumo, roles: TrafficRoles) -> frozenset[str]:
-    """Driven vehicles whose first pose SUMO takes for another road than their own; tried in a step of its own."""
+def _misplaced_vehicles(sumo: Sumo, roles: TrafficRoles) -> frozenset[str]:
+    """Return driven vehicles that SUMO places on a road other than their own, found in a separate trial step."""
     for actor in roles.driven:
-        _is_inserted(sumo, actor)
+        _insert(sumo, actor)
     sumo.step()
     there = frozenset(sumo.vehicles())
     return frozenset(a.key for a in roles.driven if a.key in there and sumo.last_edge(a.key) != a.edges[-1])
 
 
-def _is_inserted(sumo: Sumo, actor: Actor) -> bool:
-    """Put a vehicle that is to be driven into SUMO, at the state from which it is driven on, if SUMO can place it."""
+def _insert(sumo: Sumo, actor: Actor) -> bool:
+    """Insert a vehicle into SUMO at the state from which SUMO drives it; return True if SUMO can place it."""
 
     def placing() -> None:
         index = actor.handover_index
@@ -100,7 +106,9 @@ def _is_inserted(sumo: Sumo, actor: Actor) -> bool:
 
 
 class _ReactiveTraffic:
-    """The others of one run; ``on_recording`` are those that SUMO could not take over and that followed theirs."""
+    """The others of one run; ``on_recording`` are those that SUMO could not take over, so they followed their
+    recordings.
+    """
 
     def __init__(
         self, sumo: Sumo, roles: TrafficRoles, ego_edges: tuple[str, ...], ego: EgoState, vehicle: VehicleParameters
@@ -122,28 +130,28 @@ class _ReactiveTraffic:
 
     @property
     def driven(self) -> tuple[Track, ...]:
-        """What those have done up to the present step that the ego may move otherwise, by ascending id."""
+        """The tracks up to the present step of those that the ego may influence, by ascending id."""
         scripted = {key: track for key, actor in self._scripted.items() if (track := actor.driven) is not None}
         tracks = {key: grown.track() for key, grown in self._tracks.items()} | scripted
         return tuple(tracks[key] for key in sorted(tracks))
 
     @property
     def on_recording(self) -> tuple[int, ...]:
-        """Ids of the dynamic obstacles that followed their recording."""
+        """Ids of the dynamic obstacles that followed their recordings."""
         replayed = [track.obstacle_id for track in self._roles.replayed.moving]
         return tuple(sorted([*replayed, *(actor.track.obstacle_id for actor in self._lost)]))
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of prescribed motions by the road user's id, and whether they have held up to the present step."""
+        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
         return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
-        """One step of SUMO, to the step of the ego's new state, with the ego there when it ends."""
+        """Advance SUMO by one step to the step of the ego's new state, with the ego there at its end."""
         starting = [actor for actor in self._waiting if self._may_start(actor, ego)]
         for actor in starting:
             self._waiting.remove(actor)
-            _is_inserted(self._sumo, actor)
+            _insert(self._sumo, actor)
         for scripted in self._scripted.values():
             scripted.advance(ego)
         self._place_shown(ego.step)
@@ -160,7 +168,7 @@ class _ReactiveTraffic:
         self.moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
+        """Return id and type of the first obstacle (by id) that overlaps the ego's rectangle at its step, or None."""
         hit = self._roles.replayed.hit_by(ego, vehicle)
         own = rectangle(ego, vehicle)
         for track in self.driven:
@@ -170,7 +178,7 @@ class _ReactiveTraffic:
         return hit
 
     def _may_start(self, actor: Actor, ego: EgoState) -> bool:
-        """Whether it is time, and the place is free: a vehicle that would have to hit another one waits.
+        """Return True if it is time and the position is free; a vehicle that would have to hit another one waits.
 
         SUMO's departures wait in the same way.
         """
@@ -181,7 +189,7 @@ class _ReactiveTraffic:
         return is_insertion_safe(actor.track, actor.handover_index, self, ego, self._ego_vehicle)
 
     def _place_ego(self, ego: EgoState) -> None:
-        """Show SUMO the box around the ego along its lane: to it no vehicle is ever oblique."""
+        """Show SUMO the box around the ego along its lane, since SUMO never sees a vehicle as oblique."""
         hint, direction = self._roles.ego_lane(ego.position, ego.heading_rad, ego.speed_mps)
         turned = abs(wrap_angle(ego.heading_rad - direction))
         if turned > _MOST_OBLIQUE_RAD:
@@ -207,7 +215,7 @@ class _ReactiveTraffic:
                 self._shown[actor.key].settle(speed_mps, there)
 
     def _shown_place(self, actor: Actor, step: int) -> tuple[tuple[float, float, float], LaneHint] | None:
-        """Where SUMO is to show a road user; None where it is not there."""
+        """Return where SUMO must show a road user, or None if it is absent."""
         scripted = self._scripted.get(actor.track.obstacle_id)
         if scripted is None:
             index = self._shown_index(actor, step)
@@ -228,7 +236,7 @@ class _ReactiveTraffic:
         return None if state is None else state[2]
 
     def _hints_of(self, motion: Track) -> tuple[LaneHint, ...]:
-        """The lanes of a scripted motion at all its states, which are looked up anew if the motion has changed."""
+        """Return the lanes of a scripted motion at all its states, updated if the motion has changed."""
         key = motion.obstacle_id
         if key not in self._hints or self._hints[key][0] is not motion:
             match = self._roles.scene.matcher.match(motion)
@@ -246,7 +254,7 @@ class _ReactiveTraffic:
         return actor.track.index_at(step - late)
 
     def _read(self, there: frozenset[str]) -> None:
-        """Note the states of the driven vehicles; those that are not there any more have left the network."""
+        """Record the states of the driven vehicles; those that are missing have left the network."""
         self._under_way = [actor for actor in self._under_way if actor.key in there]
         for actor in self._under_way:
             self._tracks[actor.track.obstacle_id].add(*self._sumo.state(actor.key, actor.track.length_m))
@@ -257,9 +265,10 @@ class _ReactiveTraffic:
                 grown.add(*_recorded_state(actor.track, index))
 
     def _brake_for_ego(self, ego: EgoState, driven: Mapping[int, Track]) -> None:
-        """Have those that would drive into the ego's rear brake, as hard as they can where it comes to that.
+        """Make vehicles brake that would hit the ego's rear, as hard as they can if necessary.
 
-        SUMO sees the ego by lanes: behind it on one that merges, or askew in a junction, a follower would not.
+        SUMO sees the ego by lanes. A follower on a merging lane, or behind an ego that is askew in a junction, would
+        not see it.
         """
         hardest_mps2 = self._ego_vehicle.hardest_braking_mps2
         for actor in self._under_way:
@@ -299,10 +308,11 @@ class _ReactiveTraffic:
 
 
 def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> float | None:
-    """From a follower's front to the ego's rear, along the follower's heading, at the last state of its track.
+    """Return the gap from a follower's front to the ego's rear, along the follower's heading, at its track's last
+    state.
 
-    None for one that does not drive towards the ego's rear: straight on it would pass beside the ego, or it is farther
-    to the ego's side than a lane is from the next one, or turned much against it.
+    None for a vehicle that does not drive towards the ego's rear: it would pass the ego, is farther to the side than
+    the next lane, or has a very different heading.
     """
     apart, heading = ego.position - track.positions[-1], float(track.headings_rad[-1])
     ahead_m, left_m = _turned(apart, -heading)
@@ -321,9 +331,9 @@ def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:
-    """Whether a pose keeps a metre from all others, and comfortable braking avoids slower ones straight ahead.
+    """Return True if a pose keeps a metre from all others, and comfortable braking avoids slower ones straight ahead.
 
-    The others are looked at in the step before the ego's, the last one known.
+    The others count at the step before the ego's, the last one known.
     """
     bodies = [(ego.position, ego.heading_rad, (vehicle.length_m, vehicle.width_m), ego.speed_mps)]
     places = [(other, other.index_at(ego.step - 1)) for other in traffic.moving]
@@ -358,16 +368,17 @@ def _body(track: Track, index: int) -> Any:
 class ShownVehicle:
     """A vehicle that SUMO does not drive but shows to those that it drives: the ego, or a replayed road user.
 
-    It is put by hand before every step, where the step ends. SUMO works out which lanes a vehicle laps into when that
-    enters a lane, and not again while it is put elsewhere on the same lane: a vehicle on the next lane would never see
-    it come over the line. So a vehicle that has come over a line, or back, enters anew: another entry of it is put
-    where it is now, and the one that the others saw until then leaves after the step. Only then, because a vehicle that
-    enters a junction anew counts as the last there, and its follower would take itself for the first.
+    It is placed before every step at the position where the step ends. SUMO determines the lanes that a vehicle
+    overlaps only when it enters a lane, and not when it is moved along the same lane, so vehicles on the next lane
+    would never see it cross the line. A vehicle that has crossed a line, or come back, therefore enters again: a new
+    entry is placed at its current position, and the old one, which the others saw until then, leaves after the step. It
+    does not leave earlier, since a vehicle that enters a junction again counts as the last there, and its follower
+    would take precedence.
 
     Args:
-        sumo: the simulation.
-        key: names its route ``s<key>``, its type ``t<key>`` and its entries ``<key>:<number>``.
-        edges: its route.
+        sumo: The simulation.
+        key: Names its route ``s<key>``, its type ``t<key>`` and its entries ``<key>:<number>``.
+        edges: Its route.
     """
 
     def __init__(self, sumo: Sumo, key: str, edges: tuple[str, ...]) -> None:
@@ -378,7 +389,7 @@ class ShownVehicle:
         sumo.add_route(f"s{key}", edges)
 
     def place(self, pose: tuple[float, float, float], hint: LaneHint, width_m: float | None = None) -> None:
-        """Put it at a pose of ``sumo_pose`` where the next step ends; ``width_m`` stands for the one of its type."""
+        """Place it at a pose of ``sumo_pose`` where the next step ends; ``width_m`` overrides its type's width."""
         if not self._entry or self._is_seen_elsewhere:
             self._enter_anew()
         if width_m is not None:
@@ -386,12 +397,12 @@ class ShownVehicle:
         self._sumo.move_to(self._entry, pose, hint)
 
     def settle(self, speed_mps: float, there: frozenset[str]) -> None:
-        """After the step: show its speed, and take the entry before out; ``there``: the vehicles on the network."""
+        """Show its speed after the step and remove the old entry; ``there``: the vehicles on the network."""
         self._sumo.remove(self._entry_before)
         self._entry_before = ""
         left_road = bool(self._over[0]) and self._entry in there and not self._sumo.lane(self._entry)
         if left_road:
-            self._sumo.remove(self._entry)  # SUMO crashes on what it still knows of a vehicle that left the road
+            self._sumo.remove(self._entry)  # SUMO crashes on data of a vehicle that left the road
         if self._entry in there and not left_road:
             self._sumo.show_speed(self._entry, speed_mps)
             self._sumo.hold(self._entry)
@@ -400,11 +411,11 @@ class ShownVehicle:
             self._entry = ""
 
     def leave(self) -> None:
-        """Take it out of the simulation."""
+        """Remove it from the simulation."""
         self._sumo.remove(self._entry)
 
     def _compare_lines(self) -> None:
-        """Compare the lines that it is over with those that it was over when it entered its lane."""
+        """Compare the lines that it crosses with those that it crossed when it entered its lane."""
         lane = self._sumo.lane(self._entry)
         aside_m, half_m = self._sumo.offset_m(self._entry), self._sumo.width_m(self._entry) / 2
         edge_m = self._sumo.lane_width_m(lane) / 2 if lane else math.inf

@@ -1,4 +1,4 @@
-"""The others in a run: what the simulation loop asks of them (:class:`Traffic`), and the others as recorded."""
+"""The others in a run: the interface that the simulation loop needs (:class:`Traffic`), and the others as recorded."""
 
 import math
 from collections.abc import Iterable, Mapping, Set
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from commonroad_dc import pycrcc
 
 _ROOM_M = 0.1
-"""Rectangles whose corners are this far apart do not touch, whatever rounding does (chosen)."""
+"""Rectangles with corners this far apart do not touch, whatever the rounding (chosen)."""
 
 
 class Traffic(Protocol):
-    """All road users but the ego, up to the step that the loop has come to.
+    """All road users but the ego, up to the current step of the loop.
 
-    ``moving``: a track for every dynamic obstacle; those that react to the ego end at the step that was advanced to.
-    ``standing``: static obstacles as tracks of one state.
+    ``moving``: a track for every dynamic obstacle; those that react to the ego end at the current step. ``standing``:
+    static obstacles as tracks of one state.
     """
 
     @property
@@ -38,7 +38,7 @@ class Traffic(Protocol):
 
     @property
     def driven(self) -> tuple[Track, ...]:
-        """The obstacles among the moving that react to the ego, up to the present step."""
+        """The moving obstacles that react to the ego, up to the present step."""
 
     @property
     def on_recording(self) -> tuple[int, ...]:
@@ -46,20 +46,20 @@ class Traffic(Protocol):
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of prescribed motions by the road user's id, and whether they have held up to the present step."""
+        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
 
     def advance(self, ego: EgoState) -> None:
-        """Go on to the step of the ego's new state; called for every step in order, before that step is read."""
+        """Advance to the step of the ego's new state; called for every step in order, before that step is read."""
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
+        """Return id and type of the first obstacle (by id) that overlaps the ego's rectangle at its step, or None."""
 
 
 class RecordedTraffic:
-    """Dynamic and static obstacles of a scenario, following their recordings; environment and phantoms are no bodies.
+    """Dynamic and static obstacles that follow their recordings; environment and phantom obstacles have no bodies.
 
-    ``moving``: a track for every dynamic obstacle, set-based predictions and obstacles without any prediction
-    included; ``standing``: static obstacles as tracks of one state. Obstacles ``without`` are left out.
+    ``moving``: a track for every dynamic obstacle, including set-based predictions and obstacles without any
+    prediction; ``standing``: static obstacles as tracks of one state. Obstacles in ``without`` are left out.
     """
 
     driven: tuple[Track, ...] = ()
@@ -73,13 +73,13 @@ class RecordedTraffic:
         tracks: Mapping[int, Track] | None = None,
         exact: Set[int] = frozenset(),
     ) -> None:
-        """Take the obstacles of a scenario.
+        """Read the obstacles of a scenario.
 
         Args:
-            scenario: commonroad-io's.
-            without: ids of obstacles that are left out.
-            tracks: those of its trajectories, where they are known.
-            exact: of which obstacles all states after the first are known to be points with an exact heading.
+            scenario: The scenario of commonroad-io.
+            without: Ids of obstacles to leave out.
+            tracks: The tracks of its trajectories, if known.
+            exact: Obstacles with exact points and headings in all states after the first.
         """
         dynamic, static = scenario.dynamic_obstacles, scenario.static_obstacles
         tracks = _all_tracks(dynamic, recorded_tracks(scenario) if tracks is None else tracks)
@@ -93,14 +93,14 @@ class RecordedTraffic:
 
     @classmethod
     def of(cls, loaded: LoadedScenario, without: Set[int] = frozenset()) -> "RecordedTraffic":
-        """The obstacles of a file, by the tracks that it was read into."""
+        """Return the obstacles of a file, with the tracks that reading it produced."""
         return cls(loaded.scenario, without, loaded.tracks, loaded.plain_states.keys())
 
     def advance(self, ego: EgoState) -> None:
-        """Nothing to do: a recording does not depend on the ego."""
+        """Do nothing, since a recording does not depend on the ego."""
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Id and type of the first obstacle (by id) that the ego's rectangle overlaps at its step, or None."""
+        """Return id and type of the first obstacle (by id) that overlaps the ego's rectangle at its step, or None."""
         from commonroad_dc import pycrcc
 
         body = pycrcc.TimeVariantCollisionObject(ego.step)
@@ -111,9 +111,10 @@ class RecordedTraffic:
 
 
 class _Rectangles:
-    """Tracks of obstacles that are a rectangle at an exact pose at every step, with CommonRoad's shape of each, by id.
+    """Tracks of obstacles that are rectangles with an exact pose at every step, with their CommonRoad shapes, by id.
 
-    commonroad-dc makes a body for each step of each before a run begins; here it is made once the ego is near.
+    commonroad-dc creates a body for each step of each obstacle before a run; here bodies are created once the ego is
+    near.
     """
 
     def __init__(self, tracks: Mapping[int, tuple[Track, Any]]) -> None:
@@ -128,7 +129,7 @@ class _Rectangles:
         self._reach_m = np.array([math.hypot(*track.size_m) / 2 for track in recorded])
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> list[int]:
-        """Ids of all that the ego's rectangle overlaps at its step, ascending."""
+        """Return the ids of all that overlap the ego's rectangle at its step, ascending."""
         index = ego.step - self._first
         there = np.flatnonzero((index >= 0) & (index < self._counts))
         rows = self._begin[there] + index[there]
@@ -142,7 +143,7 @@ class _Rectangles:
         ]
 
     def _body(self, one: int, row: int) -> "pycrcc.RectOBB | pycrcc.RectAABB":
-        """The rectangle as commonroad-io turns and moves its shape, as the body that commonroad-dc makes of that."""
+        """Return the body that commonroad-dc creates for the shape as commonroad-io turns and moves it."""
         from commonroad.common.util import make_valid_orientation
         from commonroad_dc import pycrcc
 
@@ -155,12 +156,14 @@ class _Rectangles:
 
 
 def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
-    """The bodies of obstacles for all their steps, as commonroad-dc makes them; its own function loads matplotlib."""
+    """Return the bodies of obstacles for all their steps, as commonroad-dc creates them; its own function loads
+    matplotlib.
+    """
     return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
 
 
 def _body_of_obstacle(obstacle: Any) -> "pycrcc.CollisionObject":
-    """A static obstacle's shape, which is there at every step; the shapes of a dynamic one from its first step on."""
+    """Return a static obstacle's shape, present at every step, or a dynamic one's shapes from its first step."""
     from commonroad.scenario.obstacle import StaticObstacle
     from commonroad_dc import pycrcc
 
@@ -176,7 +179,7 @@ def _body_of_obstacle(obstacle: Any) -> "pycrcc.CollisionObject":
 
 
 def _body_of_shape(shape: Any) -> "pycrcc.CollisionObject":
-    """The body of one of CommonRoad's four kinds of shapes."""
+    """Return the body of one of CommonRoad's four kinds of shapes."""
     from commonroad.geometry.shape import Circle, Rectangle, ShapeGroup
     from commonroad_dc import pycrcc
 
@@ -197,7 +200,7 @@ def _body_of_shape(shape: Any) -> "pycrcc.CollisionObject":
 
 
 def _is_exact_rectangle(obstacle: Any) -> bool:
-    """Whether an obstacle whose later states are exact is one rectangle that begins at an exact pose, too."""
+    """Return True if an obstacle with exact later states is one rectangle that also starts at an exact pose."""
     state, shape = obstacle.initial_state, obstacle.obstacle_shape
     return (
         hasattr(shape, "length")
@@ -208,7 +211,7 @@ def _is_exact_rectangle(obstacle: Any) -> bool:
 
 
 def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
-    """The ego's rectangle for the collision checker."""
+    """Return the ego's rectangle for the collision checker."""
     from commonroad_dc import pycrcc
 
     x, y = float(ego.position[0]), float(ego.position[1])
@@ -216,13 +219,13 @@ def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
 
 
 def _all_tracks(obstacles: "Iterable[DynamicObstacle]", recorded: Mapping[int, Track]) -> dict[int, Track]:
-    """The recorded tracks, and those of the regions that all other obstacles occupy."""
+    """Return the recorded tracks, and tracks of the regions that all other obstacles occupy."""
     others = {int(one.obstacle_id): one for one in obstacles if int(one.obstacle_id) not in recorded}
     return {**recorded, **{key: _occupancy_track(one) for key, one in others.items()}}
 
 
 def _occupancy_track(obstacle: Any) -> Track:
-    """Track of the centres of an obstacle's occupied regions, its size that of the largest one."""
+    """Return a track of the centres of an obstacle's occupied regions, with the size of the largest one."""
     first = int(obstacle.initial_state.time_step)
     shapes = [obstacle.occupancy_at_time(first).shape]
     if obstacle.prediction is not None:
@@ -238,7 +241,7 @@ def _static_track(obstacle: Any) -> Track:
 
 
 def _track_of_shapes(obstacle: Any, first_step: int, shapes: list[Any], heading_rad: float, speed_mps: float) -> Track:
-    """``heading_rad``: that of shapes without one of their own."""
+    """Return a track of shapes; ``heading_rad`` is that of shapes without their own."""
     parts = [_largest(shape) for shape in shapes]
     sizes = [size_of(part) for part in parts]
     return Track(
@@ -259,11 +262,11 @@ def _largest(shape: Any) -> Any:
 
 
 _FIRST_CAPACITY = 64
-"""States for which there is room at first (chosen); it doubles when full."""
+"""Initial capacity in states (chosen); it doubles when full."""
 
 
 class GrowingTrack:
-    """A track that grows step by step, where the motion is not known before; size and type are those of ``like``."""
+    """A track of an unknown motion that grows step by step; size and type are those of ``like``."""
 
     def __init__(self, like: Track, first_step: int) -> None:
         self.like, self.first_step = like, first_step
@@ -272,18 +275,18 @@ class GrowingTrack:
 
     @property
     def last_step(self) -> int:
-        """The last step that was added; the one before the first without any."""
+        """The last step that was added, or the one before the first step."""
         return self.first_step + self._count - 1
 
     def add(self, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
-        """Centre, heading and speed at the next step."""
+        """Add centre, heading and speed at the next step."""
         if self._count == len(self._rows):
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
         self._rows[self._count] = x_m, y_m, heading_rad, speed_mps
         self._count += 1
 
     def track(self) -> Track:
-        """What has been added, without copying."""
+        """Return the added states without copying them."""
         rows = self._rows[: self._count]
         return replace(
             self.like, first_step=self.first_step, positions=rows[:, :2], headings_rad=rows[:, 2], speeds_mps=rows[:, 3]

@@ -1,4 +1,4 @@
-"""The roles of road users in reactive traffic: which SUMO drives, which it only sees, and how the ego looks to it."""
+"""The roles of road users in reactive traffic: which SUMO drives, which it only sees, and how the ego appears to it."""
 
 import math
 from collections.abc import Mapping
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
 EGO = "ego"
 """SUMO's id of the ego."""
 _REAR_M = 15.0
-"""The ego's route begins at least this far behind its centre (chosen): its longest body is on it."""
+"""The ego's route starts at least this far behind its centre, enough for its longest body (chosen)."""
 _AHEAD_M = 150.0
-"""The ego's route goes on this far behind its goal (chosen)."""
+"""The ego's route extends this far behind its goal (chosen)."""
 _MERGING_COST = 0.5
-"""Lanelets under the ego whose matching costs differ by less lie on one another: they merge (chosen)."""
+"""Lanelets under the ego with a smaller difference of matching costs overlap, so they merge (chosen)."""
 
 
 @dataclass(frozen=True)
 class TrafficRoles:
-    """The road users of a reactive run by how they move; none is in two groups.
+    """The road users of a reactive run by the way they move; no road user is in two groups.
 
-    ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later. Road users whose
-    motion an edit prescribes are not driven: they do as the edit says, and the driven ones react to them.
-    ``scripts``: of those with a prescribed motion that depends on the ego, by id. ``shown``: replayed as
-    recorded, or scripted, and seen by the driven ones. ``replayed``: all that SUMO does not drive, shown or
-    not (an obstacle off the lanes is not).
+    ``driven``: SUMO drives them from their first state, or from the ego's first step if that is later. Road users with
+    an edited motion are not driven: they follow the edit, and the driven ones react to them. ``scripts``: those of road
+    users with a motion that depends on the ego, by id. ``shown``: replayed as recorded, or scripted, and seen by the
+    driven ones.
+    ``replayed``: all that SUMO does not drive, whether shown or not (an obstacle off the lanes is not shown).
     """
 
     scene: Scene
@@ -51,7 +51,7 @@ class TrafficRoles:
 
     @classmethod
     def of(cls, loaded: LoadedScenario, first_step: int) -> "TrafficRoles":
-        """Match all road users with the lanes and decide which are driven from the ego's first step on."""
+        """Match all road users with the lanes and decide which are driven from the ego's first step."""
         scripts = scripts_of(loaded)
         scene = _scene(loaded, RecordedTraffic.of(loaded), scripts)
         trajectories, prescribed = loaded.tracks, prescribed_ids(loaded.path) | scripts.keys()
@@ -72,18 +72,18 @@ class TrafficRoles:
         )
 
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
-        """The roles with some driven vehicles put onto their route's lanes when they begin."""
+        """Return the roles with some driven vehicles placed on their route's lanes at their start."""
         kept = tuple(replace(actor, keep_to_route=True) if actor.key in keys else actor for actor in self.driven)
         return replace(self, driven=kept)
 
     def vehicle_types(self, vehicle: VehicleParameters) -> list[str]:
-        """The ``vType`` elements of all that SUMO drives or sees, the ego's included."""
+        """Return the ``vType`` elements of all that SUMO drives or sees, including the ego's."""
         return [*(actor.vehicle_type() for actor in self.driven + self.shown), _ego_type(vehicle)]
 
     def ego_edges(self, goal: "GoalRegion", ego: EgoState) -> tuple[str, ...]:
-        """The edges of the ego's route with those before and after it.
+        """Return the edges of the ego's route, with those before and after it.
 
-        SUMO finds by its route which lanes a vehicle's rear still stands on; followers overlook it there otherwise.
+        SUMO uses the route to find the lanes under a vehicle's rear; otherwise followers overlook it there.
         """
         network, graph = self.scene.network, self.scene.edge_graph
         try:
@@ -97,7 +97,7 @@ class TrafficRoles:
         return graph.extended(edges, lanelets[-1])
 
     def ego_lane(self, position: Points, heading_rad: float, speed_mps: float) -> tuple[LaneHint, float]:
-        """SUMO's lane at a pose of the ego, ``NO_LANE`` off the lanes, and the lane's direction in rad."""
+        """Return SUMO's lane at a pose of the ego, ``NO_LANE`` off the lanes, and the lane's direction in rad."""
         near = self.scene.matcher.near(position, heading_rad, speed_mps)
         if not near:
             return NO_LANE, heading_rad
@@ -118,9 +118,9 @@ class TrafficRoles:
         return tuple(route)
 
     def _most_likely_before(self, lanelets: list[int], under_ego: dict[int, float], ego: EgoState) -> int:
-        """The one that the ego fits best; of several that merge and fit as well, the one with the nearest vehicle.
+        """Return the best-fitting lanelet for the ego; among equal ones that merge, the one with the nearest vehicle.
 
-        A follower on a lane that the ego's rear does not stand on sees the ego as crossing traffic, and far too late.
+        A follower on a lane without the ego's rear sees the ego as crossing traffic, and far too late.
         """
         costs = {key: under_ego.get(key, math.inf) for key in lanelets}
         fitting = [key for key in lanelets if costs[key] <= min(costs.values()) + _MERGING_COST]
@@ -136,7 +136,7 @@ class TrafficRoles:
 
 
 def _ego_type(vehicle: VehicleParameters) -> str:
-    """The ego's ``vType`` element; its apparent braking tells followers how much distance to keep."""
+    """Return the ego's ``vType`` element; its apparent braking determines the distance that followers keep."""
     braking = f"{min(vehicle.hardest_braking_mps2, vehicle.maximum_acceleration_mps2):g}"
     return vehicle_type(
         f"t{EGO}",
@@ -151,8 +151,10 @@ def _ego_type(vehicle: VehicleParameters) -> str:
 
 
 def _scene(loaded: LoadedScenario, recorded: RecordedTraffic, scripts: Mapping[int, Script]) -> Scene:
-    """The scenario's lanes and all its obstacles, occupancy sets as tracks of their centres, scripted ones as without
-    what is prescribed."""
+    """Return the scenario's lanes and obstacles, with occupancy sets as tracks of their centres.
+
+    Scripted road users have their motion without the script.
+    """
     network = loaded.scenario.lanelet_network
     layout = NetLayout.of(network)
     matcher = MapMatcher.of(layout, network)

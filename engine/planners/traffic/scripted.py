@@ -1,7 +1,7 @@
-"""Road users with a motion that a file prescribes depending on the ego: triggers hold for the ego as it is driven.
+"""Road users with a motion that a file scripts in response to the ego: triggers evaluate the driven ego.
 
-Each follows its script on a clock of its own. The clock goes as fast as time, except that it waits for a trigger that
-lets the road user set off, and that a road user that dodges slows it down: it brakes along the way that it would take.
+Each follows its script on its own clock. The clock runs with time, except that it waits for a trigger that lets the
+road user set off, and that a dodging road user slows it down, which makes it brake along its path.
 """
 
 import math
@@ -21,16 +21,16 @@ from ..interface import EgoState
 from .recorded import GrowingTrack
 
 _LOOK_S, _LOOK_EVERY_S = 1.0, 0.2
-"""One that dodges looks so far beyond its braking time, at this interval (chosen)."""
+"""A dodging road user looks this far beyond its braking time, at this interval (chosen)."""
 _ROOM_M = 1.0
-"""Room around the ego that one that dodges keeps in length and width together (chosen)."""
+"""Total clearance in length and width that a dodging road user keeps around the ego (chosen)."""
 
 
 def scripts_of(loaded: LoadedScenario) -> dict[int, Script]:
-    """Return the scripts of a file by the id of the road user.
+    """Return the scripts of a file by the road user's id.
 
     Raises:
-        UnsafeInput: the file holds a script that cannot be read.
+        UnsafeInput: The file has an unreadable script.
     """
     found = (Script.read(text, loaded.tracks) for text in script_texts(loaded.path))
     return {script.base.obstacle_id: script for script in found if script is not None}
@@ -38,7 +38,7 @@ def scripts_of(loaded: LoadedScenario) -> dict[int, Script]:
 
 @dataclass(frozen=True)
 class _Ego:
-    """The ego at one step: its state, and that as a track with its size."""
+    """The ego at one step: its state, and the same state as a track with the ego's size."""
 
     state: EgoState
     track: Track
@@ -59,7 +59,7 @@ class _Ego:
 
 
 class ScriptedActor:
-    """One road user that follows its script, up to the step that the run has come to."""
+    """One road user that follows its script, up to the current step of the run."""
 
     def __init__(self, script: Script, scene: Scene, vehicle: VehicleParameters) -> None:
         self._scene, self._vehicle, self._dodges = scene, vehicle, script.dodges
@@ -70,13 +70,13 @@ class ScriptedActor:
         self._grown: GrowingTrack | None = None
 
     def triggers(self, first_step: int) -> list[TriggerOutcome]:
-        """Return the triggers of the script and whether they have held; times count from a step on."""
+        """Return the triggers of the script and whether they have fired; times count from a step."""
         step_s, pending = self._scene.step_s, [(part, None) for part in self._pending]
         return [
             TriggerOutcome(
                 obstacle_id=self._motion.obstacle_id,
                 code="trigger_not_fired" if step is None else "trigger_fired",
-                begins=_what_begins(part),
+                begins=_begun_kind(part),
                 trigger=part.trigger.in_words(),
                 time_s=None if step is None else round((step - first_step) * step_s, 9),
             )
@@ -91,16 +91,16 @@ class ScriptedActor:
 
     @property
     def motion(self) -> Track:
-        """What it would do without slowing down, as far as that is known."""
+        """Its motion without slowing down, as far as it is known."""
         return self._motion
 
     @property
     def driven(self) -> Track | None:
-        """What it has done up to the present step; None before it is there."""
+        """Its motion up to the present step; None before it is present."""
         return None if self._grown is None else self._grown.track()
 
     def state_at(self, step: int) -> tuple[Points, float, float] | None:
-        """Return its centre (2,), heading and speed at a step; None where it is not there."""
+        """Return its centre (2,), heading and speed at a step, or None if it is absent."""
         track = self.driven
         index = None if track is None else track.index_at(step)
         if track is None or index is None:
@@ -109,11 +109,11 @@ class ScriptedActor:
 
     @property
     def index(self) -> int:
-        """The state of its motion that is nearest to the present one."""
+        """The index of the motion state nearest to the present one."""
         return min(round(self._clock), len(self._motion.positions) - 1)
 
     def advance(self, ego: EgoState) -> None:
-        """Go on to the step of the ego's new state, and see what that sets off."""
+        """Advance to the step of the ego's new state, and start the parts that it triggers."""
         if self._grown is not None:
             self._clock += 0.0 if self._waits else self._pace
         elif self._waits:
@@ -132,11 +132,11 @@ class ScriptedActor:
 
     @property
     def _waits(self) -> bool:
-        """Whether it stands until a trigger lets it set off."""
+        """True if it stands until a trigger lets it set off."""
         return any(part.trigger is not None and not part.acts for part in self._pending)
 
     def _set_off(self, ego: _Ego, place: Points) -> None:
-        """Begin the parts of the script that are due, by their time or their trigger."""
+        """Start the parts of the script that are due by their time or their trigger."""
         now = self._motion.first_step + round(self._clock)
         for part in list(self._pending):
             if part.trigger is None:
@@ -157,7 +157,7 @@ class ScriptedActor:
         return None if lane is None else lane.center
 
     def _pose(self, clock: float) -> tuple[Points, float, float]:
-        """Centre, heading and speed of the motion at a time between two of its states, in steps."""
+        """Return centre, heading and speed of the motion at a time between two of its states, in steps."""
         motion = self._motion
         low = min(math.floor(clock), len(motion.positions) - 1)
         high, share = min(low + 1, len(motion.positions) - 1), clock - low
@@ -167,9 +167,10 @@ class ScriptedActor:
         return position, float(motion.headings_rad[low]) + share * turn, speed
 
     def _choose_pace(self, ego: _Ego) -> None:
-        """Brake if that keeps it from the ego for longer, else come back to the pace of the script with ease.
+        """Brake if that delays contact with the ego, otherwise return gently to the script's pace.
 
-        If both meet the ego at the same time, it brakes for an ego ahead and not for one that comes from behind.
+        If both options meet the ego at the same time, it brakes for an ego ahead, but not for one that comes from
+        behind.
         """
         step_s, hardest = self._scene.step_s, self._vehicle.hardest_braking_mps2
         speed = max(float(self._motion.speeds_mps[self.index]), STANDING_MPS)
@@ -184,7 +185,7 @@ class ScriptedActor:
             self._pace = faster
 
     def _meets_after_s(self, ego: _Ego, pace: float, braking_mps2: float = 0.0) -> float:
-        """Return when it meets the ego, which keeps its speed and heading; infinite if not within the time to brake."""
+        """Return when it meets the ego at constant speed and heading; infinite if not within the braking time."""
         step_s, state, motion = self._scene.step_s, ego.state, self._motion
         speed = max(float(motion.speeds_mps[self.index]) * pace, STANDING_MPS)
         forward = np.array([math.cos(state.heading_rad), math.sin(state.heading_rad)])
@@ -204,7 +205,7 @@ class ScriptedActor:
         return math.inf
 
 
-def _what_begins(part: ScriptPart) -> Literal["speed_change", "lateral_motion", "speed_and_lateral", "setting_off"]:
+def _begun_kind(part: ScriptPart) -> Literal["speed_change", "lateral_motion", "speed_and_lateral", "setting_off"]:
     kinds = {type(act) for act in part.acts}
     if not kinds:
         return "setting_off"

@@ -1,9 +1,9 @@
-/* The board: the runs of batches at a glance, as a grid of scenarios and configurations or as a table; a run opens in the player. */
+/* The board: an overview of the runs of batches, as a grid of scenarios and configurations or as a table. A run opens in the player. */
 
 const GOOD = "goal_reached";
 const FLIPS = { to_success: ["▲", "reaches the goal here, and not in the first column"], to_failure: ["▼", "fails here, and not in the first column"] };
 const BOARD_KEYS = [
-  ["← → ↑ ↓", "go from run to run"], ["Enter", "open the run in the player"], ["Shift+Enter", "open it beside that of the first column"],
+  ["← → ↑ ↓", "go from run to run"], ["Enter", "open the run in the player"], ["Shift+Enter", "open it next to that of the first column"],
   ["Esc", "back to the board"], ["/", "search"], ["X", "flips only"], ["Z", "failures only"], ["G", "grid, table"], ["R", "show everything again"], ["T", "dark, light"],
 ];
 
@@ -32,12 +32,12 @@ class Board {
     this.outcome = element("select", { "aria-label": "outcome", onchange: () => this.set({ outcome: this.outcome.value }) },
       element("option", { value: "" }, "every outcome"), ...outcomes.map(one => element("option", { value: one }, `${words(one)} (${data.runs.filter(run => run.outcome === one).length})`)));
     const flips = data.runs.filter(run => run.flip).length;
-    this.flips = press(`Flips (${flips})`, "Rows in which a run came out otherwise than in the first column (X)", () => this.set({ flips: !this.filter.flips }));
-    this.failures = press("Failures", "Rows with a run that failed (Z)", () => this.set({ failures: !this.filter.failures }));
+    this.flips = press(`Flips (${flips})`, "Rows with an outcome other than in the first column (X)", () => this.set({ flips: !this.filter.flips }));
+    this.failures = press("Failures", "Rows with a failed run (Z)", () => this.set({ failures: !this.filter.failures }));
     this.shape = press("Table", "Grid or table (G)", () => this.reshape());
     this.count = element("span", { className: "muted", role: "status" });
     const tools = element("div", { className: "transport", role: "toolbar", "aria-label": "filters" }, this.search, this.outcome, this.flips, this.failures, this.shape,
-      press("All", "Show everything again (R)", () => this.reset()), this.count);
+      press("All", "Show everything (R)", () => this.reset()), this.count);
     this.list = element("div", { className: "list" });
     this.detail = element("section", { "aria-live": "polite" });
     const keys = element("section", {}, element("details", {}, element("summary", {}, "Keys"), element("table", {}, element("tbody", {},
@@ -52,7 +52,7 @@ class Board {
     this.board.board = this;
   }
 
-  /* A bar for each column: how its runs ended. */
+  /* A bar for each column with the outcomes of its runs. */
   summary() {
     const bars = this.data.columns.map(column => {
       const total = Object.values(column.outcomes).reduce((sum, count) => sum + count, 0);
@@ -67,16 +67,16 @@ class Board {
     return element("div", { className: "summary" }, ...bars);
   }
 
-  /* ---------- What is shown ---------- */
+  /* ---------- Visible rows ---------- */
 
   matches(run) {
     const { text, outcome } = this.filter, row = this.data.rows[run.row];
     if (outcome && run.outcome !== outcome) return false;
-    const said = `${row.title} ${row.about} ${run.run_id} ${words(run.outcome)} ${run.ending} ${this.data.columns[run.column].title}`.toLowerCase();
-    return text.toLowerCase().split(/\s+/).every(word => said.includes(word));
+    const searched = `${row.title} ${row.about} ${run.run_id} ${words(run.outcome)} ${run.ending} ${this.data.columns[run.column].title}`.toLowerCase();
+    return text.toLowerCase().split(/\s+/).every(word => searched.includes(word));
   }
 
-  /* The rows that have a run that matches, each with all its runs; rows of flips or failures alone where asked. */
+  /* The rows with a matching run, each with all its runs; only rows with flips or failures if selected. */
   rowsShown() {
     const rows = new Map();
     for (const run of this.data.runs) {
@@ -94,7 +94,7 @@ class Board {
     this.shape.textContent = this.asTable ? "Grid" : "Table";
     const rows = this.rowsShown();
     this.cells = new Map();
-    this.list.replaceChildren(rows.length ? (this.asTable ? this.table(rows) : this.grid(rows)) : element("p", { className: "message" }, "No run is like that. R shows everything again."));
+    this.list.replaceChildren(rows.length ? (this.asTable ? this.table(rows) : this.grid(rows)) : element("p", { className: "message" }, "No run matches. R shows everything."));
     const shown = rows.reduce((sum, entry) => sum + entry.runs.length, 0);
     this.count.textContent = `${rows.length} of ${this.data.rows.length} scenarios, ${shown} of ${this.data.runs.length} runs`;
     if (!this.cells.has(this.current)) this.current = this.cells.keys().next().value ?? null;
@@ -139,24 +139,24 @@ class Board {
       ...metrics.map((metric, i) => head(`${metric.words}${metric.unit === "1" ? "" : ` (${metric.unit})`}`, i, true)))), element("tbody", {}, ...body)));
   }
 
-  /* The run that is looked at: its cell is the one that Tab comes to, and its data stand beside the grid. */
+  /* The current run: Tab reaches its cell, and its data are next to the grid. */
   mark() {
     for (const [id, cell] of this.cells) { cell.tabIndex = id === this.current ? 0 : -1; cell.classList.toggle("current", id === this.current); }
     const run = this.byId.get(this.current);
-    if (!run || !this.cells.has(this.current)) { this.detail.replaceChildren(element("p", { className: "muted" }, "No run is chosen.")); return; }
+    if (!run || !this.cells.has(this.current)) { this.detail.replaceChildren(element("p", { className: "muted" }, "No run is selected.")); return; }
     const { metrics, columns, rows } = this.data, first = this.firstOf(run);
     const lines = metrics.map((metric, i) => [metric, run.values[i], first?.values[i]]).filter(([, value]) => value !== null);
     const head = element("tr", {}, element("th", { scope: "col" }, "metric"), element("th", { scope: "col", className: "number" }, "here"), first ? element("th", { scope: "col", className: "number" }, "first column") : null);
     const unit = metric => metric.unit === "1" ? "" : ` ${metric.unit}`;
     const body = lines.map(([metric, value, other]) => element("tr", {}, element("th", { scope: "row" }, metric.words), element("td", { className: "number" }, `${value}${unit(metric)}`), first ? element("td", { className: "number" }, other === null ? "–" : `${other}${unit(metric)}`) : null));
-    const buttons = element("p", {}, element("button", { type: "button", onclick: () => this.open(run, false) }, "Open in the player"), " ", first ? element("button", { type: "button", onclick: () => this.open(run, true) }, "Beside the first column") : null);
+    const buttons = element("p", {}, element("button", { type: "button", onclick: () => this.open(run, false) }, "Open in the player"), " ", first ? element("button", { type: "button", onclick: () => this.open(run, true) }, "Next to the first column") : null);
     this.detail.replaceChildren(element("h2", {}, run.run_id), element("p", {}, outcomeMark(run.outcome), ` ${run.flip ? FLIPS[run.flip][1] : ""}`), element("p", {}, run.ending),
       element("p", { className: "muted" }, `${columns[run.column].title} on ${rows[run.row].title}`), buttons, element("table", {}, element("thead", {}, head), element("tbody", {}, ...body)));
   }
 
   firstOf(run) { return run.column === 0 ? undefined : this.data.runs.find(one => one.row === run.row && one.column === 0); }
 
-  /* ---------- What it does ---------- */
+  /* ---------- Actions ---------- */
 
   set(changes) { Object.assign(this.filter, changes); this.show(); }
 
@@ -172,7 +172,7 @@ class Board {
     this.current = run.run_id;
     this.mark();
     const first = beside ? this.firstOf(run) : undefined, shown = [first, run].filter(Boolean);
-    const data = this.playerOf(shown) ?? await this.asked(shown);
+    const data = this.playerOf(shown) ?? await this.requestPlayer(shown);
     if (!data) return;
     this.player?.destroy();
     this.scrolled = scrollY;
@@ -184,7 +184,7 @@ class Board {
     this.tell(`run ${run.run_id} on ${this.data.rows[run.row].title}: ${words(run.outcome)}`);
   }
 
-  /* What the board holds of some runs on one scenario; null where it does not hold one of them. */
+  /* The board's data of some runs on one scenario; null if one of them is missing. */
   playerOf(runs) {
     const scene = this.scenes.get(this.data.rows[runs[0].row].scenario_id);
     if (!scene || runs.some(run => !this.data.drives[run.run_id])) return null;
@@ -192,12 +192,12 @@ class Board {
     return { kind: "player", title: runs.map(run => run.run_id).join(" | "), scenes: [scene], panes, notes: [] };
   }
 
-  async asked(runs) {
+  async requestPlayer(runs) {
     const ids = runs.map(run => run.run_id);
     if (this.host) {
-      try { return await this.host.read(`plannerforge://view/${ids.join("+")}`); } catch (error) { this.detail.prepend(element("p", {}, `The run cannot be read: ${error.message}`)); return null; }
+      try { return await this.host.read(`plannerforge://view/${ids.join("+")}`); } catch (error) { this.detail.prepend(element("p", {}, `Cannot read the run: ${error.message}`)); return null; }
     }
-    this.detail.prepend(element("p", {}, `What it drove is not in this file. A shell shows it: plannerforge view ${ids.join(" ")}`));
+    this.detail.prepend(element("p", {}, `This file lacks the driven motion. To see it, run: plannerforge view ${ids.join(" ")}`));
     return null;
   }
 
@@ -229,7 +229,7 @@ class Board {
     if (action) { action(); event.preventDefault(); }
   }
 
-  /* To the next cell that has a run, in a direction. */
+  /* Move to the next cell with a run, in a direction. */
   go(dx, dy) {
     let y = this.order.findIndex(row => row.includes(this.current)), x = y < 0 ? 0 : this.order[y].indexOf(this.current);
     if (y < 0) { y = 0; dx = dy = 0; }

@@ -1,4 +1,4 @@
-"""The data of views: the operation that writes them, and boards, which show the runs of batches at a glance."""
+"""The data of views: the operation that writes them, and boards, which give an overview of the runs of batches."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,26 +20,28 @@ from .data import BoardColumn, BoardMetric, BoardRow, BoardRun, BoardView, Drive
 from .scenes import LONGEST_SENTENCE, drive_view, player_view, read_content, scene_view
 
 _MOST_BYTES = 16 * 1024**2
-"""Of the data of a view (chosen): they are read as one resource."""
-_MOST_HELD_BYTES, _MOST_HELD_SCENES = 12 * 1024**2, 80
-"""What a board holds for its player, of all runs together (chosen): a file that a mail still takes, in some seconds."""
+"""Largest size of a view's data, which are read as one resource (chosen)."""
+_MOST_INCLUDED_BYTES, _MOST_INCLUDED_SCENES = 12 * 1024**2, 80
+"""Limits of the data that a board includes for its player, for all runs together (chosen: small enough for
+an email).
+"""
 
 
 def write_view(request: ViewRequest, report: ProgressReporter) -> ViewWritten:
     """Write the data of a view as JSON; the same request gives the same bytes.
 
     Raises:
-        UnsafeInput: the file of a scenario cannot be read.
-        ResourceFailure: the steps of a run cannot be read, or the file not be written.
-        NotPossible: the view has more than 16 MiB.
+        UnsafeInput: The file of a scenario cannot be read.
+        ResourceFailure: The steps of a run cannot be read, or the file cannot be written.
+        NotPossible: The view has more than 16 MiB.
     """
     view = player_view(request) if request.kind == "player" else board_view(request, report)
     report(0.95, "read")
     content = view.model_dump_json().encode()
     if len(content) > _MOST_BYTES:
         raise NotPossible(
-            f"the view of {request.title} has {len(content):,} bytes; at most {_MOST_BYTES:,} are shown",
-            next_step="name one scenario or run, or smaller batches",
+            f"the view of {request.title} has {len(content):,} bytes; the limit is {_MOST_BYTES:,}",
+            next_step="pass one scenario or run, or smaller batches",
         )
     write_whole(Path(request.path), lambda partial: partial.write_bytes(content))
     report(1.0, "view written")
@@ -48,7 +50,7 @@ def write_view(request: ViewRequest, report: ProgressReporter) -> ViewWritten:
 
 @dataclass(frozen=True)
 class _Side:
-    """What makes a column of a board; its ``batch_id`` is empty for runs that were named one by one."""
+    """The properties that define a column of a board; ``batch_id`` is empty for runs that were given one by one."""
 
     batch_id: str
     config_id: str
@@ -58,11 +60,11 @@ class _Side:
 
 
 def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
-    """The data of a board: rows are problems, columns configurations in the order in which they were given.
+    """Return the data of a board: rows are problems, columns configurations in the given order.
 
     Raises:
-        UnsafeInput: the file of a scenario cannot be read.
-        ResourceFailure: the steps of a run cannot be read.
+        UnsafeInput: The file of a scenario cannot be read.
+        ResourceFailure: The steps of a run cannot be read.
     """
     placed = list(_placed(request))
     sides = list(dict.fromkeys(side for side, _ in placed))
@@ -75,7 +77,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         _board_run(run.record, problems, sides.index(side), first, contacts.get(run.record.run_id))
         for side, run in placed
     )
-    held = _held(request, runs, report) if request.whole else _Held((), {}, ())
+    held = _included_data(request, runs, report) if request.whole else _IncludedData((), {}, ())
     lost = (f"{cell.scenario_id} under {cell.config_id}: {cell.error}" for one in request.batches for cell in one.lost)
     return BoardView(
         title=one_line(request.title),
@@ -86,7 +88,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         rows=tuple(_row(key, problem, known[key], alone=several[key] == 1) for key, problem in problems),
         metrics=tuple(BoardMetric(words=metric_words(one.name), unit=one.unit, better=one.better) for one in METRICS),
         runs=runs,
-        lost=tuple(one_line(told, LONGEST_SENTENCE) for told in lost),
+        lost=tuple(one_line(text, LONGEST_SENTENCE) for text in lost),
         scenes=held.scenes,
         drives=held.drives,
         notes=held.notes,
@@ -94,7 +96,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
 
 
 def _placed(request: ViewRequest) -> Iterable[tuple[_Side, RunSource]]:
-    """Each run with its column, in the order of the columns: batches as given, then runs that are of none of them."""
+    """Yield each run with its column, in column order: batches as given, then runs outside all batches."""
     sources = {source.record.run_id: source for source in request.runs}
     named = [(one.batch_id, [sources[run_id] for run_id in one.runs]) for one in request.batches]
     of_batches = {run_id for one in request.batches for run_id in one.runs}
@@ -114,8 +116,8 @@ def _problem(record: RunRecord) -> tuple[str, int]:
 
 
 def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
-    """A column, called after its configuration and by what else tells it from the others."""
-    told = [runs.records[0].config_name]
+    """Return a column with a title from its configuration and from what distinguishes it from the others."""
+    parts = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),
         ("traffic", f"{side.traffic} traffic"),
@@ -123,10 +125,10 @@ def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
         ("batch_id", side.batch_id),
     ):
         if len({getattr(one, name) for one in sides}) > 1:
-            told.append(words)
+            parts.append(words)
     counts = Counter(record.outcome for record in runs.records)
     return BoardColumn(
-        title=one_line(", ".join(filter(None, told))),
+        title=one_line(", ".join(filter(None, parts))),
         success=_rate_words(runs.rate(runs.valid)),
         outcomes=dict(sorted(counts.items(), key=lambda item: (-item[1], item[0]))),
     )
@@ -134,7 +136,7 @@ def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
 
 def _rate_words(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
-        return "no run could be attempted"
+        return "no run was possible"
     interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
     return f"{rate.count} of {rate.of} valid runs reached the goal: {100 * rate.share:.0f} % ({interval})"
 
@@ -178,16 +180,16 @@ def _rounded(value: float | None) -> float | None:
 
 
 @dataclass(frozen=True)
-class _Held:
-    """What a board holds for its player, and what it had no room for."""
+class _IncludedData:
+    """The data that a board includes for its player, and notes on what did not fit."""
 
     scenes: tuple[SceneView, ...]
     drives: dict[str, DriveView]
     notes: tuple[str, ...]
 
 
-def _held(request: ViewRequest, runs: Sequence[BoardRun], report: ProgressReporter) -> _Held:
-    """The scenes and runs that have room; scenarios with flips or failures come first."""
+def _included_data(request: ViewRequest, runs: Sequence[BoardRun], report: ProgressReporter) -> _IncludedData:
+    """Return the scenes and runs that fit; scenarios with flips or failures come first."""
     sources = {source.record.run_id: source for source in request.runs}
     known = {one.scenario_id: one for one in request.scenarios}
     of_scenario: dict[str, list[BoardRun]] = {}
@@ -195,25 +197,25 @@ def _held(request: ViewRequest, runs: Sequence[BoardRun], report: ProgressReport
         of_scenario.setdefault(sources[run.run_id].record.scenario_id, []).append(run)
     telling = sorted(of_scenario, key=lambda key: min(_interest(run) for run in of_scenario[key]))
     scenes, drives, size = list[SceneView](), dict[str, DriveView](), 0
-    for number, key in enumerate(telling[:_MOST_HELD_SCENES]):
+    for number, key in enumerate(telling[:_MOST_INCLUDED_SCENES]):
         content = read_content(known[key])
         driven = {run.run_id: driven_path(sources[run.run_id]) for run in of_scenario[key]}
         paths = {run_id: path for run_id, path in driven.items() if path is not None}
         made = {run_id: drive_view(sources[run_id], path, known[key], content.origin) for run_id, path in paths.items()}
         scene, _ = scene_view(content, tuple(paths.values()))
         size += sum(len(one.model_dump_json()) for one in (scene, *made.values()))
-        if size > _MOST_HELD_BYTES:
+        if size > _MOST_INCLUDED_BYTES:
             break
         scenes.append(scene)
         drives |= made
         report(0.9 * (number + 1) / len(telling), key)
     left_out = len(telling) - len(scenes)
-    note = f"the runs on {counted(left_out, 'scenario')} are not in this file: plannerforge view RUN shows one"
-    return _Held(tuple(scenes), drives, (note,) if left_out else ())
+    note = f"this file lacks the runs on {counted(left_out, 'scenario')}; plannerforge view RUN shows one"
+    return _IncludedData(tuple(scenes), drives, (note,) if left_out else ())
 
 
 def _interest(run: BoardRun) -> int:
-    """What is looked at first: flips, then failures, then the rest."""
+    """Return the rank of a run for readers: flips, then failures, then the rest."""
     if run.flip is not None:
         return 0
     return 1 if run.outcome not in ("goal_reached", "invalid") else 2

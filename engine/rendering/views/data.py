@@ -1,6 +1,6 @@
-"""The data of views as pages read them: whole numbers, differences, and text that is printable and on one line.
+"""The data of views for their pages: whole numbers, differences, and printable text on one line.
 
-Only the scripts of the pages read them again (``scene.js``, ``player.js``, ``board.js``).
+Only the scripts of the pages read them (``scene.js``, ``player.js``, ``board.js``).
 """
 
 from typing import Literal
@@ -12,17 +12,17 @@ from ....schemas.rendering import VIEW_FORMAT
 from ....schemas.runs import Outcome, Prediction, Traffic
 
 Line = tuple[int, ...]
-"""Points as x, y, x, y, … in cm from the origin of the scene; from the second point on, differences to the one before.
+"""Points as x, y, x, y, … in cm from the origin of the scene; after the first point, differences from the previous one.
 
-A line of a road is written with a quarter of the digits so, and a browser adds them up in no time.
+This takes a quarter of the digits, and a browser adds them up quickly.
 """
 
 
 class TrackView(Model):
-    """How one road user moved: a sample every ``stride`` steps from ``first_step`` on.
+    """The motion of one road user: a sample every ``stride`` steps from ``first_step``.
 
-    Each array begins with a value, and differences to the one before follow: centre in cm from the origin, unwrapped
-    heading in mrad, speed in cm/s. ``driven``: moved by reactive traffic instead of its recording.
+    Each array has a first value, followed by differences: centre in cm from the origin, unwrapped heading in mrad,
+    speed in cm/s. ``driven``: moved by reactive traffic instead of its recording.
     """
 
     obstacle_id: int
@@ -46,7 +46,7 @@ class LaneletView(Model):
 
 
 class SignalView(Model):
-    """A traffic light: its states one after the other with how many steps each stays; none: it is off."""
+    """A traffic light: its states in order, with the number of steps of each; empty if it is off."""
 
     signal_id: int
     x_cm: int
@@ -65,9 +65,9 @@ class StandingView(Model):
 
 
 class RoadView(Model):
-    """What does not move. ``arrows``: x, y in cm and heading in mrad of marks along the lanelets, one after the other.
+    """The static parts. ``arrows``: x, y in cm and heading in mrad of marks along the lanelets, in sequence.
 
-    ``edges``: where the road ends; ``dividers``: between lanes; ``crossings``: their stripes.
+    ``edges``: edges of the road; ``dividers``: lines between lanes; ``crossings``: their stripes.
     """
 
     lanelets: tuple[LaneletView, ...]
@@ -83,9 +83,9 @@ class RoadView(Model):
 
 
 class SceneView(Model):
-    """A scenario as a player draws it. ``origin_m``: what its coordinates are counted from, in those of the scenario.
+    """A scenario in the player's form. ``origin_m``: origin of its coordinates, in those of the scenario.
 
-    ``shown_cm``: left, bottom, right and top of what matters at the start. ``start``: the ego where it begins.
+    ``shown_cm``: left, bottom, right and top of the initial view. ``start``: the ego at its start.
     """
 
     scenario_id: str
@@ -100,7 +100,7 @@ class SceneView(Model):
 
 
 class MomentView(Model):
-    """A moment of a run that a player leads to: its step, and what happens then."""
+    """A moment of a run that a player offers: its step and a description."""
 
     step: int
     words: str
@@ -108,7 +108,7 @@ class MomentView(Model):
 
 
 class PlanView(Model):
-    """What a planner had in mind from a step on: its plan, other candidates, where it expected others."""
+    """A planner's state at a step: its plan, other candidates, and the predicted positions of others."""
 
     step: int
     plan: Line
@@ -117,7 +117,7 @@ class PlanView(Model):
 
 
 class AreaView(Model):
-    """An outline that a planner reported at a planning step, by the name that it gave."""
+    """An outline that a planner reported at a planning step, with its name."""
 
     step: int
     name: str
@@ -125,14 +125,14 @@ class AreaView(Model):
 
 
 class DriveView(Model):
-    """A run over a scene: the ego, and a value a driven state of what passengers feel and how near others were.
+    """A run over a scene: the ego, with accelerations and nearness to others per driven state.
 
-    ``series``: further values, one for each driven state, by name with unit. ``planned`` and ``told``: numbers and
-    texts, one for each planning step, among them the planner's debug values. ``areas``: the polygons that it reported.
+    ``series``: further values per driven state, by name with unit. ``planned`` and ``told``: numbers and texts per
+    planning step, including the planner's debug values. ``areas``: the polygons that it reported.
 
-    ``acceleration_cmps2``: along the path; ``gap_cm`` to the nearest other, ``nearest`` which one, ``collision_cs``:
-    time to collision in 1/100 s; None: no other within 60 m, or none on a collision course. ``costs``, ``rejected``: as
-    stored, one value a planning step. ``others``: how reactive traffic moved. ``figures``: metrics in words.
+    ``acceleration_cmps2``: along the path; ``gap_cm`` to the nearest other, ``nearest`` its id, ``collision_cs``: time
+    to collision in 1/100 s; None means no other within 60 m, or no collision course. ``costs``, ``rejected``: as
+    stored, one value per planning step. ``others``: the motion of reactive traffic. ``figures``: metrics in words.
     """
 
     run_id: str
@@ -171,7 +171,7 @@ class PaneView(Model):
 
 
 class PlayerView(Model):
-    """All that a player shows."""
+    """The whole content of a player."""
 
     format: int = VIEW_FORMAT
     kind: Literal["player"] = "player"
@@ -182,9 +182,9 @@ class PlayerView(Model):
 
 
 class BoardColumn(Model):
-    """One side of a board: a configuration under one prediction and traffic, of one batch where there are several.
+    """One column of a board: a configuration under one prediction and traffic, of one batch if there are several.
 
-    ``success``: the rate in words, with its interval; ``outcomes``: how many runs ended so.
+    ``success``: the rate in words, with its interval; ``outcomes``: the number of runs per outcome.
     """
 
     title: str
@@ -193,7 +193,7 @@ class BoardColumn(Model):
 
 
 class BoardRow(Model):
-    """One problem of a board: ``about``: its road and road users in words."""
+    """One problem of a board; ``about``: its road and road users in words."""
 
     title: str
     scenario_id: str
@@ -201,7 +201,7 @@ class BoardRow(Model):
 
 
 class BoardMetric(Model):
-    """A metric of a board; ``better``: which direction is, where one is."""
+    """A metric of a board; ``better``: the better direction, if there is one."""
 
     words: str
     unit: str
@@ -209,10 +209,10 @@ class BoardMetric(Model):
 
 
 class BoardRun(Model):
-    """A run of a board: its place, how it ended, its metrics in the board's order.
+    """A run of a board: its position, its outcome, its metrics in the board's order.
 
-    ``flip``: whether it reached the goal where the first column's run of its row did not, or the other way round; both
-    could be attempted.
+    ``flip``: set if exactly one of this run and the first column's run in its row reached the goal, and both were
+    valid.
     """
 
     run_id: str
@@ -225,9 +225,9 @@ class BoardRun(Model):
 
 
 class BoardView(Model):
-    """All that a board shows.
+    """The whole content of a board.
 
-    ``scenes`` and ``drives`` (by run): what its player shows without asking anybody; ``lost``: cells without a run.
+    ``scenes`` and ``drives`` (by run): what its player shows without a request; ``lost``: cells without a run.
     """
 
     format: int = VIEW_FORMAT

@@ -1,4 +1,4 @@
-/* The page's beginning: its own data, or those that an MCP host brings (MCP Apps, JSON-RPC by postMessage). */
+/* Starts the page with its own data, or with those of an MCP host (MCP Apps, JSON-RPC by postMessage). */
 
 const APPS_PROTOCOL = "2026-01-26";
 const VIEW_KEY = "plannerforge/view";
@@ -37,11 +37,11 @@ class Host {
     this.capabilities = answer.hostCapabilities ?? {};
     this.adopt(answer.hostContext ?? {});
     this.send({ method: "ui/notifications/initialized" });
-    const told = () => this.send({ method: "ui/notifications/size-changed", params: { width: document.documentElement.scrollWidth, height: Math.ceil(document.body.getBoundingClientRect().height) } });
-    new ResizeObserver(told).observe(document.body);
+    const reportSize = () => this.send({ method: "ui/notifications/size-changed", params: { width: document.documentElement.scrollWidth, height: Math.ceil(document.body.getBoundingClientRect().height) } });
+    new ResizeObserver(reportSize).observe(document.body);
   }
 
-  /* In full screen the page fills its window; elsewhere the window is as high as the page, so that nothing may depend on it. */
+  /* In full screen the page fills its window; otherwise the window takes the height of the page, so nothing may depend on it. */
   adopt(context) {
     if (context.theme === "dark" || context.theme === "light") setTheme(context.theme);
     if (context.displayMode) document.documentElement.dataset.host = context.displayMode;
@@ -59,12 +59,12 @@ class Host {
     else if (message.id !== undefined) this.send({ id: message.id, error: { code: -32601, message: "Method not found" } });
   }
 
-  /* The result of a tool names the view that shows it; the data come as a resource, not through the model. */
+  /* A tool's result gives its view; the data come as a resource, not through the model. */
   async toolResult(result) {
     const uri = result._meta?.[VIEW_KEY], number = ++this.results, isLast = () => number === this.results;
-    if (!uri) { this.onWords(result.isError ? "The call was refused: there is nothing to show." : "This answer has no view."); return; }
+    if (!uri) { this.onWords(result.isError ? "The call was refused, so there is nothing to show." : "This answer has no view."); return; }
     this.onWords("Reading the view.");
-    try { const data = await this.read(uri); if (isLast()) this.onView(data); } catch (error) { if (isLast()) this.onWords(`The view cannot be read: ${error.message}`); }
+    try { const data = await this.read(uri); if (isLast()) this.onView(data); } catch (error) { if (isLast()) this.onWords(`Cannot read the view: ${error.message}`); }
   }
 
   async read(uri) {
@@ -72,13 +72,13 @@ class Host {
     return JSON.parse(answer.contents[0].text);
   }
 
-  /* What the user looks at, for the model's next turn, where the host passes it on. */
+  /* The user's current view, for the model's next turn if the host passes it on. */
   tell(text) {
     if (this.capabilities.updateModelContext) this.request("ui/update-model-context", { content: [{ type: "text", text: `The user looks at ${text}` }] }).catch(() => {});
   }
 }
 
-/* ---------- The beginning ---------- */
+/* ---------- Start ---------- */
 
 function say(text) { document.getElementById("view").replaceChildren(element("p", { className: "message", role: "status" }, text)); }
 
@@ -89,11 +89,11 @@ function begin() {
   const show = (data, host) => {
     shown?.destroy();
     const root = document.getElementById("view"), tell = text => host?.tell(text);
-    if (!VIEWS[data.kind]) { say(`This page does not show a ${data.kind}.`); return; }
+    if (!VIEWS[data.kind]) { say(`This page cannot show a ${data.kind}.`); return; }
     shown = new VIEWS[data.kind](root, data, tell, host);
   };
   if (own) { show(JSON.parse(own), null); return; }
-  if (parent === window) { say("This page has no data: it is shown by an MCP host, or written by plannerforge view."); return; }
+  if (parent === window) { say("This page has no data. Open it in an MCP host, or write it with plannerforge view."); return; }
   document.documentElement.dataset.host = "inline";
   const host = new Host(data => show(data, host), words);
   say("Waiting for the host.");

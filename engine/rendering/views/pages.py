@@ -1,7 +1,6 @@
-"""The pages of views: one HTML file each, style and scripts inside, no request to elsewhere.
+"""The pages of views: one HTML file each with style and scripts, without any external request.
 
-This module imports nothing heavy: the server hands the empty pages to MCP hosts, and fills them with data that workers
-wrote.
+This module imports nothing heavy: the server gives the empty pages to MCP hosts, and fills them with the workers' data.
 """
 
 import base64
@@ -17,19 +16,19 @@ _SCRIPTS: dict[ViewKind, Sequence[str]] = {
     "player": ("scene.js", "player.js", "host.js"),
     "board": ("scene.js", "player.js", "board.js", "host.js"),
 }
-"""The scripts of each page, in the order in which they are read; a later one uses what an earlier one names.
+"""The scripts of each page in loading order; later ones use names of earlier ones.
 
-A board opens its runs in a player, so its page shows whatever there is to show.
+A board opens its runs in a player, so its page can show both.
 """
 
 
 def empty_page(kind: ViewKind) -> str:
-    """The page without data, which asks the host that shows it; the host sets the policy for it."""
+    """Return the page without data, which requests them from the host that shows it; the host sets its policy."""
     return _page(kind, title="PlannerForge", data="", policy="")
 
 
 def filled_page(kind: ViewKind, title: str, data: str) -> str:
-    """The page with its data, a JSON text; it runs the page's own script alone, by its hash, and loads nothing."""
+    """Return the page with its data, a JSON text; by hash, it runs only the page's own script, and it loads nothing."""
     digest = base64.b64encode(hashlib.sha256(_scripts(kind).encode()).digest()).decode()
     policy = (
         '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '
@@ -39,7 +38,7 @@ def filled_page(kind: ViewKind, title: str, data: str) -> str:
 
 
 def escaped(data: str) -> str:
-    """A JSON text that no parser of HTML ends, opens or comments anything in; it reads as the same JSON."""
+    """Escape a JSON text so that no HTML parser sees markup in it; it stays the same JSON."""
     for sign in "<>&\u2028\u2029":
         data = data.replace(sign, f"\\u{ord(sign):04x}")
     return data
@@ -53,7 +52,7 @@ def _page(kind: ViewKind, *, title: str, data: str, policy: str) -> str:
         "data": data,
         "scripts": _scripts(kind),
     }
-    # In one pass: what is put in may itself look like a place to fill.
+    # In one pass, since the inserted text may itself look like a placeholder.
     return re.sub(r"\{\{ (\w+) \}\}", lambda place: parts[place[1]], _part("page.html"))
 
 

@@ -1,6 +1,6 @@
-/* The player: one scenario or run in motion, or two side by side, with what there is to know about a moment. */
+/* The player: one scenario or run in motion, or two side by side, with the data of the shown time. */
 
-/* ---------- Elements: text is only ever set as text ---------- */
+/* ---------- Elements; text is only ever set as text ---------- */
 
 function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
@@ -29,7 +29,7 @@ const KEYS = [
   ["[ ]", "slower, faster"], ["T", "dark, light"],
 ];
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
-const SHOWN_EVERY_MS = 100;  /* how often figures change while it plays: faster could not be read */
+const SHOWN_EVERY_MS = 100;  /* interval of the figures during playback; faster would be unreadable */
 const FOLLOWED_WIDTH_M = 110;
 
 class Player {
@@ -98,7 +98,7 @@ class Player {
     const button = (label, title, onclick) => element("button", { type: "button", title, onclick, "aria-label": title }, label);
     this.playButton = button("Play", "Play or pause (Space)", () => this.toggle());
     this.playButton.className = "play";
-    this.followButton = button("Follow", "Follow the ego or what is selected (F)", () => this.setFollow(!this.follow));
+    this.followButton = button("Follow", "Follow the ego or the selection (F)", () => this.setFollow(!this.follow));
     this.idsButton = button("Ids", "Show ids (I)", () => this.setIds(!this.ids));
     this.plansButton = button("Plans", "Show plan, candidates, predictions and areas (O)", () => this.setPlans(!this.plans));
     this.plansButton.hidden = !this.panes.some(pane => pane.plans || pane.areas);
@@ -117,7 +117,7 @@ class Player {
     return element("div", { className: "transport", role: "toolbar", "aria-label": "playback" },
       this.playButton, button("←", "A step back (←)", () => this.seek(Math.ceil(this.step) - 1)), button("→", "A step on (→)", () => this.seek(Math.floor(this.step) + 1)),
       element("div", { className: "scrub" }, this.slider, ...marks), this.time, this.rate, this.followButton, this.idsButton, this.plansButton,
-      button("+", "Nearer (+)", () => this.zoom(1.3)), button("−", "Farther (−)", () => this.zoom(1 / 1.3)), button("All", "Show all that matters (0)", () => this.fit()));
+      button("+", "Nearer (+)", () => this.zoom(1.3)), button("−", "Farther (−)", () => this.zoom(1 / 1.3)), button("All", "Show everything relevant (0)", () => this.fit()));
   }
 
   chart() {
@@ -172,7 +172,7 @@ class Player {
 
   seconds(step) { return `${(step * this.stepS).toFixed(1)} s`; }
 
-  /* ---------- What it is told: keys, pointer, size, colours ---------- */
+  /* ---------- Input: keys, pointer, size, colours ---------- */
 
   listen() {
     this.ended = new AbortController();
@@ -233,7 +233,7 @@ class Player {
     }, { passive: false, signal });
   }
 
-  /* What is under a point of a pane: the ego, a road user, or nothing. */
+  /* The object under a point of a pane: the ego, a road user, or nothing. */
   userAt(pane, px, py) {
     const [x, y] = pane.camera.toWorld(px, py, pane.canvas.clientWidth, pane.canvas.clientHeight), margin = Math.max(0.4, 6 / pane.camera.scale);
     let best = null, nearest = Infinity;
@@ -247,7 +247,7 @@ class Player {
     return best;
   }
 
-  /* The step at which a track is shown in a pane: a run stands still where it ended, the ego waits at its start. */
+  /* The step at which a pane shows a track: a run stays at its end, the ego waits at its start. */
   moment(pane, track) {
     const step = pane.drive ? Math.min(this.step, pane.ego.last) : this.step;
     return track === pane.ego ? Math.min(Math.max(step, track.first), track.last) : step;
@@ -293,7 +293,7 @@ class Player {
       canvas.width = Math.max(Math.round(canvas.clientWidth * this.ratio), 1);
       canvas.height = Math.max(Math.round(canvas.clientHeight * this.ratio), 1);
     }
-    if (!this.panes.every(pane => pane.camera.scale > 0)) this.frameFirst();  // it had no size until now: its host kept it hidden
+    if (!this.panes.every(pane => pane.camera.scale > 0)) this.frameFirst();  // it had no size while its host kept it hidden
     else if (this.whole) this.fit();
     this.stale = true;
   }
@@ -302,7 +302,7 @@ class Player {
 
   toggleTheme() { setTheme(isDark() ? "light" : "dark"); }
 
-  /* ---------- What it does ---------- */
+  /* ---------- Actions ---------- */
 
   toggle() {
     if (!this.playing && this.step >= this.lastStep) this.step = this.firstStep;
@@ -346,13 +346,13 @@ class Player {
     this.stale = true;
   }
 
-  /* What is seen at first: a scenario whole, a run near its ego. */
+  /* The initial view: a whole scenario, or a run near its ego. */
   frameFirst() {
     this.fit();
     if (this.panes.some(pane => pane.drive)) this.zoomToFollow();
   }
 
-  /* All panes show what matters, to one scale, until the view is moved; scenes on one map the same place. */
+  /* All panes show the relevant part at one scale until the view moves; scenes on one map show the same place. */
   fit() {
     this.follow = false;
     this.whole = true;
@@ -436,7 +436,7 @@ class Player {
     drawChart(context, this.charts[this.chartKind], this, canvas.clientWidth, canvas.clientHeight);
   }
 
-  /* The figures of the moment, beside the canvas. */
+  /* The figures of the shown time, next to the canvas. */
   show() {
     const step = Math.round(this.step);
     this.slider.value = step;
@@ -509,7 +509,7 @@ class Player {
   }
 }
 
-/* What a page can show, by the kind of its data. */
+/* The views that a page can show, by the kind of its data. */
 const VIEWS = { player: Player };
 
 function placeTip(tip, x, y, width) {
@@ -550,10 +550,10 @@ function seriesOf(drive) {
   };
 }
 
-/* The names that the runs of all panes have in one of their records of values by name. */
+/* The names in one of the records of all panes' runs. */
 function keysOf(panes, record) { return [...new Set(panes.flatMap(({ drive }) => Object.keys(drive?.[record] ?? {})))]; }
 
-/* The cost terms of all panes, those that weigh most over the runs first. */
+/* The cost terms of all panes, largest over the runs first. */
 function termsOf(panes) {
   const weights = new Map();
   for (const { drive } of panes) for (const [name, values] of Object.entries(drive?.costs ?? {})) weights.set(name, (weights.get(name) ?? 0) + values.reduce((sum, value) => sum + Math.abs(value), 0));
@@ -586,7 +586,7 @@ function chartsOf(panes) {
   return charts;
 }
 
-/* The cost of a plan by terms, one upon the other; those that weigh least together. */
+/* The cost of a plan as stacked terms, with the smallest ones combined. */
 function bands(panes) {
   const terms = termsOf(panes), shown = terms.slice(0, MOST_BANDS), rest = terms.slice(MOST_BANDS), { series } = panes[0];
   const named = [...shown.map((term, i) => [words(term), `series-${i}`, step => series.term(term, step)]),
@@ -620,7 +620,7 @@ function drawChart(context, chart, player, width, height) {
     context.fillStyle = colours.muted;
     context.textAlign = "left";
     context.textBaseline = "middle";
-    context.fillText(panes.some(pane => pane.drive) ? "There are no such figures here." : "Select a vehicle to see its speed.", CHART_LEFT, height / 2);
+    context.fillText(panes.some(pane => pane.drive) ? "No such figures are available." : "Select a vehicle to see its speed.", CHART_LEFT, height / 2);
     return;
   }
   const ticks = ticksOf(Math.min(0, ...all), Math.max(...all)), low = ticks[0], high = ticks[ticks.length - 1];
@@ -654,7 +654,7 @@ function drawChart(context, chart, player, width, height) {
   if (player.chartAt !== null && player.chartAt !== undefined) cursor(context, x(player.chartAt), top, bottom, colours.muted, 1);
 }
 
-/* The bands of a stacked chart, { colour, low, high }, a value a step; a negative term goes down from where it begins. */
+/* The bands of a stacked chart, { colour, low, high }, one value per step; a negative term goes down from its start. */
 function stack(chart, steps) {
   const base = steps.map(() => 0);
   return (chart.bands ?? []).map(({ colour, value }) => {

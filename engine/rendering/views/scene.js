@@ -1,7 +1,7 @@
 "use strict";
-/* A scenario on a canvas: its data decoded once, its road kept as paths by tiles, its road users drawn at any step. */
+/* A scenario on a canvas: decodes its data once, stores its road as paths by tiles, and draws its road users at any step. */
 
-/* ---------- Numbers as they are sent: differences, in cm, mrad and cm/s ---------- */
+/* ---------- Transmitted numbers: differences, in cm, mrad and cm/s ---------- */
 
 function summed(differences, unit) {
   const values = new Float64Array(differences.length);
@@ -36,7 +36,7 @@ class Track {
     this.last = this.first + this.stride * (this.x.length - 1);
   }
 
-  /* Writes the state at a step, which need not be whole, into `state`; false where the road user is not there. */
+  /* Writes the state at a step, which may be fractional, into `state`; false if the road user is absent. */
   at(step, state) {
     if (step < this.first || step > this.last) return false;
     const place = (step - this.first) / this.stride;
@@ -69,7 +69,7 @@ function palette() {
   return colours;
 }
 
-/* The colour of a class; what has none of its own is grey. */
+/* The colour of a class, or grey if it has no colour. */
 const CLASSES = new Set(["car", "taxi", "truck", "bus", "motorcycle", "bicycle", "pedestrian", "priorityVehicle", "train"]);
 const classOf = kind => CLASSES.has(kind) ? kind : "other";
 
@@ -96,7 +96,7 @@ class Scene {
     this.tiles = this.tiled(data.road);
   }
 
-  /* The road by tiles, so that only what is in view is drawn. */
+  /* The road by tiles, so that only the visible part is drawn. */
   tiled(road) {
     const tiles = new Map();
     const add = (layer, points, closed) => {
@@ -118,7 +118,7 @@ class Scene {
     return [...tiles.values()];
   }
 
-  /* All road users of a run, or of the recording: what reactive traffic moved stands for its recording. */
+  /* All road users of a run, or of the recording; tracks of reactive traffic replace their recordings. */
   tracksOf(drive) {
     if (!drive || !drive.others.length) return this.tracks;
     const moved = new Map(drive.others.map(track => [track.obstacle_id, new Track(track)]));
@@ -130,7 +130,7 @@ class Scene {
     return this.lanelets.filter(one => covers(one, x, y)).map(one => one.id);
   }
 
-  /* Where somebody is, in words: lanelets of vehicles by their ids, what is for people on foot by what it is. */
+  /* The place of a road user in words: lanelets by their ids, pedestrian areas by their kind. */
   groundAt(x, y) {
     const lanelets = this.laneletsAt(x, y);
     return lanelets.length ? lanelets.join(", ") : this.pavements.some(one => covers(one, x, y)) ? "pavement" : "none";
@@ -193,7 +193,7 @@ class Camera {
 
 const SMALLEST_PX = 5, LABELLED_FROM_PX = 15, MOST_LABELS = 60;
 
-/* Draws one moment of a pane: { scene, tracks, ego, drive, camera, selected } on a canvas of a size in CSS pixels. */
+/* Draws a pane at one time: { scene, tracks, ego, drive, camera, selected } on a canvas of a size in CSS pixels. */
 function drawPane(context, pane, step, width, height, ratio, colours, showIds, showPlans) {
   const { scene, camera } = pane;
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -262,7 +262,7 @@ function drawGoals(context, goals, px, colours) {
   context.setLineDash([]);
 }
 
-/* The shape says the state as well as the colour: a square stops, a disc goes, a diamond is between. */
+/* The shape shows the state as well: a square means stop, a disc go, a diamond the states between. */
 const SIGNAL_MARKS = { red: ["square", "light-red"], redYellow: ["square", "light-yellow"], yellow: ["diamond", "light-yellow"], green: ["disc", "light-green"] };
 
 function drawSignals(context, signals, step, px, colours) {
@@ -290,7 +290,7 @@ function signalState(signal, step) {
   return "inactive";
 }
 
-/* Where the ego drives: what is behind it solid, what is ahead of it dashed; the way of what is selected thin. */
+/* The ego's path, solid behind it and dashed ahead; the path of the selection is thin. */
 function drawCourse(context, pane, step, px, colours) {
   const selected = pane.selected > 0 && pane.tracks.find(track => track.id === pane.selected);
   if (selected) drawWay(context, selected, selected.first, selected.last, 1.5 * px, [2 * px, 3 * px], colours.ink);
@@ -300,7 +300,7 @@ function drawCourse(context, pane, step, px, colours) {
   drawWay(context, pane.ego, now, pane.ego.last, Math.max(1.5 * px, 0.15), [5 * px, 4 * px], colours.ego);
 }
 
-/* What a planner had in mind from a planning step on, as paths. */
+/* A planner's plan, candidates and predictions of a planning step, as paths. */
 class PlanPaths {
   constructor(data) {
     this.step = data.step;
@@ -316,7 +316,7 @@ function pathOf(lines) {
   return path;
 }
 
-/* The plan that was followed at a step: of the last planning step until then. */
+/* The plan in force at a step, from the latest planning step. */
 function planAt(plans, step) {
   let low = 0, high = plans.length;
   while (low < high) {
@@ -381,7 +381,7 @@ function drawWay(context, track, from, to, width, dashes, colour) {
   context.setLineDash([]);
 }
 
-/* The road users at a step that may be seen, each { track, x, y, heading, speed }. */
+/* The visible road users at a step, each { track, x, y, heading, speed }. */
 function present(pane, step, left, bottom, right, top) {
   const seen = [], margin = 12;
   for (const track of pane.tracks) {
@@ -391,7 +391,7 @@ function present(pane, step, left, bottom, right, top) {
   return seen;
 }
 
-/* The body of a road user: a circle walks, a lozenge has two wheels, a rectangle four, with a nose at its front. */
+/* The body of a road user: a circle for pedestrians, a diamond for two-wheelers, a rectangle for others, with a marked front. */
 function body(context, kind, x, y, heading, length, width) {
   const c = Math.cos(heading), s = Math.sin(heading), a = length / 2, b = width / 2;
   const to = (u, v, first) => context[first ? "moveTo" : "lineTo"](x + u * c - v * s, y + u * s + v * c);
@@ -490,7 +490,7 @@ function cross(context, x, y, px, colours) {
   }
 }
 
-/* Ids above their road users, those nearest to the middle first; one that would cover another is left out. */
+/* Ids above their road users, nearest to the middle first; ids that would overlap are left out. */
 function drawIds(context, seen, pane, width, height, colours) {
   const { camera } = pane, away = one => one.track.id === pane.selected ? -1 : Math.hypot(one.x - camera.x, one.y - camera.y);
   const nearest = seen.map(one => [away(one), one]).sort((a, b) => a[0] - b[0]).slice(0, MOST_LABELS);

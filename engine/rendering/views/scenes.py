@@ -1,7 +1,7 @@
-"""What players show, as whole numbers: centimetres, milliradians and differences, so that pages stay small.
+"""The content of players as whole numbers: centimetres, milliradians and differences, so that pages stay small.
 
-Text of scenarios and runs is untrusted: it is made one printable line here, escaped where it enters a page
-(``pages.py``) and only ever set as text by the page's scripts.
+Text of scenarios and runs is untrusted: this module reduces it to one printable line, ``pages.py`` escapes it, and the
+page's scripts only ever set it as text.
 """
 
 import math
@@ -44,25 +44,25 @@ from .data import (
 )
 
 _MOST_SAMPLES = 300_000
-"""States of road users in a scene (chosen): about 4 MB; of more, every second, third … step is kept."""
+"""Most states of road users in a scene, about 4 MB; beyond it, only every second, third … step is kept (chosen)."""
 _MOST_ROAD_POINTS = 150_000
-"""Points of roads in a scene (chosen): about 1 MB; where there are more, lines are drawn more coarsely."""
+"""Most points of roads in a scene, about 1 MB; beyond it, lines are drawn more coarsely (chosen)."""
 _FINEST_M = 0.02
-"""Deviation of a drawn line from the file's (chosen): less than a pixel at any useful zoom."""
+"""Deviation of a drawn line from the file's, less than a pixel at any useful zoom (chosen)."""
 _ARROW_EVERY_M, _SHORTEST_WITH_ARROW_M = 30.0, 8.0
-"""Marks of the driving direction along a lanelet (chosen)."""
+"""Spacing of the direction marks along a lanelet, and the shortest lanelet with a mark (chosen)."""
 _EGO_ID = 0
-"""Stands for the ego among road users: no obstacle has it, as ids are positive."""
+"""The ego's id among road users; obstacle ids are positive."""
 LONGEST_SENTENCE = 400
-"""Characters of a sentence in a view (chosen)."""
+"""Most characters of a sentence in a view (chosen)."""
 
 
 def player_view(request: ViewRequest) -> PlayerView:
-    """The data of a player; panes on one scenario share its scene.
+    """Return the data of a player; panes on one scenario share its scene.
 
     Raises:
-        UnsafeInput: the file of a scenario cannot be read.
-        ResourceFailure: the steps of a run cannot be read.
+        UnsafeInput: The file of a scenario cannot be read.
+        ResourceFailure: The steps of a run cannot be read.
     """
     contents = {one.scenario.scenario_id: read_content(one.scenario) for one in request.panes}
     notes, panes = list[str](), list[PaneView]()
@@ -84,30 +84,30 @@ def player_view(request: ViewRequest) -> PlayerView:
         panes.append(PaneView(title=pane_title(pane), scenario_id=one_line(key), drive=drive))
     scenes = []
     for key, content in contents.items():
-        scene, told = scene_view(content, paths[key])
+        scene, scene_notes = scene_view(content, paths[key])
         scenes.append(scene)
-        notes += told
+        notes += scene_notes
     return PlayerView(title=one_line(request.title), scenes=tuple(scenes), panes=tuple(panes), notes=tuple(notes))
 
 
 def pane_title(pane: ViewPane) -> str:
-    """What a pane is called: the run's configuration, else the scenario."""
+    """Return the title of a pane: the run's configuration, or the scenario."""
     return one_line(pane.scenario.scenario_id if pane.run is None else pane.run.record.config_name)
 
 
 @dataclass(frozen=True)
 class _Placed:
-    """The content of a scenario, and the point (2,) in m that its view is counted from."""
+    """The content of a scenario, and the origin (2,) in m of its view."""
 
     content: ScenarioContent
     origin: Points
 
 
 def read_content(source: ScenarioSource) -> _Placed:
-    """The content of a scenario's file; its origin is a whole number of metres.
+    """Return the content of a scenario's file; its origin is a whole number of metres.
 
     Raises:
-        UnsafeInput: the file cannot be read.
+        UnsafeInput: The file cannot be read.
     """
     content = content_of(kept_recording(Path(source.path)))
     viewport = Viewport.of(content)
@@ -115,13 +115,13 @@ def read_content(source: ScenarioSource) -> _Placed:
 
 
 def scene_view(placed: _Placed, paths: Sequence[DrivenPath] = ()) -> tuple[SceneView, list[str]]:
-    """A scenario as a player draws it, and what was left out of it."""
+    """Return a scenario in the player's form, and notes on what is left out."""
     content, origin = placed.content, placed.origin
     viewport = Viewport.of(content, paths, content.ego_step)
     low, high = _cm(np.array([[viewport.x_min, viewport.y_min], [viewport.x_max, viewport.y_max]]) - origin)
     samples = sum(len(track.positions) for track in content.tracks.values())
     stride = -(-samples // _MOST_SAMPLES) if samples else 1
-    notes = [f"{content.scenario_id}: every {stride}. step of the traffic is kept"] if stride > 1 else []
+    notes = [f"{content.scenario_id}: only every {stride}th traffic step is kept"] if stride > 1 else []
     scene = SceneView(
         scenario_id=one_line(content.scenario_id),
         step_s=content.step_s,
@@ -141,7 +141,7 @@ def _cm(metres: Points | Values) -> NDArray[np.int64]:
 
 
 def _differences(values: NDArray[np.int64]) -> tuple[int, ...]:
-    """The first value, then what each adds to the one before."""
+    """Return the first value, followed by differences."""
     return tuple(np.diff(values, prepend=0).tolist())
 
 
@@ -157,7 +157,7 @@ def _sent(points: Points, origin: Points) -> Line:
 
 
 def track_view(track: Track, origin: Points, stride: int = 1, *, driven: bool = False) -> TrackView:
-    """A road user's motion, every ``stride`` steps."""
+    """Return a road user's motion, every ``stride`` steps."""
     kept = slice(None, None, stride)
     place = _cm(track.positions[kept] - origin)
     return TrackView(
@@ -223,7 +223,7 @@ def _road(content: ScenarioContent, origin: Points) -> RoadView:
 
 
 def _joined(pieces: Sequence[Points]) -> Iterable[Points]:
-    """Pieces (2, 2) that follow each other as one line each."""
+    """Join consecutive pieces (2, 2) into lines."""
     line: list[Points] = []
     for piece in pieces:
         if line and not np.array_equal(line[-1], piece[0]):
@@ -260,7 +260,7 @@ def _signals(content: ScenarioContent, origin: Points) -> Iterable[SignalView]:
 
 
 def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, origin: Points) -> DriveView:
-    """A run over a scene, its nearest others and its moments."""
+    """Return a run over a scene, with its nearest others and its moments."""
     record, steps = source.record, read_steps(source)
     if steps is None:
         raise ValueError(f"{record.run_id} was driven, so it has steps")
@@ -313,7 +313,7 @@ def _over_time(series: RunSeries | None, origin: Points) -> dict[str, Any]:
         "steering (°)": tuple(round(degrees * value, 2) for value in series.steering_rad),
     }
     planned = {"desired speed (m/s)": series.desired_speed_mps, **series.numbers}
-    reasons = {"desired speed because": series.desired_speed_reasons}
+    reasons = {"reason for desired speed": series.desired_speed_reasons}
     areas = [
         AreaView(step=one.step, name=one_line(one.name), outline=_sent(np.column_stack([one.x_m, one.y_m]), origin))
         for one in series.polygons
@@ -327,7 +327,7 @@ def _over_time(series: RunSeries | None, origin: Points) -> dict[str, Any]:
 
 
 def _plans(path: str, origin: Points) -> Iterable[PlanView]:
-    """The plans of a run from their file; none without one."""
+    """Yield the plans of a run from its file, if there is one."""
 
     def line(numbers: Sequence[float]) -> Line:
         return _sent(np.reshape(numbers, (-1, 2)), origin)
@@ -362,7 +362,9 @@ def _nearness(course: Course | None) -> dict[str, tuple[int | None, ...]]:
 
 
 def _moments(source: RunSource, review: RunReview, first_step: int) -> Iterable[MomentView]:
-    """The moments of a run in the order of time; the decisive one is the contact, else the closest."""
+    """Return the moments of a run in order of time; the decisive one is the contact, otherwise the closest
+    encounter.
+    """
     record = source.record
 
     def step(time_s: float) -> int:
@@ -388,7 +390,7 @@ def _moments(source: RunSource, review: RunReview, first_step: int) -> Iterable[
 
 
 def figures(source: RunSource) -> Iterable[tuple[str, str]]:
-    """The metrics of a run with their words and units; what is not defined is left out."""
+    """Yield the metrics of a run with their words and units, without undefined ones."""
     for metric in METRICS:
         value = metric.value(source.record)
         if value is not None:

@@ -99,7 +99,7 @@ async def test_a_worker_with_other_versions_is_refused(cluster: LocalCluster, tm
         WorkerPool.open(limits, tmp_path / "here.log") as here,
         ClusterExecutor.open(cluster.scheduler_address, here, limits, versions={"numpy": "0.1"}) as executor,
     ):
-        with pytest.raises(ResourceFailure, match=r"has numpy .*, not 0\.1: its results would not be the same"):
+        with pytest.raises(ResourceFailure, match=r"has numpy .*, not 0\.1, so its results would differ"):
             await executor.run(COPY, letter(tmp_path, "text"))
 
 
@@ -117,7 +117,7 @@ async def test_a_cluster_that_goes_away_is_told_and_the_work_goes_on_here(
     request = letter(tmp_path, "here")
     assert (await executor.run(COPY, request)).text.startswith("here")
     assert (Path(request.folder) / "copies" / "letter.txt").read_text() == "here"
-    assert "is not there (its scheduler went away): carried out on this machine" in executor.notice
+    assert "is unavailable (its scheduler went away); operations run on this machine" in executor.notice
     assert executor.capacity == 1
 
 
@@ -128,5 +128,5 @@ async def test_an_address_without_a_scheduler_is_told(tmp_path: Path, monkeypatc
         WorkerPool.open(limits, tmp_path / "here.log") as here,
         ClusterExecutor.open("tcp://127.0.0.1:9", here, limits, connect_s=0.2) as executor,
     ):
-        assert "the cluster at tcp://127.0.0.1:9 is not there" in executor.notice
+        assert "the cluster at tcp://127.0.0.1:9 is unavailable" in executor.notice
         assert (await executor.run(COPY, letter(tmp_path, "here"))).text.startswith("here")

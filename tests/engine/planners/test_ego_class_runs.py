@@ -88,7 +88,7 @@ def test_a_solution_file_is_refused_by_class_and_made_for_a_stated_vehicle(tmp_p
             target_path=str(tmp_path / "solution.xml"),
         )
         if is_refused:
-            with pytest.raises(NotPossible, match="none of them is a truck") as caught:
+            with pytest.raises(NotPossible, match="include no truck") as caught:
                 write_solution(asked, silent)
             assert caught.value.reason == "no_such_vehicle"
         else:

@@ -83,7 +83,7 @@ def test_an_ego_that_heads_back_along_its_route_is_the_problems_fault(
     assert (final.outcome == "invalid") == is_the_problems_fault
     if is_the_problems_fault:
         assert final.invalid_reason == "ego_against_route"
-        assert f"{abs(turned_deg)}° off the way" in final.reason
+        assert f"{abs(turned_deg)}° off the route" in final.reason
 
 
 def test_a_lane_change_to_the_goal_lane_is_smooth_and_complete() -> None:

@@ -66,7 +66,11 @@ AT_40 = rectangle_at(40.0, 0.0)
         (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "0.4 s after its time"),
         (lambda: cruise(goal_state((35, 45), AT_40, speed=(2.0, 4.0))), "goal_missed", "drove out of the goal"),
         (lambda: cruise(goal_state((20, 30), AT_40, speed=(2.0, 4.0))), "goal_late", "drove out of the goal"),
-        (lambda: cruise(goal_state((30, 40), rectangle_at(40.0, 3.5, size=(12.0, 2.0)))), "goal_missed", "beside"),
+        (
+            lambda: cruise(goal_state((30, 40), rectangle_at(40.0, 3.5, size=(12.0, 2.0)))),
+            "goal_missed",
+            "without entering it",
+        ),
         (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "without its conditions"),
         (lambda: cruise(goal_state((35, 45), AT_40), stop_m=20.0), "timeout", "before the goal's end"),
         (lambda: cruise(goal_state((60, 70), AT_40, speed=(2.0, 4.0)), stop_m=40.0), "goal_missed", "was in the goal"),
@@ -113,7 +117,7 @@ def at_start_of(*goals: object, **changes: object) -> DrivenRun:
         (
             lambda: at_start_of(goal_state((10, 12), rectangle_at(12.0, 0.0), speed=(25.0, 30.0))),
             "goal_out_of_time",
-            "25.0 to 30.0 m/s is out of reach from 10.0 m/s in 1.2 s",
+            "25.0 to 30.0 m/s is unreachable from 10.0 m/s in 1.2 s",
         ),
         (lambda: at_start_of(goal_state((2, 4), speed=(0.0, 1.0))), "goal_out_of_time", "0.0 to 1.0 m/s"),
     ],

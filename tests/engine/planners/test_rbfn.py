@@ -97,7 +97,7 @@ def test_the_table_of_a_path_knows_a_circle() -> None:
     table = PathTable(20.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1))
     _, _, heading, curvature = table.at(np.array([20.0]))[0]
     assert (heading, curvature) == pytest.approx((1.0, 0.05), abs=1e-3)
-    station, offset, _ = table.beside(np.array([0.0]), np.array([2.0]), np.array([3.0]))
+    station, offset, _ = table.coordinates(np.array([0.0]), np.array([2.0]), np.array([3.0]))
     assert (station[0], offset[0]) == pytest.approx((0.0, 2.0), abs=0.02)
 
 

@@ -96,7 +96,7 @@ def test_strip_beside_an_animation_shows_its_moments(
     request = RenderRequest(kind="animation", scenarios=(town,), runs=pair[:1], folder=str(tmp_path))
     gif, strip = render(request, silent).images
     assert (gif.mime_type, strip.mime_type) == ("image/gif", "image/png")
-    assert strip.alt_text == "The same at 0.0, 0.8, 1.6, 2.4, 3.2, 4.0 s, row by row."
+    assert strip.alt_text == "The same scene at 0.0, 0.8, 1.6, 2.4, 3.2, 4.0 s, row by row."
     assert strip.width_px == pytest.approx(1500, abs=3)
     assert strip.size_bytes < 400_000
     with Image.open(strip.path) as opened:
@@ -115,7 +115,7 @@ def test_two_scenarios_stand_side_by_side(tmp_path: Path, town: ScenarioSource) 
     other = town.model_copy(update={"scenario_id": "ZAM_Other-1_1_T-1"})
     image = drawn(tmp_path / "out", scenarios=(town, other))
     assert image.width_px == 1500
-    assert "Beside it:" in image.alt_text
+    assert "Next to it:" in image.alt_text
 
 
 def test_side_by_side_everything_that_differs_is_in_view(tmp_path: Path, town: ScenarioSource) -> None:
@@ -145,7 +145,7 @@ def test_auto_chooses_outcomes_for_several_scenarios(tmp_path: Path, town: Scena
 
 @pytest.mark.parametrize("kind", sorted(CHARTS))
 def test_charts_without_runs_are_refused(tmp_path: Path, town: ScenarioSource, kind: str) -> None:
-    with pytest.raises(NotPossible, match="no run was named"):
+    with pytest.raises(NotPossible, match="no run was given"):
         drawn(tmp_path, kind=kind, scenarios=(town,))
 
 

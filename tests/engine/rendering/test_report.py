@@ -63,7 +63,7 @@ def test_page_is_the_same_bytes_again(tmp_path: Path, picture: Path) -> None:
 def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
     text = tmp_path / "text.png"
     text.write_text("no picture")
-    with pytest.raises(UnsafeInput, match=r"text\.png is no PNG or GIF"):
+    with pytest.raises(UnsafeInput, match=r"text\.png is not a PNG or GIF"):
         write_report(request(tmp_path, text), silent)
 
 
@@ -114,14 +114,12 @@ def test_the_overview_says_what_was_tested_what_came_out_and_what_is_next() -> N
         "2 configurations (Default; Safe) on 8 scenarios, 16 runs; recorded traffic"
     )
     assert "lane prediction" in said["What was tested"]
-    assert "6 of 7 valid runs (86 %" in said["What came out"]
-    assert "8 of 8 valid runs (100 %" in said["What came out"]
-    assert "reached the goal; the others ended as 1 timeout; frenetix:Safe" in said["What came out"]
-    assert "1 could not be attempted" in said["What came out"]
-    assert (
-        said["Who caused the collisions, frenetix:Default (cfg_a)"] == "There was no collision whose course is known."
-    )
-    assert said["What is next"]
+    assert "6 of 7 valid runs (86 %" in said["Results"]
+    assert "8 of 8 valid runs (100 %" in said["Results"]
+    assert "reached the goal; other outcomes: 1 timeout; frenetix:Safe" in said["Results"]
+    assert "1 invalid" in said["Results"]
+    assert said["Who caused the collisions, frenetix:Default (cfg_a)"] == "There was no collision with a known course."
+    assert said["Next step"]
     rows = {row[0]: row[1:] for row in section.tables[1].rows}
     assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86 %)", "1"), ("8", "8 (100 %)", "0")]
 
@@ -130,7 +128,7 @@ def test_a_run_in_detail_says_how_it_ended_and_which_rules_it_broke() -> None:
     late = record(outcome="timeout")
     analysis = analyse(AnalyseRequest(results=(late.run_id,), runs=(source(late),)), silent)
     section = run_section(late, analysis)
-    assert section.text == ("It ended so: timeout: ended as timeout.",)
+    assert section.text == ("Ending: timeout: ended as timeout.",)
     fast = RuleVerdict(rule="R_G3", name="speed limit", unit="m/s", robustness=-2.0, time_s=3.0, first_s=1.0)
     section = run_section(late, analysis.model_copy(update={"rules": (fast,)}))
     assert section.text[1] == "Traffic rules broken: R_G3 speed limit by 2 m/s at 3.0 s (from 1.0 s on)."
@@ -154,7 +152,7 @@ def test_rules_stand_by_configuration_with_those_that_nothing_was_about() -> Non
     )
     section = rules_section(result.model_copy(update={"rule_shares": shares}))
     assert section.tables[0].rows == (("R_G1 safe distance", "1 of 2", "9 to 91 %", "3.2 m", "run_1"),)
-    assert section.text == ("In no run was there anything that these are about: R_IN2 red light.",)
+    assert section.text == ("These rules applied to no run: R_IN2 red light.",)
 
 
 def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
@@ -172,7 +170,7 @@ def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
     section = run_section(done, analysis, shown)
     assert section.tables[0].rows == (
         ("time to brake (TTB)", "0.84 s", "car 39 ahead", "2.3 s"),
-        ("post-encroachment time (PET)", "none: no other's path crossed the ego's within 10 s", "–", "–"),
+        ("post-encroachment time (PET)", "not available: no other's path crossed the ego's within 10 s", "–", "–"),
         ("fastest steering", "0.5 rad/s (the vehicle's limit is 0.4 rad/s)", "–", "1.0 s"),
     )
     assert {"time to brake", "post-encroachment time", "fastest steering"} <= {

@@ -228,7 +228,7 @@ def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
 def test_board_opens_a_run_beside_that_of_the_first_column(board: Page) -> None:
     board.value("document.querySelectorAll('.cell')[1].focus()")
     board.value(
-        "[...document.querySelectorAll('.side button')].find(one => one.innerText.startsWith('Beside')).click()"
+        "[...document.querySelectorAll('.side button')].find(one => one.innerText.startsWith('Next to')).click()"
     )
     board.wait_for("document.querySelectorAll('.stage').length === 2")
     titles = board.value("[...document.querySelectorAll('.stage figcaption')].map(one => one.innerText)")

@@ -92,7 +92,7 @@ def test_the_four_kinds_of_changes() -> None:
 def test_zero_times_two_stays_zero_and_is_said() -> None:
     changed = apply_assignments(base().weights, ["jerk*2"])
     assert changed.values["jerk"] == 0.0
-    assert "stays 0" in changed.notes[0]
+    assert "is 0" in changed.notes[0]
 
 
 @pytest.mark.parametrize("text", ["jerk=-1", "lateral_jerk-0.3", "prediction*-1", "jerk=1e9"])
@@ -171,7 +171,7 @@ def test_the_yaml_holds_every_weight() -> None:
 def test_a_weight_of_an_absent_module_is_kept_and_said_to_do_nothing() -> None:
     made, notes = changed_configuration(base(), None, ["occ_pm=1"])
     assert made.external_weights["occ_pm"] == 1.0
-    assert "acts on nothing" in notes[0]
+    assert "without effect" in notes[0]
 
 
 @pytest.mark.parametrize("text", ["frenetix", "Frenetix:default", "frenetix:Default"])
@@ -199,7 +199,7 @@ def test_an_id_is_no_name() -> None:
 def test_a_preset_by_a_word_of_the_paper_s_prompts_is_said(planner: str, word: str, preset: str) -> None:
     made, notes = changed_configuration(named_configuration(planner), word, [])
     assert made.preset == preset
-    assert f"'{word}' is taken as the preset {preset}" in notes
+    assert f"'{word}' is read as the preset {preset}" in notes
 
 
 def test_another_word_for_a_preset_is_refused_with_all_of_them() -> None:

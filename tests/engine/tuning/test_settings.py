@@ -96,7 +96,7 @@ def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> 
     for planner, text, says in (
         ("idm", "jerk=1", "it is a weight of frenetix, not of idm"),
         ("frenetix", "time_headway_s=1", "it is a weight of idm, not of frenetix"),
-        ("idm", "horizon_s=4", "give it in settings"),
+        ("idm", "horizon_s=4", "pass it in settings"),
     ):
         with pytest.raises(UnknownName, match=says):
             changed_configuration(base(planner), None, [text])
@@ -109,7 +109,7 @@ def test_the_baseline_is_configured_like_any_planner() -> None:
     made, notes = changed_configuration(base("idm"), "sporty", ["time_headway_s*2"], ["sampling_level=1"])
     assert made.weights["time_headway_s"] == 2.0
     assert made.preset == "Sporty"
-    assert "sampling_level: kept, but acts on nothing in idm" in notes
+    assert "sampling_level: kept, but without effect in idm" in notes
     with pytest.raises(InvalidRequest, match="would set acceleration_mps2 to 0"):
         changed_configuration(base("idm"), None, ["acceleration_mps2=0"])
     assert base("idm").config_id == base("IDM:default").config_id

@@ -117,7 +117,7 @@ def test_a_newer_workspace_is_refused_and_left_alone(tmp_path: Path) -> None:
     connection = sqlite3.connect(root / "workspace.sqlite")
     connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION + 1}")
     connection.close()
-    with pytest.raises(ResourceFailure, match=f"version {SCHEMA_VERSION + 1}, this program knows {SCHEMA_VERSION}"):
+    with pytest.raises(ResourceFailure, match=f"version {SCHEMA_VERSION + 1}; this program supports {SCHEMA_VERSION}"):
         Workspace(root).newest()
     assert version_of(root / "workspace.sqlite") == SCHEMA_VERSION + 1
     assert list(root.glob("*.version-*")) == []
