@@ -241,10 +241,11 @@ def cluster_means(values: Iterable[tuple[str, float]]) -> list[float]:
 
 
 def rank_correlation(rows: Sequence[Sequence[float]], fixed: int = 0) -> tuple[float, float] | None:
-    """Return Spearman's ρ of the first two columns, one row per scenario, and its two-sided p; None if one is constant.
+    """Return Spearman's ρ of the first two columns, one row per scenario, and its two-sided p.
 
-    ``fixed``: number of further columns that are held fixed. Their ranks are removed from both by least squares
-    (partial rank correlation), which costs as many degrees of freedom. p is by Student's distribution.
+    None if one of them is constant. ``fixed``: number of further columns that are held fixed. Their ranks are removed
+    from both by least squares (partial rank correlation), which costs as many degrees of freedom. p is by Student's
+    distribution.
     """
     from scipy.special import stdtr
 

@@ -94,7 +94,7 @@ def test_a_lane_that_leads_elsewhere_is_driven_on_in(apply: Apply) -> None:
     away = {"op": "reroute", "vehicles": ["31"], "to": ["13"]}
     far = replace(turning, problems=(Problem(start=(280.0, 7.0, 3.1416, 10.0), goal=(50.0, 7.0, 8.0, 3.0)),))
     reports = apply(away, LEFT, builder=far).outcome.edits
-    assert reports[0].routes[0].reason == "a later edit sends it another way"
+    assert reports[0].routes[0].reason == "a later edit sends it elsewhere"
     assert reports[1].routes[0].arrives
 
 

@@ -75,16 +75,16 @@ def test_a_later_departure_enters_when_there_is_room(apply: Apply) -> None:
     track = applied.tracks()[101]
     assert track.first_step == 15
     assert not applied.outcome.collisions
-    assert "from 1.5 s on (asked: 1 s, but the place is taken until then)" in applied.outcome.edits[0].what
+    assert "from 1.5 s (requested: 1 s" in applied.outcome.edits[0].what
 
 
 def test_of_several_each_departure_is_told_where_they_differ(apply: Apply) -> None:
     alike = apply(CAR | {"at": "13", "position": "40m", "count": 2}, builder=SHORT, dry_run=True)
-    assert alike.outcome.edits[0].what.count("from 0.0 s on") == 1
+    assert alike.outcome.edits[0].what.count("from 0.0 s") == 1
     row = CAR | {"at": "1", "position": "80m", "count": 2, "spacing_m": 12, "time_s": 1.0}
     first, second = apply(row, dry_run=True).outcome.edits[0].what.split("; ")
     assert "101: 10.0 m/s, from 1.5 s on (asked: 1 s" in first
-    assert second.startswith("102: 10.0 m/s, from 1.0 s on (as vehicle 31")
+    assert second.startswith("102: 10.0 m/s, from 1.0 s (as vehicle 31")
 
 
 @pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0"), (1e308, "+260.0")])
@@ -244,7 +244,7 @@ HELD = {"op": "set_speed", "vehicles": ["new:0"], "speed": "0m/s"}
 def test_a_later_departure_is_refused_where_an_edited_vehicle_is_by_then(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
     onto = CAR | {"at": "3", "position": "201m", "time_s": 2}
-    with pytest.raises(NotPossible, match=r"lanelet 3 at 201.0 m is taken by vehicle 101 at 2.0 s") as caught:
+    with pytest.raises(NotPossible, match=r"lanelet 3 at 201.0 m .* by vehicle 101 at 2.0 s") as caught:
         apply(STANDING, HELD, onto, builder=alone)
     position = caught.value.valid[0].partition("position='")[2].rstrip("'")
     applied = apply(STANDING, HELD, onto | {"position": position}, builder=alone)
@@ -257,7 +257,7 @@ def test_a_later_departure_is_refused_where_a_recorded_vehicle_is_held(apply: Ap
     hold = {"op": "set_speed", "vehicles": ["31"], "speed": "2m/s"}
     onto = CAR | {"at": "1", "position": "113m", "time_s": 4}
     assert apply(onto, builder=alone).outcome.edits[0].done
-    with pytest.raises(NotPossible, match=r"is taken by vehicle 31 at 4.0 s, as the edits have it") as caught:
+    with pytest.raises(NotPossible, match=r"by vehicle 31 at 4.0 s after the edits") as caught:
         apply(hold, onto, builder=alone)
     later = float(caught.value.valid[-1].removeprefix("time_s="))
     assert apply(hold, onto | {"time_s": later, "speed": "2m/s"}, builder=alone).outcome.collisions == ()
@@ -284,7 +284,7 @@ def test_entering_where_the_ego_may_be_then_is_told(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 7), 5.0, 61))
     ahead = CAR | {"at": "ego", "offset_m": 50, "time_s": 4, "speed": "8m/s"}
     told = apply(ahead, builder=alone).outcome
-    assert any("101 enters just where an ego that drives ordinarily is then" in note for note in told.warnings)
+    assert any("101 enters at the position of an ego" in note for note in told.warnings)
     assert told.ego_after is not None
     assert told.ego_after.minimum_distance_m == 0.0
     assert not any("just where" in note for note in apply(ahead | {"time_s": 1}, builder=alone).outcome.warnings)
@@ -300,10 +300,9 @@ def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
     what = apply(CAR | {"at": "ego", "offset_m": 12}, builder=SHORT, dry_run=True).outcome.edits[0].what
     assert "(from ego, 12 m ahead)" in what
     gaps = r"gaps: [\d.]+ m, [\d.]+ s to vehicle \d+ ahead and [\d.]+ m, [\d.]+ s to the ego behind"
-    assert re.search(rf"m/s, from 0.0 s on \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
+    assert re.search(rf"m/s, from 0.0 s \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
     alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what
-    assert "(its middle, as no position was named)" in alone
+    assert "(its middle, " in alone
     assert (
-        "5.0 m/s, from 0.0 s on, gaps: to no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind"
-        in alone
+        "5.0 m/s, from 0.0 s, gaps:  to no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind" in alone
     )

@@ -113,7 +113,7 @@ def test_a_time_that_no_car_makes_is_refused_with_one_that_works(apply: Apply) -
 
 @pytest.mark.parametrize("rectangle", [[6.0, 0.0], [6.0], [-1.0, 2.0], [6.0, 2.0, 1.0]])
 def test_a_bad_rectangle_is_refused(apply: Apply, rectangle: list[float]) -> None:
-    with pytest.raises(InvalidRequest, match="no goal region"):
+    with pytest.raises(InvalidRequest, match="not a goal region"):
         apply({"op": "set_goal", "to": ["11"], "rectangle_m": rectangle})
 
 

@@ -49,7 +49,7 @@ def test_traffic_ahead_is_not_run_into_and_the_report_says_how_close_it_came(app
     applied = apply(held("20m/s"), builder=ALONE.with_vehicles(*ALONE.vehicles, slow))
     assert not applied.outcome.collisions
     assert "34 does not reach it" in applied.outcome.edits[0].what
-    assert "traffic ahead, a junction or a bend holds it back" in applied.outcome.edits[0].what
+    assert "traffic ahead, a junction or a curve limits it" in applied.outcome.edits[0].what
 
 
 def test_one_that_is_held_to_a_speed_brakes_hard_where_the_one_ahead_does(apply: Apply) -> None:
