@@ -1,5 +1,4 @@
-"""Measure how far the bounds in an OpenDRIVE file are from those of the lanelets, by reading the file as other tools
-do.
+"""Read an OpenDRIVE file back as other tools do, and measure how far its bounds are from those of the lanelets.
 
 No code of the writer is used: the text of the file is parsed and evaluated by the formulas of ASAM OpenDRIVE 1.7 (7:
 reference line, 11.4: lane offset, 11.6: widths).

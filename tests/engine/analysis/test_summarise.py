@@ -319,7 +319,7 @@ def test_rows_come_in_pages_that_hold_every_run_once() -> None:
         assert f"offset={page.next_offset}" in page.to_text()
         offset = page.next_offset
     assert sorted(seen) == sorted(one.record.run_id for one in runs)
-    with pytest.raises(InvalidRequest, match="behind the last"):
+    with pytest.raises(InvalidRequest, match="beyond the last"):
         analysed(*runs, detail="rows", offset=23)
 
 

@@ -117,7 +117,7 @@ def test_lanelets_edges_and_lanes_are_all_understood(apply: Apply, target: str) 
 
 def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> None:
     racing = town_road().with_vehicles(driving(36, (150, 0), 38.0, 30))
-    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before a bend of lanelet 12.*cannot brake enough"):
+    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before a curve of lanelet 12.*cannot brake enough"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=racing)
 
 

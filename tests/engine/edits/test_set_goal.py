@@ -63,8 +63,8 @@ def test_a_bend_on_the_way_that_no_car_takes_at_its_speed_is_told(
     start = Problem(start=(36.0, 0.0, 0.0, speed_mps), goal=(100.0, 0.0, 8.0, 3.0), steps=(20, 60))
     builder = ScenarioBuilder(corner, problems=(start,))
     told = {to: apply({"op": "set_goal", "to": [to]}, builder=builder).outcome.edits[0].what for to in ("2", "3")}
-    assert "bend" not in told["2"]
-    assert ("16.0 m/s 4 m before a bend of lanelet 3 that takes at most 8" in told["3"]) == too_fast
+    assert "curve" not in told["2"]
+    assert ("16.0 m/s 4 m before a curve of lanelet 3 for at most 8" in told["3"]) == too_fast
 
 
 def test_a_bend_behind_the_ego_does_not_count(apply: Apply) -> None:
