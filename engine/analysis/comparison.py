@@ -215,7 +215,7 @@ def _versions(before: Side, after: Side) -> tuple[str, ...]:
 
 
 def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
-    """Return what was paired with what if the sides come from two results."""
+    """Return a note on the paired configurations if the sides come from two results."""
     if before.result_id == after.result_id:
         return ""
     named = [f"{side.config_name} of {side.result_id}" for side in (before, after)]

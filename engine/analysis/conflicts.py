@@ -286,7 +286,8 @@ class _Bodies:
     def inside(self, band: object, begin: int, end: int) -> tuple[float, float, bool]:
         """Return the first and last time in a band, and whether it is outside before and after.
 
-        Times are in s since its first state. The search covers one step before the first index to one step after the last, linear between the steps.
+        Times are in s since its first state. The search covers one step before the first index to one step after the
+        last, linear between the steps.
         """
         import shapely
 

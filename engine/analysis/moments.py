@@ -416,9 +416,9 @@ class _Drive:
     def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
         """Return when the one ahead entered the path of the one behind, or None.
 
-        None means longer ago, or by the other's lane change. The path of the one behind is what it drove in the last
-        three seconds, and straight on from there. The one that moved sideways is the one that ended farther across from
-        where its heading pointed three seconds ago.
+        None means longer ago, or by the other's lane change. The path of the one behind is its last three seconds, and
+        straight on from there. The vehicle that ended farther to the side of its heading three seconds ago is the one
+        that moved sideways.
         """
         (front, front_at), (rear, rear_at) = ahead, behind
         back = min(round(_CAME_IN_S / self._record.step_s), front_at, rear_at)

@@ -1,4 +1,4 @@
-"""What SUMO drives or replays, before anything is simulated: immutable values that each edit creates anew.
+"""What SUMO drives or replays, before anything is simulated: immutable values, new for each edit.
 
 A :class:`DrivePlan` is a vehicle that SUMO drives from a step on, a :class:`Replay` one that moves by a given track.
 

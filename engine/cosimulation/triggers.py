@@ -1,7 +1,7 @@
 """Scripts that depend on the ego: what a road user does once the ego has passed a place or comes near.
 
 An edit writes a motion for the ego of an ordinary driver. In addition, a file stores what the road user does without
-the edit, what is prescribed, and what it waits for, as a ``Script``. In reactive traffic the script is executed anew,
+the edit, what is prescribed, and what it waits for, as a ``Script``. In reactive traffic the script is executed again,
 and its triggers apply to the ego as the planner drives it.
 """
 
@@ -93,7 +93,7 @@ def _is_within(ego: Track, index: int, place: Points, seconds: float) -> bool:
 class ScriptPart:
     """Acts, with the step at which they start for an ordinary ego and with their trigger, None for a time.
 
-    A part without acts starts the motion of a road user that stands at its first place until then.
+    A part without acts starts the motion of a road user that stands at its first place before.
     """
 
     step: int

@@ -272,8 +272,8 @@ def gaps_in_words(
     ahead = min((one for one in neighbours if one.distance_m > 0), key=lambda one: one.distance_m, default=None)
     behind = max((one for one in neighbours if one.distance_m <= 0), key=lambda one: one.distance_m, default=None)
     return (
-        "to no vehicle ahead in its lane" if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
-        "to no vehicle behind" if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
+        "no vehicle ahead in its lane" if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
+        "no vehicle behind" if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
     )
 
 

@@ -389,7 +389,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     """Return how far a vehicle has to move to the centre of the next lane; left is positive.
 
     Raises:
-        NotPossible: there is no lane of its direction on that side.
+        NotPossible: there is no lane in its direction on that side.
     """
     match, index = scene.matcher.match(track), step - track.first_step
     lanes = scene.layout.table.lanes
@@ -398,7 +398,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     if neighbour is None or neighbour not in lanes:
         other = {"left": "right", "right": "left"}[side]
         raise NotPossible(
-            f"vehicle {track.obstacle_id} has no lane of its direction to its {side} on lanelet {here}",
+            f"vehicle {track.obstacle_id} has no lane in its direction on its {side} on lanelet {here}",
             valid=[f"lane={other}", "another time_s"],
             next_step="choose another time or another lane",
             remedies=[with_values(lane=other)],

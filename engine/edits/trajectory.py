@@ -137,7 +137,7 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
     times = {lane: _first_time_with_lane(scene, plan.start.obstacle_id, lane) for lane in (str(edit.lane), other)}
     return NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no lane of its direction to its {edit.lane} on lanelet {here}",
+        f"vehicle {plan.start.obstacle_id} has no lane in its direction on its {edit.lane} on lanelet {here}",
         valid=[*there, *later],
         next_step="choose another time or another lane",
         remedies=[
@@ -204,7 +204,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
         check_speed(
             float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
             class_of(motion.kind).maximum_speed_mps,
-            f"a {motion.kind} cannot drive {text} of its speed",
+            f"a {motion.kind} cannot drive at speed={text}",
             "choose a smaller change",
         )
         profile = _by_place(now, wanted)

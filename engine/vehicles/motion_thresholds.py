@@ -8,17 +8,17 @@ STANDING_MPS = 0.1
 rules considers it standing.
 """
 TIME_GAP_MPS = 0.5
-"""A slower follower has no time gap (chosen): 10 m would be 20 s, as long as a usual scenario; the gap is then stated
-and placed in metres. For searches, an ego that starts at such a speed stands.
+"""A slower follower has no time gap (chosen): 10 m would be 20 s, as long as a usual scenario. The gap is then given in
+metres. Searches count an ego that starts at a lower speed as standing.
 """
 HEADING_MPS = 0.5
 """The recorded heading of a slower vehicle does not count for matching it to a lane (chosen): vehicles at rest are
 recorded with any heading.
 """
 REST_OF_SMOOTHING_MPS = 0.02
-"""Speeds below this are written as 0 (chosen): smoothing leaves such a residue when standing, 2 mm per step."""
+"""Speeds below this are written as 0 (chosen): smoothing leaves this residue in a standing vehicle, 2 mm per step."""
 ARC_LENGTH_MPS = 1e-3
-"""Below this speed, derivatives by time give none by arc length, which divide by the speed."""
+"""Below this speed, derivatives by arc length are not computed, since they divide by the speed."""
 
 CUT_IN_REACTION_S = 0.35
 """Reaction time until a vehicle that is cut in on must brake: UN Regulation 157 (automated lane keeping), 5.2.5.2."""

@@ -48,7 +48,7 @@ def test_a_place_too_close_for_crossing_traffic_is_refused_with_the_time_that_wo
     (time_s,) = (float(one.removeprefix("time_s=")) for one in caught.value.valid if one.startswith("time_s="))
     applied = apply(added | {"time_s": time_s}, builder=CROSSES)
     assert applied.outcome.collisions == ()
-    assert f"from {time_s:.1f} s on" in applied.outcome.edits[0].what
+    assert f"from {time_s:.1f} s" in applied.outcome.edits[0].what
 
 
 def test_a_place_that_crossing_traffic_can_brake_for_is_not_refused(apply: Apply) -> None:

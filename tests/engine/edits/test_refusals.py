@@ -18,7 +18,7 @@ CAR = {"op": "add_vehicle", "vehicle_class": "car"}
 GOAL = {"op": "set_goal", "to": ["11"]}
 
 WRONG: list[tuple[dict[str, Any], str, str]] = [
-    ({"op": "reroute", "vehicles": ["31"], "to": ["99"]}, "99 is no lanelet", "21"),
+    ({"op": "reroute", "vehicles": ["31"], "to": ["99"]}, "99 is not a lanelet", "21"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=nan"]}, "assigns 'nan'", "tau in (0, 10]"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau 2"]}, "no assignment", "tau in (0, 10]"),
     ({"op": "set_speed", "vehicles": ["31"], "speed": "nan"}, "'nan' is no quantity", "0 … "),
@@ -45,14 +45,14 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "remove_vehicle", "vehicles": ["31", "!31"]}, "31, !31 leaves no vehicle", "31 (car)"),
     ({"op": "remove_vehicle", "vehicles": ["standing"]}, "no vehicle stands", "31 (car)"),
     ({"op": "change_lane", "vehicles": ["31"]}, "left or right", "lane=left"),
-    ({"op": "change_lane", "vehicles": ["31"], "lane": "right"}, "no lane of its direction to its right", "lane=left"),
+    ({"op": "change_lane", "vehicles": ["31"], "lane": "right"}, "no lane in its direction on its right", "lane=left"),
     ({"op": "change_lane", "vehicles": ["31"], "lane": "left", "time_s": 99.0}, "31 is not there at 99 s", "time_s"),
     ({"op": "set_speed", "vehicles": ["31"]}, "needs a speed", "30km/h"),
-    ({"op": "set_speed", "vehicles": ["31"], "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
+    ({"op": "set_speed", "vehicles": ["31"], "speed": "900km/h"}, "cannot drive 900km/h", "m/s"),
     ({"op": "set_speed", "vehicles": ["31"], "speed": "fast"}, "'fast' is no quantity", "a number"),
     ({"op": "set_speed", "vehicles": ["31"], "speed": "8kg"}, "the unit 'kg'", "km/h"),
     ({"op": "shift_time", "vehicles": ["31"]}, "at least one time step", "time_s=2"),
-    ({"op": "shift_time", "vehicles": ["31"], "time_s": 99.0}, "99 s leave nothing", "time_s in"),
+    ({"op": "shift_time", "vehicles": ["31"], "time_s": 99.0}, "99 s would leave nothing", "time_s in"),
     ({"op": "set_behaviour", "vehicles": ["31"]}, "needs a preset or params", "aggressive"),
     (
         {"op": "set_behaviour", "vehicles": ["31"], "preset": "agressive"},
@@ -65,17 +65,17 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau"]}, "tau needs a number", "tau in"),
     ({"op": "set_behaviour", "vehicles": ["31"], "params": ["tau=1", "tau=2"]}, "tau is set twice", ""),
     (CAR, "needs a place", "at=LANELET"),
-    (CAR | {"at": "99"}, "99 is no lanelet", "21"),
+    (CAR | {"at": "99"}, "99 is not a lanelet", "21"),
     (CAR | {"at": "e99"}, "'e99' is not a lanelet, edge or vehicle", "e"),
     (CAR | {"at": "1", "lane": "left"}, "'1' is a lanelet", "position"),
-    (CAR | {"at": "ego", "position": "middle"}, "'ego' is none", "offset_m"),
+    (CAR | {"at": "ego", "position": "middle"}, "'ego' is not a lanelet", "offset_m"),
     (CAR | {"at": "1", "position": "somewhere"}, "'somewhere' is no position", "middle"),
     (CAR | {"at": "1", "position": "500m"}, "500m lies beyond", "200.0m"),
     (CAR | {"at": "1", "position": "7"}, "position 7 is no fraction", "middle"),
-    (CAR | {"at": "ego", "lane": "right", "offset_m": 10.0}, "no lane of its direction to its right", "left"),
+    (CAR | {"at": "ego", "lane": "right", "offset_m": 10.0}, "no lane in its direction on its right", "left"),
     (CAR | {"at": "ego", "offset_m": 900.0}, "the road ends before", "up to"),
     (CAR | {"at": "31", "offset_m": 0.0}, "is occupied by", "at=1 position="),
-    (CAR | {"at": "1", "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
+    (CAR | {"at": "1", "speed": "900km/h"}, "cannot drive 900km/h", "m/s"),
     (CAR | {"at": "1", "time_s": 99.0}, "departure at 99.0 s", "0 …"),
     ({"op": "add_vehicle", "at": "1"}, "needs a vehicle_class", "car"),
     ({"op": "add_vehicle", "at": "1", "vehicle_class": "tram"}, "no vehicle class 'tram'", "car"),
@@ -88,10 +88,10 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     (GOAL | {"goal_time": "<=1s"}, "out of reach of any car", "goal_time of at least"),
     (GOAL | {"rectangle_m": [8.0]}, "not a goal region", "[length, width]"),
     ({"op": "set_ego"}, "set_ego takes", "at=LANELET"),
-    ({"op": "set_ego", "speed": "900km/h"}, "does not drive 900km/h", "m/s"),
+    ({"op": "set_ego", "speed": "900km/h"}, "cannot drive 900km/h", "m/s"),
     ({"op": "set_ego", "vehicles": ["31", "33"]}, "vehicle 31, 33 cannot become the ego", "31"),
     ({"op": "set_ego", "vehicle_class": "bicycle"}, "the ego cannot be a 'bicycle'", "motorcycle"),
-    ({"op": "set_ego", "vehicle_class": "bus", "speed": "30m/s"}, "does not drive 30m/s", "23.6"),
+    ({"op": "set_ego", "vehicle_class": "bus", "speed": "30m/s"}, "cannot drive 30m/s", "23.6"),
     (
         {"op": "remove_vehicle", "vehicles": ["31"], "speed": "9m/s"},
         "speed is not an argument of op remove_vehicle",
@@ -113,7 +113,7 @@ def test_a_refusal_names_the_value_what_is_valid_and_the_next_step(
 
 @pytest.mark.parametrize("edit", [GOAL, {"op": "set_ego", "speed": "8m/s"}, CAR | {"at": "ego"}])
 def test_without_an_ego_the_next_step_is_another_scenario_or_place(apply: Apply, edit: dict[str, Any]) -> None:
-    with pytest.raises(InvalidRequest, match=r"no ego.* Next: (choose|name) a"):
+    with pytest.raises(InvalidRequest, match=r"no ego.* Next: (choose|give) a"):
         apply(edit, builder=NO_EGO, dry_run=True)
 
 

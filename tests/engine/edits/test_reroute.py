@@ -68,7 +68,7 @@ def test_a_vehicle_past_the_fork_keeps_its_branch(apply: Apply) -> None:
 
 
 def test_an_unknown_lanelet_is_refused_with_the_nearest_ids(apply: Apply) -> None:
-    with pytest.raises(UnknownName, match="14 is no lanelet") as caught:
+    with pytest.raises(UnknownName, match="14 is not a lanelet") as caught:
         apply({"op": "reroute", "vehicles": ["31"], "to": ["14"]})
     assert caught.value.valid[0] == "13"
 

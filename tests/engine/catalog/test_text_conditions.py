@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import pytest
 from support.catalog import catalogue, facts
 
-from plannerforge.engine.catalog.said import said_in
 from plannerforge.engine.catalog.search import Ranking, Search
+from plannerforge.engine.catalog.text_conditions import conditions_in_text
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.scenarios import ScenarioFacts
@@ -34,7 +34,7 @@ from plannerforge.schemas.scenarios import ScenarioFacts
     ],
 )
 def test_a_text_that_says_what_happens_is_a_condition(text: str, labels: Sequence[str]) -> None:
-    assert [one.label for one in said_in(text).constraints] == labels
+    assert [one.label for one in conditions_in_text(text).constraints] == labels
 
 
 def doing(scenario_id: str, *manoeuvres: str) -> ScenarioFacts:
