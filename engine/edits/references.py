@@ -129,7 +129,7 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
 
 
 def _with_meaning(text: str) -> str:
-    """Return a selector as written, with the class that its word was read as if the word is not a class."""
+    """Return a selector as written, plus the class that it was read as if its word is another name."""
     selector = parse_selector(text)
     known = vehicle_class_of(selector.argument) if selector.kind in ("class", "one", "only") else None
     if known is None or selector.argument.lower() == known:

@@ -41,9 +41,7 @@ _MARGIN_M = 0.3
 _SMOOTHED_STEPS = 3.0
 """Standard deviation of the smoothing of tracks in steps (chosen): SUMO's people step sideways at once."""
 _JOINT_M, _KERB_M = 0.05, 0.03
-"""Walkways at most twice the first apart touch; centres of people keep the second from the edge of all walkways
-(chosen).
-"""
+"""Walkways touch with a gap up to twice the first; centres of people keep the second from their edge (chosen)."""
 _MOVED_M = 0.02
 """A person who moves less in a step has no heading (chosen)."""
 
