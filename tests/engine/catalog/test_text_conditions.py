@@ -74,7 +74,7 @@ def test_a_feature_that_is_nothing_a_road_user_does_takes_no_type() -> None:
 
 def test_scenarios_from_before_manoeuvres_were_computed_are_told() -> None:
     search = Search(catalogue([facts(ALL[0]), doing(ALL[1])]), FindScenariosArguments(features=["cut_in"]))
-    assert any("Of 1 scenario " in note for note in search.answer("search", search.find(None), None).notes)
+    assert any("for 1 scenario " in note for note in search.answer("search", search.find(None), None).notes)
 
 
 def test_where_features_say_what_happens_the_text_only_ranks() -> None:

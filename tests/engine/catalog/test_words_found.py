@@ -57,11 +57,11 @@ def test_a_word_of_everyday_language_is_told_with_the_type_that_it_is_taken_for(
 ) -> None:
     found = answer(three, obstacles=[word])
     assert ids(found) == [TAGGED]
-    assert [text for text in found.notes if "taken" in text] == [note] * bool(note)
+    assert [text for text in found.notes if "read as" in text] == [note] * bool(note)
 
 
 def test_a_word_of_no_vocabulary_is_refused_as_before(three: sqlite3.Connection) -> None:
-    with pytest.raises(UnknownName, match="'zebrafish' is no tag"):
+    with pytest.raises(UnknownName, match="'zebrafish' is not a tag"):
         answer(three, tags=["zebrafish"])
 
 
@@ -128,13 +128,13 @@ def test_the_origin_of_a_scenario_is_a_condition(
 def test_an_origin_that_none_has_names_those_there_are(three: sqlite3.Connection) -> None:
     found = answer(three, origin="recorded", country="DEU")
     assert found.emptied_by is not None
-    assert "there are origins simulated" in found.emptied_by.note
+    assert "existing: origins simulated" in found.emptied_by.note
 
 
 def test_lists_of_places_hold_places_only(three: sqlite3.Connection) -> None:
     _, facets = scenario_facets(three, "places", None)
     assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
-    assert facets[0].note == "and 1 scenario on artificial networks, country ZAM"
+    assert facets[0].note == "plus 1 scenario on artificial networks, country ZAM"
     found = answer(three, city="Atlantis")
     assert found.emptied_by is not None
     assert "Test" not in found.emptied_by.note
