@@ -215,7 +215,7 @@ def _lost(loaded: LoadedScenario) -> tuple[str, ...]:
     counts = (
         (goals, "goal", " of the ego (the format has none)"),
         (more, "more planning problem", ""),
-        (late, "road user", " that enters later stands at its first pose until then"),
+        (late, "road user", " entering later (at its first pose from the start)"),
         (without, "obstacle", " without a trajectory"),
         (len(loaded.scenario.lanelet_network.traffic_lights), "traffic light", ""),
     )
