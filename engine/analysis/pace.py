@@ -245,10 +245,10 @@ class _Pace:
             yield from self._settled(first, self._without_late_excuses(causes))
 
     def _without_late_excuses(self, causes: list[_Cause]) -> list[_Cause]:
-        """Return the causes of a stand, without excusing an ego that could have gone by those that cross later.
+        """Return the causes of a stand; vehicles that cross later do not excuse an ego that could have started.
 
-        An ego that has stood for as long as a start takes with nothing to wait for stands without a cause; had it
-        started, it would not meet those that cross from then on. Any other cause ends this.
+        After standing with nothing to wait for as long as a start takes, the ego stands without a cause: had it
+        started, it would not meet the vehicles that cross later. Any other cause ends this.
         """
         found: list[_Cause] = []
         free_s = 0.0

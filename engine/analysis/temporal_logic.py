@@ -40,7 +40,7 @@ def disjunction(*signals: Values) -> Values:
 
 
 def implies(condition: Values, demand: Values) -> Values:
-    """Return the signal of: if the condition holds, so does the demand."""
+    """Return the signal of the implication from the condition to the demand."""
     return disjunction(negation(condition), demand)
 
 
