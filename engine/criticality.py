@@ -1,9 +1,9 @@
 """How critical a drive was: gaps, times to collision, time headways and a risk score.
 
-The one place where these figures are computed, for runs and edits. Lengths in m, times in s, headings in rad. The time
-to collision is that of two road users that keep their present courses and speeds in the plane (Hayward, "Near-miss
-determination through use of a scale of danger", 1972). The catalogue's time to conflict is another quantity: there the
-ego follows its lanes and the others their recording (``scenarios/facts.py``).
+The single place where these figures are computed, for runs and edits. Lengths in m, times in s, headings in rad. The
+time to collision is that of two road users that keep their present courses and speeds in the plane (Hayward, "Near-miss
+determination through use of a scale of danger", 1972). The catalogue's time to conflict is a different quantity: there
+the ego follows its lanes and the others their recording (``scenarios/facts.py``).
 """
 
 from collections.abc import Iterable
@@ -17,23 +17,23 @@ from .geometry import Points, Values, arc_length, wrap_angles
 from .vehicles import STANDING_MPS
 
 _COUNTED_WITHIN_M = 60.0
-"""Chosen: another whose centre is farther from the ego's than this counts for no figure."""
+"""Others with a centre farther from the ego's than this do not count (chosen)."""
 SAME_DIRECTION_RAD = np.pi / 4
-"""Chosen: headings that differ by less are of one direction."""
+"""Headings that differ by less have the same direction (chosen)."""
 _RISK_STEPS_S = (0.0, 0.5, 1.0, 3.0, 5.0)
 _RISK_STEPS_M = (0.0, 0.5, 1.0, 3.0, 5.0)
 """Steps of the risk score; their source is that of :func:`risk_scores`."""
 _LONGEST_S = 100.0
-"""Chosen: a longer time is none: two of equal speed by a hair would otherwise collide in a day."""
-_BESIDE_M = 1e-6
-"""Of two whose centres are beside each other up to rounding, none is ahead."""
+"""Longer times do not count (chosen): two vehicles of nearly equal speed would otherwise collide in a day."""
+_LEVEL_M = 1e-6
+"""If two centres are level up to rounding, neither is ahead."""
 _PAIRS_AT_ONCE = 2000
-"""Chosen for memory: pairs whose nearest points on a path are looked for in one array."""
+"""Number of pairs per array in the search for nearest points on a path (chosen for memory)."""
 
 
 @dataclass(frozen=True)
 class _Criticality:
-    """The most critical figures of a drive; None where no other came within 60 m (or, for times, no closing one)."""
+    """The most critical figures of a drive; None if no other came within 60 m (or, for times, no closing one)."""
 
     minimum_distance_m: float | None = None
     minimum_time_to_collision_s: float | None = None
@@ -61,7 +61,7 @@ class MovingRectangles:
 class _Encounters:
     """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
 
-    ``track``: which other, an index into the moving and then the standing ones.
+    ``track``: an index into the moving and then the standing ones.
     """
 
     state: NDArray[np.intp]
@@ -71,7 +71,7 @@ class _Encounters:
 
 
 def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> _Criticality:
-    """The most critical figures over the driven states of the ego (the initial one included).
+    """Return the most critical figures over the driven states of the ego, including the initial one.
 
     Args:
         ego: the drive, with the ego's size.
@@ -94,7 +94,7 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
 
 
 def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> _Encounters:
-    """The pairs of all states of the ego and others within 60 m of it, centre to centre."""
+    """Return the pairs of all states of the ego and others within 60 m of it, centre to centre."""
     steps = np.arange(ego.first_step, ego.last_step + 1)
     centers = ego.positions
     chosen, states, sizes = [], [], []
@@ -121,7 +121,7 @@ def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = 
 
 
 def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
-    """The corners of shape (n, 4, 2), counter-clockwise from the front left."""
+    """Return the corners of shape (n, 4, 2), counter-clockwise from the front left."""
     along = _directions(bodies.headings_rad)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     long, wide = along * bodies.sizes_m[:, :1] / 2, across * bodies.sizes_m[:, 1:] / 2
@@ -130,10 +130,10 @@ def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
 
 
 def times_to_collision_s(ones: MovingRectangles, others: MovingRectangles) -> Values:
-    """Seconds until the i-th rectangles first touch, 0 while they overlap, infinite where they never will; (n,).
+    """Return seconds until the i-th rectangles first touch, 0 while they overlap, infinite if they never will; (n,).
 
-    Both move on without turning (Hayward 1972). On every axis that is normal to a side, their shadows overlap during an
-    interval of time; the rectangles overlap while all four shadows do (separating axes).
+    Both move without turning (Hayward 1972). On every axis that is normal to a side, their projections overlap during a
+    time interval; the rectangles overlap while all four projections do (separating axes).
     """
     first, second = corners_of(ones), corners_of(others)
     closing = ones.velocities - others.velocities
@@ -163,10 +163,10 @@ def _directions(headings_rad: Values) -> Points:
 
 
 def gaps_m(met: _Encounters) -> Values:
-    """Distances between the rectangles of all pairs, 0 where they overlap, shape (n,)."""
+    """Return the distances between the rectangles of all pairs, 0 if they overlap, shape (n,)."""
     import shapely
 
-    # A state of the ego makes a pair with each of many others; its polygon is made once.
+    # A state of the ego makes a pair with each of many others; its polygon is built once.
     _, first, state = np.unique(met.state, return_index=True, return_inverse=True)
     ego = shapely.polygons(corners_of(met.ego)[first])[state]
     gaps: Values = shapely.distance(ego, shapely.polygons(corners_of(met.other)))
@@ -174,10 +174,10 @@ def gaps_m(met: _Encounters) -> Values:
 
 
 def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
-    """Seconds in which the ego at its speed drives so far; infinite while it stands.
+    """Return the seconds in which the ego at its speed drives a distance; infinite while it stands.
 
-    Time headway as in Vogel 2003 (a comparison of headway and time to collision) is that from front to front, the time
-    gap (ISO 15622) that from the ego's front to the rear of the vehicle ahead.
+    Time headway as in Vogel 2003 (a comparison of headway and time to collision) is from front to front, the time gap
+    (ISO 15622) from the ego's front to the rear of the vehicle ahead.
     """
     moving = met.ego.speeds_mps > STANDING_MPS
     times = np.maximum(ahead_m, 0.0) / np.maximum(met.ego.speeds_mps, STANDING_MPS)
@@ -186,7 +186,7 @@ def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
 
 @dataclass(frozen=True)
 class _Ahead:
-    """Others along the ego's path, a value a pair: ``gaps_m`` from its front to their rear, infinite for all not ahead.
+    """Others along the ego's path, one value per pair: ``gaps_m`` from its front to their rear, infinite if not ahead.
 
     ``speeds_mps``: theirs along the path; ``aside_m``: how far their centres are from it.
     """
@@ -197,10 +197,10 @@ class _Ahead:
 
 
 def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
-    """How far ahead along the ego's path others are, and how fast they move along it.
+    """Return how far ahead along the ego's path others are, and how fast they move along it.
 
-    The path is what the ego drove from then on, straight on behind its end; a vehicle is ahead when it is on that path
-    (sideways overlap of the bodies) and heads within 45° of it.
+    The path is what the ego drove from then on, straight on after its end; a vehicle is ahead if it is on that path
+    (lateral overlap of the bodies) and heads within 45° of it.
     """
     last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
     path = np.concatenate([ego.positions, ego.positions[-1:] + _COUNTED_WITHIN_M * last])
@@ -208,18 +208,18 @@ def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
     station, distance, heading = _on_path(path, stations, met)
     on_it = distance < (met.ego.sizes_m[:, 1] + met.other.sizes_m[:, 1]) / 2
     turned = wrap_angles(met.other.headings_rad - heading)
-    in_front = (station - stations[met.state] > _BESIDE_M) & on_it & (np.abs(turned) < SAME_DIRECTION_RAD)
+    in_front = (station - stations[met.state] > _LEVEL_M) & on_it & (np.abs(turned) < SAME_DIRECTION_RAD)
     gap = station - stations[met.state] - (met.other.sizes_m[:, 0] + met.ego.sizes_m[:, 0]) / 2
     return _Ahead(np.where(in_front, gap, np.inf), met.other.speeds_mps * np.cos(turned), distance)
 
 
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
-    """0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible risk, for gaps in m and times in s of shape (n,).
+    """Return 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible risk, for gaps in m and times in s, (n,).
 
     The scale of From Words to Collisions (TUM-AVS, ITSC 2025): one score for distance and one for the time to
     collision, 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), their mean cut to an integer; the most dangerous
     other at the most dangerous step counts. Here with the gap between the rectangles and the time to collision in the
-    plane, where the source weighs longitudinal and lateral parts by the direction of the other.
+    plane, while the source weights longitudinal and lateral parts by the direction of the other.
     """
     distance = np.searchsorted(_RISK_STEPS_M, gaps_m, side="left")
     time = np.searchsorted(_RISK_STEPS_S, times_to_collision, side="left")
@@ -228,7 +228,7 @@ def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
 
 
 def _on_path(path: Points, stations: Values, met: _Encounters) -> tuple[Values, Values, Values]:
-    """Arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
+    """Return arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
 
     Only the path from the ego's state on counts: a route that crosses itself must not find others behind the ego.
     """
@@ -255,6 +255,6 @@ def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.i
 
 
 def _least(values: Values) -> float | None:
-    """The least of some times in s; None where none is within 100 s."""
+    """Return the least of some times in s, or None if no time is within 100 s."""
     least = float(values.min())
     return least if least <= _LONGEST_S else None

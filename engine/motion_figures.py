@@ -1,7 +1,7 @@
 """The figures of the ego's own motion in a drive, as ``schemas/measures.py`` defines them.
 
-The one place where they are computed: a run stores those that are fields of ``RunMetrics``, and analysis tells all of
-them with their moments. Lengths are in m, times in s, angles in rad.
+The single place where they are computed: a run stores those that are fields of ``RunMetrics``, and analysis reports all
+of them with their times. Lengths are in m, times in s, angles in rad.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from .geometry import Values, wrap_angles
 class MotionSeries:
     """A quantity over a drive; its largest value is the measure ``name``.
 
-    ``values``: one for each driven state from ``first_state`` on, so that the moment of the largest is known.
+    ``values``: one for each driven state from ``first_state`` on, so that the time of the largest is known.
     """
 
     name: str
@@ -26,19 +26,19 @@ class MotionSeries:
 
 @dataclass(frozen=True)
 class MotionFigures:
-    """What is measured of a motion: figures of the whole drive by their names, and series."""
+    """The measures of a motion: figures of the whole drive by name, and series."""
 
     totals: dict[str, float]
     series: tuple[MotionSeries, ...]
 
 
 def motion_figures(ego: Track, accelerations_mps2: Values, steering_rad: Values, step_s: float) -> MotionFigures:
-    """Measure a motion over its driven states (n,), the initial one included.
+    """Measure a motion over its driven states (n,), including the initial one.
 
     Args:
         ego: the drive.
-        accelerations_mps2: along the path, one a state.
-        steering_rad: the angles of the front wheels, one a state.
+        accelerations_mps2: along the path, one per state.
+        steering_rad: the angles of the front wheels, one per state.
         step_s: the time between two states.
     """
     along = accelerations_mps2

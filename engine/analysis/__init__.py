@@ -1,28 +1,28 @@
-"""What planner runs show: rates, costs, findings, paired comparisons.
+"""What planner runs show: rates, costs, findings and paired comparisons.
 
-``analyse``: an operation: rates, metrics, costs and findings of runs.
-``compare``: an operation: every side of a request against the first one, paired by scenario and conditions.
-``Limit``: a bound on what runs show, or that they are not worse than a baseline.
+``analyse``: operation that returns the rates, metrics, costs and findings of runs.
+``compare``: operation that compares every side of a request with the first, paired by scenario and conditions.
+``Limit``: a bound on figures of runs, or the requirement that they are not worse than a baseline.
 ``Judged``: the runs of a configuration that limits are judged on.
-``parse_limit``: what the text of a limit says; refused where it says nothing.
-``write_step_table``: an operation: writes the steps of a run as a table, with its series and debug values.
-``write_run_table``: an operation: writes the table of a batch, a row a run.
-``Course``: a run over time: motions, gap to the nearest other, time to collision.
-``course_of``: a run over time, or None without its steps.
-``look_at_runs``: an operation: looks at each run once; the result is stored with the run.
-``known_contacts``: how the collisions of runs came about.
+``parse_limit``: parses the text of a limit; raises an error if it is not a limit.
+``write_step_table``: operation that writes the steps of a run as a table, with its series and debug values.
+``write_run_table``: operation that writes the table of a batch, one row per run.
+``Course``: a run over time: motions, gap to the nearest other road user, time to collision.
+``course_of``: returns a run over time, or None if its steps are missing.
+``look_at_runs``: operation that examines each run once; the result is stored with the run.
+``known_contacts``: returns how the collisions of runs came about.
 ``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
 ``MetricSpec``: one of these metrics.
-``cost_shares``: mean weighted cost of each term and its share, by configuration, the largest first.
-``review_runs``: an operation: who hit whom, the closest moment and the largest motions of each run.
+``cost_shares``: returns the mean weighted cost of each term and its share, by configuration, the largest first.
+``review_runs``: operation that returns who hit whom, the closest approach and the largest motions of each run.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
-``driven_tracks``: how the obstacles of reactive traffic moved in a run, by id.
-``read_series``: the series of a run, or None if it was stored without them.
-``read_steps``: the steps of a run, or None where none were kept.
-``mcnemar_exact``: two-sided p of the exact McNemar test on discordant pairs.
-``rate``: a share with its 95 % Wilson interval.
-``success_rates``: an operation: the rates of sets of trials, with the scenario as the unit.
-``wilson_interval``: the Wilson score interval of a binomial share.
+``driven_tracks``: returns the tracks of the obstacles of reactive traffic in a run, by id.
+``read_series``: returns the series of a run, or None if it was stored without them.
+``read_steps``: returns the steps of a run, or None if they were not kept.
+``mcnemar_exact``: returns the two-sided p of the exact McNemar test on discordant pairs.
+``rate``: returns a share with its 95 % Wilson interval.
+``success_rates``: operation that returns the rates of sets of trials, with the scenario as the unit.
+``wilson_interval``: returns the Wilson score interval of a binomial share.
 """
 
 from typing import TYPE_CHECKING

@@ -1,6 +1,6 @@
 """What else decides the rates of runs besides the planner: unpreventable collisions, and goals met without driving.
 
-Both are reported next to the rate over all valid runs and never replace it. All runs with a stored look (``RunLook``)
+Both are reported next to the rate over all valid runs and never replace it. All runs with a stored review (``RunLook``)
 are counted; a random sample of the others is examined and reported as a sample, with its interval.
 """
 
@@ -18,14 +18,15 @@ from .run_set import RunSet, hit_another, most_frequent_first, reached_goal
 from .statistics import rate
 
 MOST_COLLISIONS, MOST_GOALS = 60, 200
-"""Collisions and reached goals without a kept look that are looked at (chosen): each reads its scenario, and an answer
-has 50 s. Server and suites examine all of them in workers before they analyse."""
+"""Number of collisions and reached goals without a stored review that are examined (chosen): each reads its scenario,
+and an answer has 50 s. Server and suites examine all of them in workers before they analyse.
+"""
 STOOD_M = 0.5
-"""An ego that drove less has stood (chosen)."""
+"""An ego that drove less than this stood still (chosen)."""
 
 
 def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksResponse:
-    """Look at each run once; the result is stored with the run."""
+    """Examine each run once; the result is stored with the run."""
     runs = RunSet(request.runs, scenarios=request.scenarios)
     looks = []
     for number, record in enumerate(runs.records):
@@ -41,9 +42,9 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
 
 
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
-    """Return all runs if a look at each is kept or they are few, and otherwise a random sample of at least ``most``.
+    """Return all runs if each has a stored review or they are few, and otherwise a random sample of at least ``most``.
 
-    Beyond ``most``, it holds only runs with a stored look. It keeps the order of the runs.
+    Beyond ``most``, it contains only runs with a stored review. It keeps the order of the runs.
     """
     chosen: set[str] = set()
     wanted = list(records)
@@ -57,7 +58,7 @@ def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[Run
 def collision_causes(runs: RunSet, *, with_rate: bool = True) -> CollisionCauses | None:
     """Return the kinds of collisions and how many no reference driver prevents, or None if no collision is known.
 
-    ``with_rate``: whether one rate over all these runs is meant.
+    ``with_rate``: whether to add one rate over all these runs.
     """
     hits = [record for record in runs.valid if hit_another(record)]
     looked_at = sample_of(runs, hits, MOST_COLLISIONS)
@@ -129,7 +130,7 @@ def _contacts(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, Contact]:
 def trivial_goals(runs: RunSet, *, with_rate: bool = True) -> TrivialGoals | None:
     """Return the reached goals that required no driving, or None if there are no such goals.
 
-    ``with_rate``: whether one rate over all these runs is meant.
+    ``with_rate``: whether to add one rate over all these runs.
     """
     looked_at = sample_of(runs, runs.successes, MOST_GOALS)
     kinds = {record.run_id: kind for record in looked_at if (kind := _trivial_kind(runs, record))}
@@ -150,7 +151,7 @@ def trivial_goals(runs: RunSet, *, with_rate: bool = True) -> TrivialGoals | Non
 
 
 def beyond_vehicle(runs: RunSet) -> BeyondVehicle | None:
-    """The valid runs whose driven motion exceeds a limit of the vehicle; None where there is none."""
+    """Return the valid runs in which the driven motion exceeds a limit of the vehicle, or None if there are none."""
     judged = {one.run_id: one.beyond_vehicle for one in runs.valid if one.beyond_vehicle is not None}
     found = {run_id: excesses for run_id, excesses in judged.items() if excesses}
     if not found:
@@ -160,7 +161,7 @@ def beyond_vehicle(runs: RunSet) -> BeyondVehicle | None:
 
 
 def _trivial_kind(runs: RunSet, record: RunRecord) -> TrivialKind | None:
-    """Why a reached goal asked for no driving: the first reason that holds; None: it did."""
+    """Return the first reason why a reached goal required no driving, or None if it required driving."""
     kept = runs.look(record)
     if kept is not None:
         return kept.trivial or None  # type: ignore[return-value]

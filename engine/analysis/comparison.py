@@ -1,6 +1,6 @@
-"""A against B, paired per scenario (or its edited version), problem, prediction, traffic and seed.
+"""Compare A with B, paired per scenario (or its edited version), problem, prediction, traffic and seed.
 
-The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, where scenarios
+The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, if scenarios
 have several pairs, by flipping the signs of scenarios; each metric by Wilcoxon's signed-rank test on the means of
 scenarios. All p values of one answer are adjusted together (``_with_holm``), including those between the sides of a
 ranking, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
@@ -40,44 +40,44 @@ from .run_set import METRICS, MetricSpec, RunSet, reached_goal
 from .statistics import FEWEST_PAIRS, LEVEL, cluster_means, holm, needed_scenarios, paired_shares, signed_rank
 
 _CONDITIONS = ("prediction", "traffic", "seed")
-"""What runs that are paired have in common besides scenario and problem."""
+"""The conditions that paired runs share in addition to scenario and problem."""
 _MARGIN = 0.10
 """Ten points of success (chosen): two planners that differ by less are alike for most purposes."""
 _EXPLAINED = 6
-"""Flips whose collision is looked at (chosen): each reads its scenario, and an answer has 50 s."""
+"""Number of flips with an examined collision (chosen): each reads its scenario, and an answer has 50 s."""
 _CHECKED = 8
 """Number of runs listed as evidence for a headline (chosen)."""
 _LISTED_EDITED = 10
-"""Pairs by lineage whose edits the structured answer holds (chosen)."""
+"""Number of pairs by lineage for which the structured answer lists the edits (chosen)."""
 _COST: MetricName = "mean_total_cost"
 _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 """(before, after) of each pair."""
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one, or the couples of sides that the request names.
+    """Compare every side with the first one, or the pairs of sides that the request gives.
 
     Raises:
-        NotPossible: fewer than two sides, or not one pair in common.
-        InvalidRequest: a side holds the same problem twice.
+        NotPossible: there are fewer than two sides, or they have no pair in common.
+        InvalidRequest: a side contains the same problem twice.
     """
     sides = request.sides
     if len(sides) < 2:
         raise NotPossible(
-            f"'{sides[0].label if sides else 'nothing'}' has nothing to be compared with",
-            next_step="name two runs or batches, or one batch with several configurations",
+            f"there is nothing to compare '{sides[0].label if sides else 'nothing'}' with",
+            next_step="give two runs or batches, or one batch with several configurations",
         )
     runs = RunSet(request.runs, request.configs, request.scenarios, request.lineage)
     records = {record.run_id: record for record in runs.records}
     couples = request.couples or tuple((0, place) for place in range(1, len(sides)))
-    drafts, apart = list[_Draft](), list[str]()
+    drafts, unrelated = list[_Draft](), list[str]()
     for number, (first, second) in enumerate(couples):
         try:
             drafts.append(_drafted(sides[first], sides[second], runs, records, request))
         except NotPossible:
             if not request.couples or (number + 1 == len(couples) and not drafts):
                 raise
-            apart.append(f"{sides[second].label} and {sides[first].label} have no problem in common")
+            unrelated.append(f"{sides[second].label} and {sides[first].label} have no problem in common")
         report((number + 1) / (len(couples) + 1), f"{sides[second].label} against {sides[first].label}")
     lineages = {lineage.scenario_id: lineage for lineage in runs.lineage}
     ranked = list(combinations(range(len(sides)), 2)) if len(sides) > 2 and not request.couples else []
@@ -98,12 +98,12 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
         sides=sides,
         comparisons=tuple(comparisons),
         ranking=_ranking(sides, runs, records, {couple: tests[couple] for couple in ranked}) if ranked else (),
-        notes=(*apart, *_notes(request), *_across_rules(request, records)),
+        notes=(*unrelated, *_notes(request), *_across_rules(request, records)),
     )
 
 
 def _is_shown(test: "SuccessTest") -> bool:
-    """Return whether success differs: by the exact test after Holm's adjustment, and by the interval."""
+    """Return True if success differs, both by the exact test after Holm's adjustment and by the interval."""
     if test.p_holm is None or test.low is None or test.high is None:
         return False
     return test.p_holm < LEVEL and not test.low <= 0 <= test.high
@@ -132,7 +132,7 @@ def _ranking(
 
 @dataclass(frozen=True)
 class _Draft:
-    """A comparison with tests that are not adjusted yet: the pairing, and the tests of success and of each metric."""
+    """A comparison before its tests are adjusted: the pairing, and the tests of success and of each metric."""
 
     sides: tuple[Side, Side]
     pairing: "_Pairing"
@@ -149,9 +149,9 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     pairing = _pair(before, after, records, {lineage.scenario_id: lineage for lineage in request.lineage})
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
-            f"{before.label} and {after.label} have no scenario and planning problem in common, nor versions of one",
+            f"{before.label} and {after.label} have no scenario and planning problem in common, not even as versions",
             valid=[_conditions(side, records) for side in (before, after)],
-            next_step="run both configurations on the same scenarios in one run_planner call, or analyze_results them",
+            next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
     incomparable = before.config_id != after.config_id or any(
         name.startswith("prediction") for name in pairing.differing
@@ -164,7 +164,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
 def _finished(
     draft: _Draft, adjusted: "Iterator[SuccessTest | MetricTest]", runs: RunSet, request: CompareRequest
 ) -> Comparison:
-    """Return the comparison of a draft; its adjusted tests come next."""
+    """Return the comparison of a draft, taking its adjusted tests from the iterator."""
     (before, after), pairing = draft.sides, draft.pairing
     own = list(islice(adjusted, 1 + len(draft.metrics)))
     (success,) = (test for test in own if isinstance(test, SuccessTest))
@@ -203,7 +203,7 @@ def _finished(
 
 
 def _versions(before: Side, after: Side) -> tuple[str, ...]:
-    """Return a note if different versions of the same planner drove on the two sides; empty if not, or if unknown."""
+    """Return a note if the two sides used different versions of the same planner, else an empty tuple."""
     versions = (before.planner_version, after.planner_version)
     if (
         "" in versions
@@ -215,7 +215,7 @@ def _versions(before: Side, after: Side) -> tuple[str, ...]:
 
 
 def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
-    """Return what was paired with what if the sides come from two results."""
+    """Return a note on the paired configurations if the sides come from two results."""
     if before.result_id == after.result_id:
         return ""
     named = [f"{side.config_name} of {side.result_id}" for side in (before, after)]
@@ -226,15 +226,15 @@ def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
 
 def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> tuple[str, ...]:
     """Return runs to check a headline by: those that flipped, else the pairs that differ most, else the first pair."""
-    told = [pair for one in metrics if one.run_ids for pair in pairs if pair[0].run_id == one.run_ids[0]]
-    chosen = {pair[0].run_id: pair for pair in (flipped or told or pairs)}
+    clearest = [pair for one in metrics if one.run_ids for pair in pairs if pair[0].run_id == one.run_ids[0]]
+    chosen = {pair[0].run_id: pair for pair in (flipped or clearest or pairs)}
     return tuple(record.run_id for pair in list(chosen.values())[: _CHECKED // 2] for record in pair)
 
 
 def _cost(
     pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], asked: Sequence[MetricName]
 ) -> UncomparedCost | None:
-    """The cost of both sides where they are no pairs of one measure; None where it was compared or a side has none."""
+    """Return the cost of both sides if it is not comparable; None if it was compared or a side has no cost."""
     if any(one.name == _COST and one.pairs for one in tested) or (asked and _COST not in asked):
         return None
     costs = [[one.metrics.mean_total_cost for one in runs if one.metrics] for runs in zip(*pairing.pairs, strict=True)]
@@ -255,25 +255,25 @@ def _cost(
 def _notes(request: CompareRequest) -> tuple[str, ...]:
     notes = []
     if _COST in request.metrics and len({side.config_id for side in request.sides}) > 1:
-        notes.append("mean_total_cost depends on the weights: across configurations it compares different measures")
+        notes.append("mean_total_cost depends on the weights and is not comparable across configurations")
     return tuple(notes)
 
 
 def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tuple[str, ...]:
-    """Return what to bear in mind if the sides' runs were judged by different rules of success."""
+    """Return a note if the sides' runs were judged by different success rules."""
     rules = {side.label: sorted({records[run_id].success_rule for run_id in side.run_ids}) for side in request.sides}
     if len({rule for named in rules.values() for rule in named}) < 2:
         return ()
-    told = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
-    difference = "driven@1 counts a goal by any motion, accepted@2 only by one that CommonRoad's benchmark accepts"
-    again = "run the older side again before you compare rates"
-    return (f"judged by different rules of success: {told}; {difference}: {again}",)
+    used = ", ".join(f"{label} by {' and '.join(named)}" for label, named in rules.items())
+    difference = "driven@1 counts a goal after any motion, accepted@2 only one that CommonRoad's benchmark accepts"
+    again = "rerun the older side before you compare rates"
+    return (f"different success rules: {used}; {difference}: {again}",)
 
 
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
-    """Weights and settings that differ between two configurations, by name; empty where one of them is unknown.
+    """Return the weights and settings that differ between two configurations, by name; empty if one of them is unknown.
 
-    A setting that has its default value is None, as is a weight that the planner does not have.
+    The value is None for a setting that has its default and for a weight that the planner does not have.
     """
     known = {config.config_id: config.weights | config.settings for config in configs}
     if before not in known or after not in known:
@@ -311,7 +311,7 @@ def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
 
 
 def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
-    """The pairs by prediction and traffic mode; empty where they have one."""
+    """Return the pairs grouped by prediction and traffic mode; empty if they have only one."""
     groups: dict[str, list[tuple[bool, bool]]] = {}
     for pair in pairs:
         groups.setdefault(f"{pair[1].prediction}/{pair[1].traffic}", []).append(_mastered(pair))
@@ -357,7 +357,7 @@ def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
 
 
 def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better", "worse", "same", "changed"]:
-    """From before to after; values whose three shown digits are alike are the same to a reader."""
+    """Return the direction from before to after; values with the same three shown digits count as the same."""
     if spec.difference(before, after) == 0 or figure(before) == figure(after):
         return "same"
     if spec.better is None:
@@ -366,7 +366,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """What distinguishes the two scenarios of a pair by lineage: their edits from the first that differs on."""
+    """Return what distinguishes the two scenarios of a pair by lineage: their edits from the first difference on."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -390,7 +390,7 @@ def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
 
 
 def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
-    """How both runs of the only pair ended, with their moments."""
+    """Return how both runs of the only pair ended, with their reviews."""
     runs = RunSet(request.runs, request.configs, request.scenarios)
     before, after = (
         PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair
@@ -402,8 +402,8 @@ def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest
     """Return the tests of one answer with Holm's adjustment within success and within the metrics.
 
     These two families share the level evenly (Bonferroni), so that an answer with many metrics can still show a
-    difference in success, and states anything wrongly in at most 5 % of all answers in which nothing differs. A test
-    that cannot fall below 5 % whatever the signs of its differences are is not counted and keeps no adjusted p (Tarone
+    difference in success, and at most 5 % of the answers in which nothing differs report a difference. A test that
+    cannot fall below 5 %, regardless of the signs of its differences, is not counted and has no adjusted p (Tarone
     1990, "A modified Bonferroni method for discrete data").
     """
     families = [
@@ -420,7 +420,7 @@ def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest
 
 
 def _can_show(test: "SuccessTest | MetricTest") -> bool:
-    """Return whether the test can be significant at all: enough scenarios differ."""
+    """Return True if enough scenarios differ for the test to be significant at all."""
     differing = test.differing if isinstance(test, SuccessTest) else test.higher + test.lower
     return test.p is not None and differing >= FEWEST_PAIRS
 
@@ -446,14 +446,14 @@ def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
 
 
 def _tells(test: MetricTest) -> bool:
-    """Return whether a metric is shown to differ beyond chance (Holm) and its resolution, by an interval without 0."""
+    """Return True if a metric differs beyond chance (Holm) and beyond its resolution, by an interval without 0."""
     if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
         return False
     return test.p_holm < LEVEL and not test.low <= 0 <= test.high and abs(test.shift) > _SPECS[test.name].tolerance
 
 
 def _counts(spec: MetricSpec, pair: tuple[RunRecord, RunRecord]) -> bool:
-    """Return whether a pair is one that the metric is compared on."""
+    """Return True if the metric is compared on this pair."""
     return spec.basis == "valid" or _mastered(pair) == (True, True)
 
 
@@ -464,7 +464,7 @@ def _wanted(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) ->
 
 
 def _mastered(pair: tuple[RunRecord, RunRecord]) -> tuple[bool, bool]:
-    """Whether the run before and the run after reached the goal."""
+    """Return whether the run before and the run after reached the goal."""
     return reached_goal(pair[0]), reached_goal(pair[1])
 
 
@@ -493,7 +493,7 @@ def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
 
 @dataclass(frozen=True)
 class _Pairing:
-    """Pairs (before, after) in the order of their scenarios; what could not be paired is counted.
+    """Pairs (before, after) in the order of their scenarios, with counts of what could not be paired.
 
     ``invalid``: pairs in which a run could not be attempted; ``differing``: conditions in which the sides as a whole
     differ, such as ``prediction: constant_velocity → ground_truth``.
@@ -508,12 +508,12 @@ class _Pairing:
 def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Mapping[str, Lineage]) -> _Pairing:
     """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
 
-    A condition that is one value on all of a side and another on all of the other is what is being compared: it is
-    left out of the key and named. What is left over is paired by lineage: with the one run of the other side whose
-    scenario comes from the same one by edits; where several come into question, none is taken.
+    A condition with one value on all of a side and another on all of the other is the subject of the comparison: it is
+    left out of the key and reported. The remaining runs are paired by lineage: with the only run of the other side that
+    has a scenario from the same root. If there are several candidates, none is paired.
 
     Raises:
-        InvalidRequest: a side holds two runs of the same problem under the same conditions.
+        InvalidRequest: a side contains two runs of the same problem under the same conditions.
     """
     sides = [[records[run_id] for run_id in side.run_ids] for side in (before, after)]
     differing = tuple(name for name in _CONDITIONS if _differ_as_a_whole(name, *sides))
@@ -541,7 +541,7 @@ def _by_lineage(
     lineages: Mapping[str, Lineage],
     conditions: tuple[str, ...],
 ) -> list[tuple[RunRecord, RunRecord]]:
-    """The pairs of runs that are alone on their side with the scenario that they come from."""
+    """Return the pairs of runs that are the only ones on their side with a scenario from the same root."""
 
     def by_root(records: Sequence[RunRecord]) -> dict[tuple[object, ...], list[RunRecord]]:
         groups: dict[tuple[object, ...], list[RunRecord]] = {}
@@ -568,8 +568,8 @@ def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> d
         other = by_key.setdefault(key, record)
         if other.run_id != record.run_id:
             raise InvalidRequest(
-                f"{label} holds {other.run_id} and {record.run_id}, both on {record.scenario_id}: which one is meant",
-                next_step="compare batches, or name single runs",
+                f"{label} contains both {other.run_id} and {record.run_id} on {record.scenario_id}",
+                next_step="compare batches, or give single runs",
             )
     return by_key
 
@@ -593,7 +593,7 @@ def _headline_code(success: SuccessTest, pairs: _Pairs, strata: Sequence[Stratum
 
 
 def _is_alike(test: SuccessTest) -> bool:
-    """Return whether the interval of the difference lies within the margin on either side of 0."""
+    """Return True if the interval of the difference lies within the margin on either side of 0."""
     return test.low is not None and test.high is not None and -_MARGIN <= test.low <= test.high <= _MARGIN
 
 
@@ -609,18 +609,18 @@ def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
 
 
 def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs, strata: Sequence[Stratum]) -> str:
-    """Return what happened and what the tests show: success first, then the metrics that are shown to differ."""
+    """Return what happened and what the tests show: success first, then the metrics that differ."""
     code = _headline_code(success, pairs, strata)
     if code == "no_valid_pair":
-        return "No valid pair: nothing can be compared."
+        return "No valid pair to compare."
     if len(pairs) == 1:
         return _about_one(pairs[0])
     return " ".join([_about_success(code, success), *_about_strata(success, strata), *_about_metrics(success, metrics)])
 
 
 def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
-    """Return what one pair shows on its own; the metrics follow below, because no test supports them."""
-    only = "one pair shows what happened here, nothing in general."
+    """Return what one pair shows; the metrics follow below, because no test supports them."""
+    only = "one pair supports no general conclusion."
     mastered = _mastered(pair)
     if mastered[0] != mastered[1]:
         return f"{'better' if mastered[1] else 'worse'} here: {pair[0].outcome} → {pair[1].outcome}; {only}"
@@ -655,7 +655,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
 def _flipped(test: SuccessTest) -> str:
     """Return ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
     if test.only_after == test.only_before == 0:
-        return f"None of {test.pairs} pairs flipped"
+        return f"0 of {test.pairs} pairs flipped"
     if test.only_after == 0:
         return f"{test.only_before} of {test.pairs} pairs flipped to failure"
     back = f", {test.only_before} to failure" if test.only_before else ""
@@ -663,18 +663,18 @@ def _flipped(test: SuccessTest) -> str:
 
 
 def _turned(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
-    """Return the strata in which the difference has the other sign."""
+    """Return the strata in which the difference has the opposite sign."""
     whole = test.difference or 0.0
     return [stratum.name for stratum in strata if stratum.difference * whole < 0]
 
 
 def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
-    """That the difference turns round in some of the strata."""
+    """Return a warning if the difference changes sign in some of the strata."""
     turned = _turned(test, strata)
-    apart = {stratum.difference > 0 for stratum in strata if stratum.difference}
+    unrelated = {stratum.difference > 0 for stratum in strata if stratum.difference}
     if turned:
-        return [f"The sign turns under {', '.join(turned)}: the difference is one of the mixture."]
-    return ["The sign differs between predictions or traffic modes: see the strata."] if len(apart) > 1 else []
+        return [f"The sign is opposite under {', '.join(turned)}: the difference depends on the mix."]
+    return ["The sign differs between predictions or traffic modes: see the strata."] if len(unrelated) > 1 else []
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
@@ -686,12 +686,12 @@ def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[
         f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"
         for test in telling
     ]
-    told = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
+    sentences = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
     differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
     few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
     if few:
-        told.append(f"In some scenarios only, the middle one is alike: {'; '.join(few)}.")
-    if told:
-        return told
+        sentences.append(f"In some scenarios only, with an equal median: {'; '.join(few)}.")
+    if sentences:
+        return sentences
     tested = [test for test in metrics if test.p is not None]
     return ["No metric differs significantly."] if tested and success.pairs >= FEWEST_PAIRS else []

@@ -1,7 +1,7 @@
-"""Conflicts of the ego with others: what is left of the time to act, the worst that could come, paths that cross.
+"""Conflicts of the ego with others: the time left to act, the worst possible case, and crossing paths.
 
-All arrays have one entry a pair of a driven state of the ego and another (``criticality.encounters``), unless said
-otherwise. Formulas and parameters are those of ``schemas/measures.py``.
+Unless stated otherwise, arrays have one entry per pair of a driven state of the ego and another road user
+(``criticality.encounters``). Formulas and parameters are those of ``schemas/measures.py``.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,35 +16,35 @@ from ..geometry import Points, Values, wrap_angle, wrap_angles
 from ..vehicles import HARDEST_BRAKING_MPS2, VehicleParameters
 
 CONFLICT_S = 10.0
-"""Later collisions count for no time to act (chosen): nobody keeps course and speed for longer."""
+"""Later collisions do not limit the time to act (chosen): road users do not keep course and speed for longer."""
 _AFTER_S = 3.0
-"""How long an ego has to stay clear after the collision that it evades (chosen), as reference drivers have to."""
+"""How long an ego must stay clear after the collision that it evades (chosen), as for reference drivers."""
 _SAMPLES = 651
-"""Moments at which bodies are looked at between now and that time: 0.02 s apart at most (chosen)."""
+"""Number of times at which bodies are checked between now and then: 0.02 s apart at most (chosen)."""
 _BEGINS, _HALVINGS = 60, 5
-"""Begins that are tried before a collision, and halvings of what is between two (chosen): 5 ms at most."""
+"""Start times tried before a collision, and bisections between two of them (chosen): 5 ms resolution."""
 _ASIDE_M = 3.5
-"""How far an ego swerves for one that crosses: about the width of a lane (chosen)."""
+"""How far an ego swerves for a crossing road user: about one lane width (chosen)."""
 _PAIRS_AT_ONCE = 100
-"""Chosen for memory: pairs whose motions are looked at in one array."""
+"""Number of pairs processed in one array (chosen for memory)."""
 _FINE_S = 0.005
-"""Chosen: resolution of times between steps, of paths that cross."""
+"""Time resolution between steps for crossing paths (chosen)."""
 _CROSSING_RAD = np.pi / 4
-"""Headings that differ by less are of one direction, in which bodies follow each other."""
+"""Headings that differ by less count as the same direction, in which bodies follow each other."""
 
 
 def times_left_to_crossing(
     ego: MovingRectangles, other: MovingRectangles, collision_s: Values, vehicle: VehicleParameters
 ) -> tuple[Values, Values]:
-    """Seconds until full braking, and until the best manoeuvre, no longer prevents a planar collision; shapes (n,).
+    """Return the seconds until full braking, and until the best manoeuvre, can no longer prevent a collision; (n,).
 
-    The other keeps course and speed, and so does the ego until it brakes, swerves to either side or accelerates. 0 is
-    too late.
+    The other keeps course and speed, and so does the ego until it brakes, swerves to either side or accelerates. 0
+    means too late.
 
     Args:
-        ego, other: the bodies, on a course to a collision.
-        collision_s: after how long they touch.
-        vehicle: what accelerates.
+        ego, other: the bodies, on a collision course.
+        collision_s: time until they touch.
+        vehicle: limits of the ego.
     """
     brake, react, hardest = [np.zeros(0)], [np.zeros(0)], vehicle.hardest_braking_mps2
     for begin in range(0, len(collision_s), _PAIRS_AT_ONCE):
@@ -67,7 +67,7 @@ def _part(bodies: MovingRectangles, part: slice) -> MovingRectangles:
 
 
 _Manoeuvre = Callable[[Values, Values], tuple[Values, Values]]
-"""From times since it began and speeds, (n, times) and (n, 1), how much farther along and to the left an ego comes."""
+"""From times since its start and speeds, (n, times) and (n, 1), to the ego's displacement forward and to the left."""
 
 
 def _braked(hardest_mps2: float) -> _Manoeuvre:
@@ -87,7 +87,7 @@ def _accelerated(vehicle: VehicleParameters) -> _Manoeuvre:
 
 
 def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
-    """Half of the way aside with the largest lateral acceleration, the other half with it the other way round."""
+    """Return a swerve: the largest lateral acceleration over half of the offset, then the opposite over the rest."""
     half_s = np.sqrt(_ASIDE_M / hardest_mps2)
 
     def manoeuvre(since_s: Values, _: Values) -> tuple[Values, Values]:
@@ -100,11 +100,11 @@ def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """Bodies that will touch: what separates them on the four axes of both, and how that changes by manoeuvres.
+    """Bodies that will touch: their separation on the four axes of both, and how manoeuvres change it.
 
-    ``apart`` (n, times, 4): the difference of the centres on each axis while both keep on; ``along``, ``aside``
-    (n, 1, 4): what a metre of the ego ahead, and to its left, adds to it; ``needed_m`` (n, 1, 4): from where on they
-    are clear. ``times_s`` (n, times).
+    ``apart`` (n, times, 4): the difference of the centres on each axis while both keep their motion; ``along``,
+    ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left; ``needed_m`` (n, 1, 4): the
+    difference from which they are clear. ``times_s`` (n, times).
     """
 
     times_s: Values
@@ -117,7 +117,7 @@ class _Conflict:
 
     @classmethod
     def of(cls, ego: MovingRectangles, other: MovingRectangles, collision_s: Values) -> "_Conflict":
-        """All pairs, from now until some time after their collision."""
+        """Return the conflicts of all pairs, from now until some time after their collision."""
         axes = np.stack([*_axes(ego.headings_rad), *_axes(other.headings_rad)], axis=1)
         halves = sum(
             np.abs(np.einsum("nkd,nd->nk", axes, side)) * bodies.sizes_m[:, number, None] / 2
@@ -139,9 +139,9 @@ class _Conflict:
         )
 
     def latest(self, manoeuvre: _Manoeuvre) -> Values:
-        """The latest begin in s of a manoeuvre that stays clear; 0 without one.
+        """Return the latest start in s of a manoeuvre that stays clear; 0 if there is none.
 
-        Begins are tried evenly, since a later one may be clear where an earlier one is not; then by halves.
+        Start times are tried evenly, because a later one may be clear when an earlier one is not; then by bisection.
         """
         low, span_s = np.full(len(self.collision_s), -1.0), self.collision_s / _BEGINS
         for number in range(_BEGINS):
@@ -163,20 +163,20 @@ class _Conflict:
 
 
 def _axes(headings_rad: Values) -> tuple[Points, Points]:
-    """The directions ahead and to the left, each (n, 2)."""
+    """Return the directions forward and to the left, each (n, 2)."""
     cosine, sine = np.cos(headings_rad), np.sin(headings_rad)
     return np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)
 
 
 def worst_times_s(ego: MovingRectangles, other: MovingRectangles, stands: NDArray[np.bool_]) -> Values:
-    """Worst times to collision (Wachenfeld et al. 2016), shape (n,); 0 where the discs of both overlap now.
+    """Return worst times to collision (Wachenfeld et al. 2016), shape (n,); 0 if the discs of both overlap now.
 
-    Each body is covered by three discs, a third of its length apart, that keep its velocity and grow with a t² ÷ 2:
-    |Δp + Δv t| = R + A t² ÷ 2 has its first root as that of a polynomial of fourth degree.
+    Each body is covered by three discs, a third of its length apart, that keep its velocity and grow with a t² ÷ 2. The
+    first solution of |Δp + Δv t| = R + A t² ÷ 2 is a root of a polynomial of degree four.
 
     Args:
         ego, other: the bodies.
-        stands: which others do not move, whatever happens.
+        stands: the others that never move.
     """
     if not len(stands):
         return np.zeros(0)
@@ -196,7 +196,7 @@ def _thirds(bodies: MovingRectangles) -> list[Points]:
 
 
 def _first_meeting_s(away: Points, change: Points, radius_m: Values, grows_mps2: Values) -> Values:
-    """When discs first touch that move by ``change`` and grow together by ``grows_mps2`` · t² ÷ 2; 0 where they do."""
+    """Return when discs first touch that move by ``change`` and grow by ``grows_mps2`` · t² ÷ 2; 0 if they touch."""
     fourth = -(grows_mps2**2) / 4
     square = (change**2).sum(axis=1) - grows_mps2 * radius_m
     linear = 2 * (away * change).sum(axis=1)
@@ -215,15 +215,15 @@ def _first_meeting_s(away: Points, change: Points, radius_m: Values, grows_mps2:
 
 
 _ROUNDING = 1e-6
-"""Of a root's imaginary part: where discs only just touch, two real roots are one up to rounding."""
+"""Tolerance for a root's imaginary part: if discs just touch, two real roots coincide up to rounding."""
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """The paths of the ego and another cross: who it is, and when each is in the place where both were.
+    """A crossing of the ego's path and another's: the road user, and when each is in the common area.
 
-    Times in s since the ego's first state. ``ego_whole``: whether the ego both came into that place and left it;
-    ``turned_rad``: how far their headings are apart there, 0 to π.
+    Times in s since the ego's first state. ``ego_whole``: whether the ego both entered and left the area;
+    ``turned_rad``: the difference of their headings there, 0 to π.
     """
 
     track: int
@@ -234,17 +234,17 @@ class Crossing:
 
     @property
     def post_encroachment_s(self) -> float:
-        """Between the first leaving and the second coming; 0 where both were there at once."""
+        """The time between the first one's exit and the second one's entry; 0 if both were there at once."""
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property
     def second_comes_s(self) -> float:
-        """When the second one comes."""
+        """The time at which the second one enters."""
         return max(self.ego_s[0], self.other_s[0])
 
 
 def nearest_crossing(ego: Track, others: Sequence[Track], step_s: float, within_s: float) -> Crossing | None:
-    """The crossing with the least post-encroachment time, up to ``within_s``; None without one."""
+    """Return the crossing with the least post-encroachment time, up to ``within_s``, or None if there is none."""
     import shapely
 
     swept = [_bodies(track, step_s) for track in (ego, *others)]
@@ -264,19 +264,19 @@ def nearest_crossing(ego: Track, others: Sequence[Track], step_s: float, within_
 
 
 _MOVED_M = 0.5
-"""Who moved less stands, and has no path that could cross (chosen)."""
+"""A road user that moved less counts as standing, and has no path that could cross (chosen)."""
 
 
 @dataclass(frozen=True)
 class _Bodies:
-    """A road user's body at each of its steps, as polygons, and the states that these are of."""
+    """A road user's body at each of its steps, as polygons, with the track and time step."""
 
     track: Track
     step_s: float
     polygons: NDArray[np.object_]
 
     def band(self, begin: int, end: int) -> object:
-        """What the body sweeps from one index to another."""
+        """Return the area that the body sweeps from one index to another."""
         import shapely
 
         pieces = self.polygons[begin : end + 1]
@@ -284,9 +284,10 @@ class _Bodies:
         return shapely.union_all(swept)
 
     def inside(self, band: object, begin: int, end: int) -> tuple[float, float, bool]:
-        """First and last time in s since its first state in a band, and whether it is outside before and after.
+        """Return the first and last time in a band, and whether it is outside before and after.
 
-        It is looked for from a step before one index to a step after the other, straight between the steps.
+        Times are in s since its first state. The search covers one step before the first index to one step after the
+        last, linear between the steps.
         """
         import shapely
 
@@ -323,13 +324,13 @@ def _polygons(track: Track, centers: Points, headings_rad: Values) -> NDArray[np
 def _crossing(
     number: int, ego: _Bodies, other: _Bodies, own: NDArray[np.intp], at: NDArray[np.intp], ego_later_steps: int
 ) -> Crossing:
-    """When each is in the band of the other, around the pair of states that is nearest in time.
+    """Return when each is in the band of the other, around the pair of states that is nearest in time.
 
     Args:
-        number: which other it is.
+        number: index of the other road user.
         ego, other: the bodies.
-        own, at: states whose bodies overlap.
-        ego_later_steps: how many steps after the other's first state the ego's is.
+        own, at: states in which the bodies overlap.
+        ego_later_steps: steps from the other's first state to the ego's.
     """
     nearest = int(np.argmin(np.abs(at - own - ego_later_steps)))
     own_span, other_span = _run_around(own, own[nearest]), _run_around(at, at[nearest])
@@ -341,7 +342,7 @@ def _crossing(
 
 
 def _run_around(indices: NDArray[np.intp], middle: int) -> tuple[int, int]:
-    """First and last of the successive indices around one of them."""
+    """Return the first and last of the consecutive indices around one of them."""
     known = np.unique(indices)
     place = int(np.searchsorted(known, middle))
     breaks = np.flatnonzero(np.diff(known) > 1)

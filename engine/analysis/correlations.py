@@ -1,7 +1,8 @@
-"""Which features of scenarios go with success: rank correlations, a scenario as one, and what is left of them.
+"""Which features of scenarios correlate with success: rank correlations per scenario, also with other features fixed.
 
-Features are known before a run (traffic, speed at the start), never results of it. They go with each other too: dense
-traffic is slow, and motorways are fast. So each is also correlated with the others and the kind of road held fixed.
+Features are known before a run (traffic, speed at the start), never results of it. They correlate with each other too:
+dense traffic is slow, and motorways are fast. Therefore each is also correlated with the others and the kind of road
+held fixed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +17,7 @@ from .statistics import holm, rank_correlation
 _FEWEST_SCENARIOS = 12
 """Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
 _FEWEST_OF_A_ROAD = 3
-"""A kind of road with fewer scenarios is not told from the others (chosen): its mean would be theirs alone."""
+"""A kind of road with fewer scenarios has no indicator of its own (chosen): it would only model their mean."""
 ROAD = "road"
 
 
@@ -30,14 +31,14 @@ class _Scenario:
 
 
 Note = tuple[str, Mapping[str, float]]
-"""A sentence, and its figures by their names."""
+"""A sentence and its figures by name."""
 
 
 def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
-    """Spearman correlations of features with success, the strongest first, and a note if there are none."""
+    """Return Spearman correlations of features with success, the strongest first, and a note if there are none."""
     seen = _scenarios(runs)
     if len(seen) < _FEWEST_SCENARIOS:
-        words = f"no correlations: valid runs of {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+        words = f"no correlations: valid runs cover {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
         return (), (words, {"scenarios": len(seen), "least_scenarios": _FEWEST_SCENARIOS})
     if len({scenario.success for scenario in seen}) == 1:
         return (), ("no correlations: all scenarios ended alike", {})
@@ -69,7 +70,7 @@ def _scenarios(runs: RunSet) -> list[_Scenario]:
 
 
 def _scenario(runs: RunSet, records: Sequence[RunRecord]) -> _Scenario:
-    """A scenario's features: means over its runs, whose planning problems and versions may differ."""
+    """Return a scenario's features: means over its runs, because planning problems and versions may differ."""
     values = {
         name: [value for record in records if (value := feature(runs, record)) is not None]
         for name, feature in _FEATURES.items()
@@ -87,7 +88,7 @@ def _count(seen: Sequence[_Scenario], name: str) -> int:
 
 
 def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
-    """ρ and its p over the scenarios that have the feature; None where there are too few, or one does not vary."""
+    """Return ρ and its p over the scenarios that have the feature; None if they are too few or one does not vary."""
     rows = [(scenario.features[name], scenario.success) for scenario in seen if name in scenario.features]
     return rank_correlation(rows) if len(rows) >= _FEWEST_SCENARIOS else None
 
@@ -95,7 +96,7 @@ def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
 def _held_fixed(
     seen: Sequence[_Scenario], name: str, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[float, float] | None]:
-    """What can be held fixed, and ρ and p once it is; None where nothing can be, or nothing is left of either then."""
+    """Return the features that can be held fixed, and the resulting ρ and p; None if nothing can be or is left."""
     known = [scenario for scenario in seen if {name, *others} <= scenario.features.keys()]
     counts: dict[str, int] = {}
     for scenario in known:

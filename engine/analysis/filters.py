@@ -35,11 +35,11 @@ _NUMBERS: dict[str, Callable[[RunSet, RunRecord], float | None]] = {
 
 
 def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
-    """The runs that meet all conditions.
+    """Return the runs that meet all conditions.
 
     Raises:
-        UnknownName: a field or a value that no run has; the nearest are named.
-        InvalidRequest: a condition that cannot be read.
+        UnknownName: no run has the field or value; the error lists the nearest.
+        InvalidRequest: a condition cannot be parsed.
     """
     kept = runs.sources
     for text in conditions:
@@ -50,7 +50,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
 
 
 def on_outcome(conditions: Sequence[str]) -> tuple[str, ...]:
-    """Return the conditions that choose runs by how they ended: no rate of goals is one of the planner then."""
+    """Return the conditions that select runs by outcome: a rate of goals over them says nothing about the planner."""
     return tuple(text for text in conditions if parse_condition(text, words=True).name == "outcome")
 
 
@@ -58,10 +58,10 @@ _WINDOW = "time_s"
 
 
 def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | None]:
-    """The conditions on runs, and the span of ``time_s=2..4``, which narrows a timeline; None where there is none.
+    """Return the conditions on runs, and the interval of ``time_s=2..4`` for a timeline, or None if there is none.
 
     Raises:
-        InvalidRequest: a span that cannot be read, or a second one.
+        InvalidRequest: the interval cannot be parsed or is given twice.
     """
     rest: list[str] = []
     spans: list[Interval] = []
@@ -70,7 +70,7 @@ def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | No
         if condition.name != _WINDOW:
             rest.append(text)
         elif condition.value is not None or condition.negated:
-            raise InvalidRequest(f"'{text}' is no span of time", valid=[f"{_WINDOW}=2..4", f"{_WINDOW}>=2"])
+            raise InvalidRequest(f"'{text}' is not a time interval", valid=[f"{_WINDOW}=2..4", f"{_WINDOW}>=2"])
         else:
             spans.append(condition.interval)
     if len(spans) > 1:
@@ -82,13 +82,13 @@ def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord]
     name = metric_meant(condition.name)
     if name in _WORDS:
         if condition.value is None:
-            raise InvalidRequest(f"'{text}' compares {name}, which is a word", valid=[f"{name}=…"])
+            raise InvalidRequest(f"'{text}' compares {name}, which is text", valid=[f"{name}=…"])
         return _word_test(runs, name, condition.value)
     if name not in _NUMBERS:
         valid = closest(name, [*_WORDS, *sorted(_NUMBERS)])
-        raise UnknownName(f"'{text}' names '{name}', which runs do not have", valid=valid)
+        raise UnknownName(f"'{text}' uses '{name}', which runs do not have", valid=valid)
     if condition.value is not None:
-        raise InvalidRequest(f"'{text}' compares {name} with a word", valid=[f"{name}>=1", f"{name}=1..2"])
+        raise InvalidRequest(f"'{text}' compares {name}, a number, with text", valid=[f"{name}>=1", f"{name}=1..2"])
 
     def holds(record: RunRecord) -> bool:
         value = _NUMBERS[name](runs, record)

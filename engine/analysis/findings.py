@@ -1,8 +1,9 @@
-"""Findings: statements on what runs have in common, with the runs behind them and what else would explain them.
+"""Findings: statements about what runs have in common, with the runs behind them and alternative explanations.
 
-A finding is a generator ``(evidence) -> findings`` that has its name. To add one, write the function, put it into
-``FINDINGS`` where its statement shall stand among the others, and test it. What is stated holds run by run: shares are
-those of the median run, never of a sum that one run may decide; what others did to the ego is not laid to its planner.
+A finding is a generator ``(evidence) -> findings`` that carries the finding's name. To add one, write the function,
+insert it into ``FINDINGS`` at its place in the order of statements, and test it. Statements hold run by run: a share is
+that of the median run, not of a sum that one run may dominate. What others do to the ego is not attributed to its
+planner.
 """
 
 from collections import Counter
@@ -25,11 +26,13 @@ from .run_set import RunSet, ego_track, hit_another, mean_terms, reached_goal, s
 from .statistics import LEVEL, fisher_exact, holm
 
 _MOST_LOOKED_AT = 60
-"""How many runs of a kind without a stored look are examined, at random (chosen): an answer has 50 s."""
+"""Number of runs per kind that are examined if they have no stored review, chosen at random (chosen): an answer has 50
+s.
+"""
 
 
 class Evidence:
-    """What findings are made of: the runs, and for those that a finding asks for, their moments."""
+    """The runs that findings are derived from, and their contacts, reviews and pace stretches."""
 
     def __init__(self, runs: RunSet) -> None:
         self.runs = runs
@@ -51,17 +54,17 @@ class Evidence:
         return self._reviews[record.run_id]
 
     def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
-        """Return where the ego of a run stood, was held up or braked, and why."""
+        """Return the stretches in which the ego of a run stood, was held up or braked, and why."""
         if record.run_id not in self._paces:
             self._paces[record.run_id] = pace_of(self.runs, record)
         return self._paces[record.run_id]
 
     def sample(self, records: Iterable[RunRecord]) -> list[RunRecord]:
-        """Return all of some runs, or a random sample of them if they are many."""
+        """Return all of the given runs, or a random sample if there are many."""
         return sample_of(self.runs, records, _MOST_LOOKED_AT)
 
     def hits(self) -> list[RunRecord]:
-        """Return runs that ended in a collision with another: all, or a random sample of them."""
+        """Return the runs that ended in a collision with another road user: all, or a random sample of them."""
         return [one for one in self.runs.failures if hit_another(one) and one.run_id in self._sampled_hits]
 
     @cached_property
@@ -69,12 +72,12 @@ class Evidence:
         return frozenset(one.run_id for one in self.sample(filter(hit_another, self.runs.failures)))
 
     def is_known(self, record: RunRecord) -> bool:
-        """Return whether a collision is in the sample that is looked at."""
+        """Return whether a collision is in the examined sample."""
         return record.run_id in self._sampled_hits
 
     @cached_property
     def among_hits(self) -> str:
-        """What is to be said of collisions if a sample of them was looked at; empty if all were."""
+        """A note for statements about collisions if only a sample was examined; empty if all were."""
         hits = sum(map(hit_another, self.runs.failures))
         return "" if len(self._sampled_hits) == hits else f" (a random {len(self._sampled_hits)} of {hits} collisions)"
 
@@ -85,9 +88,9 @@ class Evidence:
         return _sample_figures(len(self._sampled_hits), collisions=hits)
 
     def is_the_others(self, record: RunRecord) -> bool:
-        """Return whether another drove into the ego from behind, or no reference driver prevents the collision.
+        """Return True if another vehicle hit the ego from behind, or if no reference driver prevents the collision.
 
-        A collision that the ego caused by itself is not attributed to the others.
+        A collision that the ego caused is not attributed to the others.
         """
         contact = self.contact(record)
         if contact is None or contact.laid_to == "ego":
@@ -116,7 +119,7 @@ def find_all(runs: RunSet) -> tuple[Finding, ...]:
 
 
 def _by_configuration(find: "_Find", evidence: Evidence) -> Iterator[Finding]:
-    """Yield what a function finds; with several configurations, what it finds in each of them by itself."""
+    """Yield the findings of a function; with several configurations, the findings of each configuration separately."""
     runs = evidence.runs
     if runs.is_of_one_configuration:
         yield from find(evidence)
@@ -127,7 +130,7 @@ def _by_configuration(find: "_Find", evidence: Evidence) -> Iterator[Finding]:
 
 
 def _main_failure(evidence: Evidence) -> Iterator[Finding]:
-    """The most frequent failure mode with both denominators: the failures and the valid runs."""
+    """Yield the most frequent failure mode with both denominators: the failures and the valid runs."""
     failures = evidence.runs.failures
     if not failures:
         return
@@ -153,11 +156,11 @@ def _main_failure(evidence: Evidence) -> Iterator[Finding]:
 
 
 _FEW = 2
-"""Runs that a statement on several needs (chosen): one is a case, and the answer on it alone says more."""
+"""Fewest runs for a statement about several (chosen): a single run is better described by its own answer."""
 
 
 def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
-    """Collisions with others that moved otherwise than predicted: had they kept to it, there would have been none."""
+    """Yield collisions with others that moved differently than predicted and would have been missed otherwise."""
     hits = [one for one in evidence.hits() if not evidence.is_the_others(one) and one.prediction != "ground_truth"]
     known = [one for one in hits if (contact := evidence.contact(one)) and contact.predicted_gap_m is not None]
     missed = [one for one in known if (contact := evidence.contact(one)) and contact.unforeseen]
@@ -167,14 +170,14 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     yield Finding(
         name="unforeseen",
         statement=(
-            f"In {len(missed)} of {len(known)} collisions that an ego could prevent the other moved otherwise than "
-            f"predicted a second before: by that both would have been {median(gaps):.1f} m apart (median)"
-            f"{evidence.among_hits}."
+            f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other moved "
+            f"differently than predicted 1 s before: as predicted, they would have been {median(gaps):.1f} m apart "
+            f"(median){evidence.among_hits}."
         ),
         figures={"runs": len(missed), "of": len(known), "median_gap_m": median(gaps), **evidence.sampled_hits},
         run_ids=_ids(missed),
         moments=_hits_of(evidence, missed),
-        alternatives="the plan kept too little distance for any prediction to be wrong",
+        alternatives="the plan left no margin for a wrong prediction",
         next_step="run_planner with prediction=ground_truth on the same scenarios, then compare_results",
     )
 
@@ -185,13 +188,13 @@ _GUARDS: Mapping[str, tuple[str, ...]] = {
     "timeout": ("velocity_offset", "velocity"),
     "goal_late": ("velocity_offset", "velocity"),
 }
-"""By failure, the cost terms that work against it."""
+"""The cost terms that work against each failure."""
 _OFF = 0.2
-"""A weight below a fifth of the planner's default is as good as off (chosen)."""
+"""A weight below a fifth of the planner's default counts as off (chosen)."""
 
 
 def _weight_off(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: a weight that is off against the planner's default, where runs fail as it would prevent."""
+    """Yield, per configuration, weights that are off although they would prevent failures of its runs."""
     runs = evidence.runs
     defaults = {config.config_id: config.default_weights for config in runs.configs}
     for config_id, records in runs.by_config(runs.valid).items():
@@ -212,7 +215,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                 name="weight_off",
                 subject=name,
                 statement=(
-                    f"{name} is {weights.get(name, 0.0):g} under {records[0].config_name}, {default:g} by default, and "
+                    f"{name} is {weights.get(name, 0.0):g} in {records[0].config_name} ({default:g} by default); "
                     f"{len(failed)} of {len(records)} runs fail in a way that it works against ({words})"
                     f"{evidence.among_hits}."
                 ),
@@ -224,23 +227,22 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                     **evidence.sampled_hits,
                 },
                 run_ids=_ids(failed),
-                alternatives="these scenarios are hard under the default too: run it beside",
+                alternatives="these scenarios may be hard with the default too: run it for comparison",
                 suggestion=_suggestion(runs, config_id, name),
             )
 
 
 _LAST_S = 1.0
-"""Span before a collision over which cost is looked at (chosen): in it the ego could still have braked or steered."""
+"""Time before a collision over which cost is examined (chosen): the ego could still have braked or steered."""
 _WEAK_SHARE = 0.10
 """Share of the cost below which the obstacle terms hardly counted (chosen)."""
 
 
 def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: collisions with under 10 % of the cost on obstacles during the last second before them.
+    """Yield, per configuration, collisions in which obstacles made up under 10 % of the cost in the last second.
 
-    The chosen candidate passed the collision check against what was predicted; a small share says that nothing but
-    that check kept the ego away from others. Stated only where it holds for at least half of the collisions that an ego
-    could prevent.
+    The chosen candidate passed the collision check against the prediction; a small share means that only that check
+    kept the ego away from others. The finding needs at least half of the collisions that the ego could have prevented.
     """
     runs = evidence.runs
     hits = [record for record in evidence.hits() if not evidence.is_the_others(record)]
@@ -254,8 +256,8 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(
             name="weak_obstacle_cost",
             statement=(
-                f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that an ego could prevent, "
-                f"obstacles made up under {100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second "
+                f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that the ego could have "
+                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second "
                 f"(median {100 * middle:.1f} %){evidence.among_hits}."
             ),
             figures={
@@ -267,13 +269,13 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             },
             run_ids=weak,
             moments=_hits_of(evidence, (record for record in records if record.run_id in weak)),
-            alternatives="the other was not predicted to be there, so that no weight would have seen it",
+            alternatives="the other was not predicted to be there, so no weight could have counted it",
             suggestion=_suggestion(runs, config_id, known[0]) if known else None,
         )
 
 
 def _obstacle_share(runs: RunSet, record: RunRecord) -> float | None:
-    """The obstacle terms' share of the cost in the last second before a collision."""
+    """Return the share of the obstacle terms in the cost of the last second before a collision."""
     steps = runs.steps.get(record.run_id)
     if steps is None or record.collision is None:
         return None
@@ -282,9 +284,9 @@ def _obstacle_share(runs: RunSet, record: RunRecord) -> float | None:
 
 
 _PROGRESS_TERM = "velocity_offset"
-"""The cost term of driving slower than wanted."""
+"""The cost term for driving slower than desired."""
 _HELD_UP_SHARE = 0.4
-"""Share of a drive behind a slower vehicle from which that decides when the ego arrives (chosen)."""
+"""Smallest share of a drive behind a slower vehicle that explains a late arrival (chosen)."""
 
 
 _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
@@ -292,31 +294,31 @@ _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
         "stood_late",
         ("stood_at_green", "stood_without_cause"),
         "stood at a green light or with nothing to wait for",
-        "the planner waits for something that the scenario's file does not hold",
+        "the planner waits for something that is not in the scenario file",
     ),
     (
         "waited_late",
         ("stood_at_red", "stood_before_red", "stood_at_light", "stood_at_stop_sign", "stood_to_give_way"),
-        "stood at lights or stop signs, or while others crossed their way",
-        "an ego that came earlier would have passed before; whether one that stopped meant to give way is not known",
+        "stood at lights or stop signs, or while others crossed their path",
+        "an ego that arrived earlier would have passed; whether it stopped to give way is unknown",
     ),
     (
         "held_up",
         ("held_up", "stood_in_queue", "stood_behind_vehicle"),
         "were behind a slower vehicle",
-        "an ego that overtakes, or that starts nearer to it, would be on time",
+        "an ego that overtakes, or that starts closer, would be on time",
     ),
 )
-"""Why a run is late, by its stretches: name of the finding, codes that count, words, and alternative explanations."""
+"""Why a run is late: name of the finding, codes of stretches that count, text, and alternative explanations."""
 
 
 def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what the egos waited for, and what delayed the others.
 
-    Each run counts for the first cause that holds: a goal out of reach; then the cause in ``_LATE`` that took most of
-    the drive, if it took 40 % of it. The rest is reported per configuration by the median run's largest cost term:
-    where it is the speed offset itself, the planner pays for being slow and still is, so its weight is too small
-    against the rest; where it is another, that one is what holds the ego back.
+    Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
+    the drive, if it took at least 40 %. The rest is reported per configuration by the median run's largest cost term.
+    If that is the speed offset, the planner pays for being slow and still is: its weight is too small. If it is another
+    term, that term holds the ego back.
     """
     runs = evidence.runs
     late = [record for record in runs.failures if record.outcome in ("timeout", "goal_late")]
@@ -330,8 +332,8 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(
             name="goal_out_of_reach",
             statement=(
-                f"{len(too_far)} of {of} could not be on time: their goal is farther away than an ego "
-                "comes that accelerates to the speed limit and keeps it."
+                f"{len(too_far)} of {of} could not be on time: the goal is out of reach for an ego that accelerates "
+                "to the speed limit and keeps it."
             ),
             figures={"runs": len(too_far), **all_late},
             run_ids=_ids(too_far),
@@ -344,7 +346,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
         if members:
             yield Finding(
                 name=name,
-                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % of the drive or more.",
+                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % or more of the drive.",
                 figures={"runs": len(members), **all_late, "least_share": _HELD_UP_SHARE},
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
@@ -357,7 +359,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """Return the name of what took most of a late drive, if it took 40 % of it; else empty."""
+    """Return the name of the cause that took most of a late drive if it took at least 40 %, else an empty string."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -396,19 +398,19 @@ def _own_doing(evidence: Evidence) -> Iterator[Finding]:
                 },
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
-                alternatives="the planner saw a reason that is not on the road: a prediction, or its desired speed",
+                alternatives="the reason is not on the road: a prediction, or the desired speed",
                 next_step=f"analyze_results results=[{run_id}] detail=timeline where=['time_s={_around(worst)}']",
             )
 
 
 def _figures_of(moment: PaceMoment) -> dict[str, float]:
-    """Return the figures of a stretch that its words hold."""
+    """Return the figures that the text of a stretch contains."""
     names = ("since_s", "until_s", "largest_mps2", "distance_m", "obstacle_id")
     return {name: value for name in names if (value := getattr(moment, name)) is not None}
 
 
 def _sample_figures(looked_at: int, **of: int) -> dict[str, float]:
-    """Return how many of some runs were looked at, or nothing if all were."""
+    """Return how many of the runs were examined, or nothing if all were."""
     (count,) = of.values()
     return {} if looked_at == count else {"looked_at": looked_at, **of}
 
@@ -422,11 +424,11 @@ _OWN: tuple[tuple[str, tuple[PaceCode, ...], str], ...] = (
     ("stood_without_cause", ("stood_at_green", "stood_without_cause"), "stood with nothing to wait for"),
     ("braked_without_cause", ("braked_without_cause", "braked_too_hard"), "braked without a reason on the road"),
 )
-"""Findings on what the ego did without a reason: name, codes of moments, words."""
+"""Findings on what the ego did without a reason: name, codes of moments, text."""
 
 
 def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[PaceCode]) -> tuple[FindingMoment, ...]:
-    """Return the first stretch with one of these codes of each run."""
+    """Return the first stretch of each run that has one of these codes."""
     wanted = tuple(codes)
     found = []
     for record in records:
@@ -437,7 +439,7 @@ def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[
 
 
 def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
-    """Return the moments of the collisions of runs."""
+    """Return the times of the collisions of runs."""
     return tuple(
         FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
         for record in records
@@ -454,18 +456,18 @@ def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterat
         name="held_back",
         subject=largest,
         statement=(
-            f"{len(records)} of the runs of {records[0].config_name} ran out of time or came too late; {largest} was "
-            f"{100 * terms[largest]:.0f} % of the cost in the median one."
+            f"{len(records)} runs of {records[0].config_name} ran out of time or arrived too late; {largest} made up "
+            f"{100 * terms[largest]:.0f} % of the cost in the median run."
         ),
         figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
-        alternatives="the goal's time suits another speed, or traffic leaves no way",
+        alternatives="the goal's time requires another speed, or traffic blocks the road",
         suggestion=_suggestion(runs, config_id, largest, lower=largest != _PROGRESS_TERM),
     )
 
 
 def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, float]:
-    """By term, its share of the cost in the median of the runs that have any cost."""
+    """Return the share of each term in the cost of the median run, over the runs that have a cost."""
     terms = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
     shares = [{term: value / total for term, value in mean.items()} for mean in terms if (total := sum(mean.values()))]
     names = sorted({term for share in shares for term in share})
@@ -473,7 +475,7 @@ def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, floa
 
 
 def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
-    """The constraint that rejects most candidates in most of the infeasible runs."""
+    """Yield the constraint that rejects most candidates in most of the infeasible runs."""
     stuck = [one for one in evidence.runs.failures if one.outcome == "infeasible" and one.rejected_candidates]
     first = Counter(_most(one.rejected_candidates) for one in stuck)
     if not first:
@@ -488,29 +490,29 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
         name="rejecting_constraint",
         subject=name,
         statement=(
-            f"In {count} of {len(stuck)} infeasible runs the constraint {name} rejected most candidates, "
+            f"In {count} of {len(stuck)} infeasible runs, {name} rejected most candidates: "
             f"{100 * median(shares):.0f} % of the rejected ones in the median run."
         ),
         figures={"runs": count, "of": len(stuck), "median_share": median(shares)},
         run_ids=run_ids,
-        alternatives="the sampling holds no candidate that this place allows: sampling_level",
+        alternatives="the sampling contains no candidate that is feasible here: raise sampling_level",
         next_step=f"analyze_results results=[{run_ids[0]}] detail=timeline",
     )
 
 
 def _most(counts: Mapping[str, int]) -> str:
-    """The name of the largest count, of equal ones the first in the alphabet."""
+    """Return the name with the largest count; of equal counts, the first in the alphabet."""
     return min(counts, key=lambda name: (-counts[name], name))
 
 
 _ROLLING_MPS = 2.0
-"""A slower ego queues or creeps (chosen): what it comes near to then is no near miss."""
+"""Below this speed the ego queues or creeps (chosen): being close to others is then no near miss."""
 
 
 def _near_misses(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: successes in which the ego itself came near: to another ahead or crossing, not creeping.
+    """Yield, per configuration, successes in which the moving ego came close to a road user ahead or crossing.
 
-    Those behind, beside and oncoming in their own lane decide for themselves how near they come, and are counted apart.
+    Road users behind, alongside or oncoming in their own lane decide how close they come; they are counted separately.
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
@@ -519,14 +521,14 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
         own = [record for record in close if _came_near(evidence.review(record))]
         if not own:
             continue
-        others = f"; in {len(close) - len(own)} more others came near to it" if len(close) > len(own) else ""
+        others = f"; in {len(close) - len(own)} more, others came close to it" if len(close) > len(own) else ""
         of = f"{len(records)} successes"
         if len(close) < len(near):
             of = f"a random {len(close)} of the {len(near)} close ones among {len(records)} successes"
         yield Finding(
             name="near_misses",
             statement=(
-                f"In {len(own)} of {of} of {records[0].config_name} the ego came within "
+                f"In {len(own)} of {of} of {records[0].config_name}, the ego came within "
                 f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
             ),
             figures={
@@ -543,18 +545,18 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
                 for one in own
                 for moment in _own_near(evidence.review(one))[:1]
             ),
-            alternatives="the other braked or cut in, which the ego then mastered",
+            alternatives="the other braked or cut in, and the ego handled it",
             suggestion=_suggestion(runs, config_id, "distance_to_obstacles"),
         )
 
 
 def _came_near(looked_at: RunReview) -> bool:
-    """Return whether the ego itself brought about one of the moments that make a run close."""
+    """Return True if the ego itself caused one of the close approaches of a run."""
     return bool(_own_near(looked_at))
 
 
 def _own_near(looked_at: RunReview) -> list[Encounter]:
-    """Return the moments that make a run close and that the ego itself brought about."""
+    """Return the close approaches of a run that the ego itself caused."""
     closest, urgent = looked_at.closest, looked_at.most_urgent
     near = closest is not None and closest.gap_m < CRITICAL_GAP_M and _is_the_egos(closest)
     time = None if urgent is None else urgent.time_to_collision_s
@@ -574,7 +576,7 @@ _COMFORTABLE_MPS2 = 3.0
 
 
 def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: at least a quarter of its successes above 3 m/s² of lateral acceleration."""
+    """Yield, per configuration, successes above 3 m/s² of lateral acceleration if they are at least a quarter."""
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
         values = {r.run_id: r.metrics.maximum_lateral_acceleration_mps2 for r in records if r.metrics is not None}
@@ -595,13 +597,13 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
             },
             run_ids=harsh,
             moments=_sharpest(runs, harsh),
-            alternatives="the way to the goal is that narrow at the speed that its time asks for",
+            alternatives="the path to the goal is that tight at the speed that the goal's time requires",
             suggestion=_suggestion(runs, config_id, "lateral_jerk"),
         )
 
 
 def _sharpest(runs: RunSet, run_ids: Iterable[str]) -> tuple[FindingMoment, ...]:
-    """Return when the lateral acceleration of runs was largest."""
+    """Return the times at which the lateral acceleration of runs was largest."""
     found = []
     for record in runs.valid:
         steps = runs.steps.get(record.run_id)
@@ -618,7 +620,7 @@ _DOMINATING_SHARE = 0.8
 
 
 def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Per configuration: a term with over 80 % of the chosen candidates' cost in the median run."""
+    """Yield, per configuration, a term with over 80 % of the chosen candidates' cost in the median run."""
     runs = evidence.runs
     for records in runs.by_config(runs.valid).values():
         for term, share in _median_shares(runs, records).items():
@@ -627,13 +629,13 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
                     name="dominating_cost",
                     subject=term,
                     statement=(
-                        f"{term} is {100 * share:.0f} % of the cost in the median run under {records[0].config_name}."
+                        f"{term} is {100 * share:.0f} % of the cost in the median run of {records[0].config_name}."
                     ),
                     figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),
                     alternatives=(
-                        "a term that is alike for all candidates decides nothing, however large: what differs between "
-                        "candidates is not recorded"
+                        "a term that is equal for all candidates decides nothing, however large: differences between "
+                        "candidates are not recorded"
                     ),
                 )
 
@@ -656,12 +658,12 @@ def _idle_weights(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(
             name="idle_weights",
             statement=(
-                f"{', '.join(idle)} of {records[0].config_name} cost nothing in any of {len(run_ids)} runs: changing "
-                f"{'it' if len(idle) == 1 else 'them'} upward may do nothing on such scenarios."
+                f"{', '.join(idle)} of {records[0].config_name} cost nothing in any of {len(run_ids)} runs: raising "
+                f"{'it' if len(idle) == 1 else 'them'} may have no effect on such scenarios."
             ),
             figures={"runs": len(run_ids)},
             run_ids=run_ids,
-            alternatives="candidates that were not chosen may have cost by it",
+            alternatives="it may have added cost to candidates that were not chosen",
         )
 
 
@@ -670,14 +672,14 @@ def _costs(runs: RunSet, record: RunRecord) -> Iterable[tuple[str, float]]:
 
 
 _HARDER_POINTS = 0.2
-"""Difference of success that is worth a statement (chosen)."""
+"""Smallest difference in success that is reported (chosen)."""
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """A class of obstacles or a kind of road whose scenarios fail more often than the others, by Fisher's exact test.
+    """Yield classes of obstacles or kinds of road with scenarios that fail more often than the others.
 
-    A scenario counts once, as reached where most of its runs reached the goal. The p values of all groups are adjusted
-    by Holm; collisions that are the others' doing are left out.
+    Tested by Fisher's exact test. A scenario counts once, as reached if most of its runs reached the goal. The p values
+    of all groups are adjusted by Holm. Collisions that are attributed to others are left out.
     """
     runs = evidence.runs
     reached: dict[str, list[bool]] = {}
@@ -703,8 +705,8 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
             name="harder_group",
             subject=name.split()[-1],
             statement=(
-                f"Scenarios {name} are harder: goal in {inside[0]} of {inside[1]}, of the others in {outside[0]} of "
-                f"{outside[1]} (Fisher's exact test, Holm p {p_figure(p)})."
+                f"Scenarios {name} are harder: {inside[0]} of {inside[1]} reach the goal, {outside[0]} of {outside[1]} "
+                f"of the others (Fisher's exact test, Holm p {p_figure(p)})."
             ),
             figures={
                 "reached": inside[0],
@@ -714,25 +716,25 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
                 "p_holm": p,
             },
             run_ids=_ids(record for record in runs.failures if runs.root(record) in members),
-            alternatives="what comes with it, such as density or road: see the correlations with these held fixed",
+            alternatives="something that goes with it, such as density: see the correlations with it held fixed",
             next_step="analyze_results breakdown=obstacle_class",
         )
 
 
 _FEWEST_OF_A_GROUP = 4
-"""Scenarios on either side below which no exact test finds much (chosen)."""
+"""Fewest scenarios per side; with fewer, an exact test finds little (chosen)."""
 
 
 def _two_groups(members: set[str], seen: set[str], mastered: set[str]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """(mastered, of) inside and outside of a group."""
+    """Return (mastered, total) inside and outside of a group."""
     inside, outside = members & seen, seen - members
     return (len(inside & mastered), len(inside)), (len(outside & mastered), len(outside))
 
 
 def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
-    """Scenarios that failed under all of two or more configurations: weights are not what is missing.
+    """Yield the scenarios that failed under every one of two or more configurations: better weights will not help.
 
-    Left out are those of which all failures are the doing of others that follow a recording.
+    Scenarios are left out if all their failures are attributed to others that follow a recording.
     """
     runs = evidence.runs
     by_scenario: dict[str, list[RunRecord]] = {}
@@ -746,13 +748,13 @@ def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
     names = sorted(fair)
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     others = len(hard) - len(fair)
-    apart = f" ({others} more by collisions that others made or that no reference driver prevents)" if others else ""
+    apart = f" ({others} more by collisions that others caused or that no reference driver prevents)" if others else ""
     yield Finding(
         name="hard_scenarios",
         statement=f"{len(fair)} of {len(tried)} scenarios failed under every configuration tried{apart}: {shown}.",
         figures={"scenarios": len(fair), "of": len(tried), "by_others": others},
         run_ids=_ids(record for key in names for record in fair[key]),
-        alternatives="a goal that cannot be reached, or a prediction that misses what happens there",
+        alternatives="the goal cannot be reached, or the prediction misses what happens there",
         next_step=f"describe_scenario scenario_id={names[0]} detail=checks",
     )
 
@@ -762,7 +764,7 @@ def _ids(records: Iterable[RunRecord]) -> tuple[str, ...]:
 
 
 def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = False) -> Suggestion | None:
-    """To raise (or lower) a weight of a configuration; None where its value is unknown."""
+    """Return the suggestion to raise (or lower) a weight of a configuration, or None if its value is unknown."""
     value = runs.weights(config_id).get(weight)
     if value is None or (lower and value == 0):
         return None
@@ -772,7 +774,7 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
 
 _Find = Callable[[Evidence], Iterable[Finding]]
 _OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unforeseen, _late, _rejecting_constraint)
-"""Findings that count runs of whatever configuration: with several, each is stated of one at a time."""
+"""Findings that count runs of any configuration: with several, each is stated for one configuration at a time."""
 FINDINGS: tuple[_Find, ...] = (
     _main_failure,
     _weight_off,

@@ -1,11 +1,11 @@
-"""Limits on what runs show: ``success >= 0.9``, ``preventable_collisions == 0``, ``not worse than baseline.json``.
+"""Limits on figures of runs: ``success >= 0.9``, ``preventable_collisions == 0``, ``not worse than baseline.json``.
 
     limit      [mean|median|lowest|highest] NAME OPERATOR NUMBER[%] [in SHARE of runs] [with confidence] [for CONFIG]
     baseline   not worse than BASELINE [by MARGIN] [for CONFIG] · nothing lost against BASELINE [for CONFIG]
 
-A limit is judged for every configuration by itself. Shares are those of the valid runs; ``with confidence`` holds the
-end of the 95 % interval that is nearer to the limit against it. A metric without a word before it must hold in every
-run that has it, or in the share that is named.
+A limit is judged for every configuration separately. Shares are those of the valid runs; ``with confidence`` compares
+the limit with the less favourable end of the 95 % interval. A metric without a statistic must hold in every run that
+has it, or in the given share of them.
 """
 
 import operator
@@ -41,8 +41,9 @@ _STATISTICS: Mapping[str, Callable[[Sequence[float]], float]] = {
 }
 _FAILURES = tuple(word for word in get_args(Outcome) if word not in ("goal_reached", "invalid"))
 RATES = ("success", "success_without_unpreventable", *_FAILURES)
-"""Shares of the valid runs: of goals, of goals where collisions that no reference driver prevents do not count, and of
-each other outcome."""
+"""Shares of the valid runs: of goals, of goals without the collisions that no reference driver prevents, and of each
+other outcome.
+"""
 COUNTS = ("collisions", "preventable_collisions", "failures", "invalid", "lost")
 """Numbers of runs."""
 _METRICS = {spec.name: spec for spec in METRICS}
@@ -59,20 +60,20 @@ _BASELINE = re.compile(
 )
 _EXAMPLES = ("success >= 0.9", "preventable_collisions == 0", "minimum_distance_m >= 0.5 in 95 % of runs")
 _SHOWN = 5
-"""Runs against a limit that a verdict names (chosen)."""
+"""Number of runs against a limit that a verdict lists (chosen)."""
 
 
-_Held = tuple[bool, str, list[str]]
-"""Whether a limit holds, what was seen, and the runs (or scenarios) against it."""
+_CheckResult = tuple[bool, str, list[str]]
+"""Whether a limit holds, the observation, and the runs (or scenarios) against it."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What limits are judged on, of one configuration: its runs, cells without one, and what is known beside.
+    """The runs of one configuration that limits are judged on, its cells without a run, and what else is known.
 
     ``unpreventable``: runs that ended in a collision that no reference driver prevents; ``against``: by baseline, the
     paired test of its runs (before) and these (after), and the scenarios that only the baseline mastered; ``roots``:
-    of edited scenarios, the one that they were made of.
+    the root scenario of each edited scenario.
     """
 
     configuration: str
@@ -90,9 +91,10 @@ class Judged:
 
 @dataclass(frozen=True)
 class Limit(ABC):
-    """One limit as written, and what it says; ``only``: the configuration that it is for, empty for all.
+    """One limit as written, and its parsed content.
 
-    ``baseline``: what it holds the runs against, a file or batch; empty where it is a number.
+    ``only``: the configuration that it applies to, empty for all; ``baseline``: the file or batch that runs are
+    compared with, empty if the limit is a number.
     """
 
     text: str
@@ -100,8 +102,8 @@ class Limit(ABC):
     baseline: str
 
     def judge(self, runs: Judged) -> LimitVerdict:
-        """Whether the limit holds for the runs of a configuration, with what was seen."""
-        holds, observed, against = self._held(runs)
+        """Return whether the limit holds for the runs of a configuration, with the observation."""
+        holds, observed, against = self._check(runs)
         more = [f"+{len(against) - _SHOWN}"] if len(against) > _SHOWN else []
         shown = f"{observed}: {', '.join([*against[:_SHOWN], *more])}" if against and not holds else observed
         return LimitVerdict(
@@ -113,12 +115,12 @@ class Limit(ABC):
         )
 
     @abstractmethod
-    def _held(self, runs: Judged) -> _Held: ...
+    def _check(self, runs: Judged) -> _CheckResult: ...
 
 
 @dataclass(frozen=True)
 class _FigureLimit(Limit):
-    """A bound on a share, a count or a metric; ``share``: of the runs that must be within it."""
+    """A bound on a share, a count or a metric; ``share``: the share of runs that must be within it."""
 
     name: str
     compare: str
@@ -127,12 +129,12 @@ class _FigureLimit(Limit):
     share: float
     sure: bool
 
-    def _held(self, runs: Judged) -> _Held:
+    def _check(self, runs: Judged) -> _CheckResult:
         if self.name in RATES:
-            return self._share_held(runs)
-        return self._count_held(runs) if self.name in COUNTS else self._metric_held(runs)
+            return self._check_share(runs)
+        return self._check_count(runs) if self.name in COUNTS else self._check_metric(runs)
 
-    def _share_held(self, runs: Judged) -> _Held:
+    def _check_share(self, runs: Judged) -> _CheckResult:
         valid = runs.valid
         if self.name == "success_without_unpreventable":
             valid = [record for record in valid if record.run_id not in runs.unpreventable]
@@ -149,7 +151,7 @@ class _FigureLimit(Limit):
         wrong = counted if self.compare[0] == "<" else [record for record in valid if record not in counted]
         return _OPERATORS[self.compare](value, self.number), text, [record.run_id for record in wrong]
 
-    def _count_held(self, runs: Judged) -> _Held:
+    def _check_count(self, runs: Judged) -> _CheckResult:
         hits = [record for record in runs.valid if record.outcome == "collision"]
         counted = {
             "collisions": hits,
@@ -161,7 +163,7 @@ class _FigureLimit(Limit):
         number = runs.lost if self.name == "lost" else len(found)
         return _OPERATORS[self.compare](number, self.number), f"{number}", found
 
-    def _metric_held(self, runs: Judged) -> _Held:
+    def _check_metric(self, runs: Judged) -> _CheckResult:
         spec = _METRICS[self.name]
         seen = [(record.run_id, value) for record in runs.valid if (value := spec.value(record)) is not None]
         if not seen:
@@ -180,15 +182,15 @@ class _FigureLimit(Limit):
 
 @dataclass(frozen=True)
 class _BaselineLimit(Limit):
-    """The runs against those of a baseline: on the whole, by at most a margin, or scenario by scenario."""
+    """A comparison with the runs of a baseline: overall, by at most a margin, or scenario by scenario."""
 
     kind: Literal["not_worse", "nothing_lost"]
     margin: float | None
 
-    def _held(self, runs: Judged) -> _Held:
+    def _check(self, runs: Judged) -> _CheckResult:
         test, lost = runs.against[self.baseline]
         if not test.pairs or test.difference is None:
-            return False, f"no scenario of {self.baseline} was run under {runs.configuration}", []
+            return False, f"no scenario of {self.baseline} was run with {runs.configuration}", []
         changed = f"{test.only_after} gained, {test.only_before} lost of {test.pairs} pairs"
         if self.kind == "nothing_lost":
             return not lost, changed, list(lost)
@@ -204,10 +206,10 @@ class _BaselineLimit(Limit):
 
 
 def parse_limit(text: str) -> Limit:
-    """What a limit says.
+    """Parse a limit.
 
     Raises:
-        InvalidRequest: it is not of this form, or a share is not between 0 and 1.
+        InvalidRequest: the text is not a limit, or a share is not between 0 and 1.
         UnknownName: it bounds something that runs do not have.
     """
     plain = " ".join(text.split())
@@ -216,13 +218,13 @@ def parse_limit(text: str) -> Limit:
         only = found["only"] or ""
         is_single = found["kind"].startswith("nothing")
         if is_single and found["margin"] is not None:
-            raise InvalidRequest(f"{quoted(text)}: a margin goes with 'not worse than'")
+            raise InvalidRequest(f"{quoted(text)}: a margin is only valid with 'not worse than'")
         margin = None if found["margin"] is None else _share(found["margin"], found["percent"], text)
         kind: Literal["not_worse", "nothing_lost"] = "nothing_lost" if is_single else "not_worse"
         return _BaselineLimit(plain, only, found["baseline"], kind, margin)
     found = _FIGURE.fullmatch(plain)
     if found is None:
-        raise InvalidRequest(f"{quoted(text)} is no limit", valid=[*_EXAMPLES, "not worse than FILE"])
+        raise InvalidRequest(f"{quoted(text)} is not a limit", valid=[*_EXAMPLES, "not worse than FILE"])
     name = found["name"]
     if name not in (*RATES, *COUNTS, *_METRICS):
         known = [*RATES, *COUNTS, *_METRICS]
@@ -231,13 +233,15 @@ def parse_limit(text: str) -> Limit:
     if name in RATES:
         number = _share(found["number"], found["percent"], text)
     elif found["percent"]:
-        raise InvalidRequest(f"{quoted(text)}: {name} is no share", valid=[f"{name} {found['operator']} {number:g}"])
+        raise InvalidRequest(f"{quoted(text)}: {name} is not a share", valid=[f"{name} {found['operator']} {number:g}"])
     if (found["statistic"] or found["share"]) and name not in _METRICS:
-        raise InvalidRequest(f"{quoted(text)}: {name} is one figure of all runs", valid=[*_METRICS])
+        raise InvalidRequest(f"{quoted(text)}: {name} is a single figure and takes no statistic", valid=[*_METRICS])
     if found["statistic"] and found["share"]:
-        raise InvalidRequest(f"{quoted(text)}: a {found['statistic']} has no share of runs", valid=list(_EXAMPLES))
+        raise InvalidRequest(
+            f"{quoted(text)}: a {found['statistic']} cannot have a share of runs", valid=list(_EXAMPLES)
+        )
     if found["sure"] and name not in RATES:
-        raise InvalidRequest(f"{quoted(text)}: only shares have an interval to be sure by", valid=list(RATES))
+        raise InvalidRequest(f"{quoted(text)}: only shares have a confidence interval", valid=list(RATES))
     share = 1.0 if found["share"] is None else _share(found["share"], found["share_percent"], text)
     only, statistic, sure = found["only"] or "", found["statistic"] or "", bool(found["sure"])
     return _FigureLimit(plain, only, "", name, found["operator"], number, statistic, share, sure)
@@ -246,5 +250,5 @@ def parse_limit(text: str) -> Limit:
 def _share(number: str, percent: str, text: str) -> float:
     share = float(number) / (100 if percent else 1)
     if not 0 <= share <= 1:
-        raise InvalidRequest(f"{quoted(text)}: a share lies between 0 and 1", valid=["0.9", "90 %"])
+        raise InvalidRequest(f"{quoted(text)}: a share must be between 0 and 1", valid=["0.9", "90 %"])
     return share

@@ -1,7 +1,7 @@
-"""The measures of runs (``schemas/measures.py``), each with the other, its relation and the moment that decide it.
+"""The measures of runs (``schemas/measures.py``), each with the road user, its relation and the time that decide it.
 
-Computed when they are asked for, from the driven steps and the tracks of all others. A stored metric keeps the value
-that the run was stored with; it has a moment where the tracks show the same value.
+They are computed on request, from the driven steps and the tracks of all others. A stored metric keeps its stored
+value; it has a time only if the tracks give the same value.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,34 +35,38 @@ from .prevention import safe_distance_m
 from .run_set import RunSet, ego_track, tracks_in
 
 LONGEST_S = 100.0
-"""As in the criticality figures: a longer time is none."""
+"""As for the criticality figures, longer times do not count."""
 EXPOSED_S = 3.0
-"""Threshold of time exposed and time integrated: the largest that Minderhoud and Bovy (2001) look at."""
+"""Threshold of time exposed and time integrated: the largest that Minderhoud and Bovy (2001) use."""
 MOST_NEEDED_MPS2, MOST_THREAT = 20.0, 5.0
-"""Chosen: from here on more says nothing more; no road vehicle brakes harder than half of it."""
+"""Upper bounds (chosen): larger values add no information; no road vehicle brakes harder than half of the first."""
 CROSSED_WITHIN_S = 10.0
-"""Chosen: paths that cross with more time between are no encounter; 5 s and less are looked at in most studies."""
+"""Longest time between crossing paths that counts as an encounter (chosen); most studies use 5 s or less."""
 _CLOSING_MPS = 1e-6
-"""Chosen, far above rounding: who closes in more slowly keeps the distance."""
+"""Slower closing counts as keeping the distance (chosen, far above rounding errors)."""
 _MASSES_KG = {"pedestrian": 75.0, "bicycle": 90.0, "motorcycle": 250.0, "truck": 12_000.0, "bus": 12_000.0}
 _CAR_KG = 1500.0
-"""Chosen, with driver: files hold no masses. All other classes count as cars."""
+"""Mass with driver (chosen): files contain no masses. All other classes count as cars."""
 MOST_MEASURED = 60
-"""How many runs of a set are measured, drawn at random (chosen): each reads its scenario; an answer has 50 s."""
+"""Number of runs of a set that are measured, drawn at random (chosen): each reads its scenario; an answer has 50 s."""
 
 
 def measures_of(runs: RunSet, record: RunRecord) -> tuple[MeasuredValue, ...]:
-    """All measures of a run, in the order of ``MEASURES``."""
+    """Return all measures of a run, in the order of ``MEASURES``."""
     steps = runs.steps.get(record.run_id)
     if record.metrics is None or steps is None or not steps.x_m:
         why = "the problem is invalid" if record.metrics is None else "the steps of the run were not kept"
-        return tuple(_told(measure, record, MeasuredValue(name=measure.name, why=why)) for measure in MEASURES)
+        return tuple(
+            _with_stored_value(measure, record, MeasuredValue(name=measure.name, why=why)) for measure in MEASURES
+        )
     drive = _measured_drive(runs, record, steps)
     found = {one.name: one for one in drive.measured()}
     if record.outcome == "off_road":
         found.pop("risk_score", None)
     return tuple(
-        _told(measure, record, found.get(measure.name) or MeasuredValue(name=measure.name, why=measure.none))
+        _with_stored_value(
+            measure, record, found.get(measure.name) or MeasuredValue(name=measure.name, why=measure.none)
+        )
         for measure in MEASURES
     )
 
@@ -95,8 +99,8 @@ def _spread(measure: Measure, measured: Sequence[tuple[str, MeasuredValue]]) -> 
     )
 
 
-def _told(measure: Measure, record: RunRecord, found: MeasuredValue) -> MeasuredValue:
-    """A measure as it is told: a stored one with its stored value, and the moment only where that is the same."""
+def _with_stored_value(measure: Measure, record: RunRecord, found: MeasuredValue) -> MeasuredValue:
+    """Return a measure with its stored value if it has one; with its time only if the computed value agrees."""
     stored: float | None = getattr(record.metrics, measure.name, None) if measure.stored else None
     if measure.name == "risk_score" and record.outcome == "off_road":
         stored = None
@@ -117,7 +121,7 @@ def _measured_drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "Measur
         standing = frozenset(int(one.obstacle_id) for one in loaded.scenario.static_obstacles)
         try:
             progress = progress_to_goal(loaded.scenario, loaded.problem(record.problem_id), vehicle, ego.positions)
-        except UnknownName:  # the file was put in the place of the one that was run
+        except UnknownName:  # the file was replaced since the run
             progress = None
     return MeasuredDrive(
         ego=ego,
@@ -133,11 +137,11 @@ def _measured_drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "Measur
 
 @dataclass(frozen=True)
 class Leaders:
-    """The nearest vehicle ahead on the ego's path, a value a state that has one (``state``, an index).
+    """The nearest vehicle ahead on the ego's path, one entry per state that has one (``state``, an index).
 
     ``track``: an index into the others; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``, ``speeds_mps`` and
-    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: how much both bodies overlap across it;
-    ``hardest_mps2``: what tyres hold on the road.
+    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: lateral overlap of both bodies;
+    ``hardest_mps2``: the deceleration that the tyres allow on this road.
     """
 
     state: NDArray[np.intp]
@@ -151,20 +155,20 @@ class Leaders:
 
     @cached_property
     def closing_mps(self) -> Values:
-        """How fast the gap closes, 0 where it does not."""
+        """The speed at which the gap closes, 0 if it does not."""
         closing = self.ego_mps - self.speeds_mps
         return np.where(closing > _CLOSING_MPS, closing, 0.0)
 
     @cached_property
     def times_to_collision_s(self) -> Values:
-        """Gap ÷ closing speed; infinite where it is not closing."""
+        """Gap ÷ closing speed; infinite if the gap is not closing."""
         return _ratio(self.gaps_m, self.closing_mps)
 
     @cached_property
     def needed_mps2(self) -> Values:
-        """The even deceleration with which the ego has the leader's speed as it touches it; 0 where it need not brake.
+        """The constant deceleration that brings the ego to the leader's speed on contact; 0 if it need not brake.
 
-        A leader that keeps its acceleration, and stands once it has stopped (Jansson 2005, 5.3.5).
+        The leader keeps its acceleration and stays stopped once it has stopped (Jansson 2005, 5.3.5).
         """
         gap, closing = self.gaps_m, self.ego_mps - self.speeds_mps
         keeps = _ratio(closing**2, 2 * gap) - self.accelerations_mps2
@@ -178,28 +182,28 @@ class Leaders:
 
     @cached_property
     def times_to_brake_s(self) -> Values:
-        """How long the ego may keep its speed and still brake to the leader's; infinite where it is not closing."""
+        """How long the ego may keep its speed and still brake to the leader's; infinite if it is not closing."""
         left = self.gaps_m - self.closing_mps**2 / (2 * self.hardest_mps2)
         return np.maximum(_ratio(left, self.closing_mps), 0.0)
 
     @cached_property
     def times_to_swerve_s(self) -> Values:
-        """How long the ego may keep its speed and still pass beside the leader."""
+        """How long the ego may keep its speed and still swerve past the leader."""
         takes_s = np.sqrt(2 * self.across_m / self.hardest_mps2)
         return np.maximum(self.times_to_collision_s - takes_s, 0.0)
 
 
 def _ratio(over: Values, under: Values) -> Values:
-    """A quotient of which the divisor is not negative; infinite where it is 0."""
+    """Return the quotient for a non-negative divisor; infinite if the divisor is 0."""
     return np.where(under > 0, over / np.where(under > 0, under, 1.0), np.inf)
 
 
 @dataclass(frozen=True)
 class MeasuredDrive:
-    """What measures are computed from: the driven states with the vehicle, and all others as they moved.
+    """The input of the measures: the driven states with the vehicle, and the tracks of all others.
 
-    ``standing``: ids of others that never move; ``hit``: whom the ego collided with at its last state; ``progress``:
-    the share of the path to the goal, None where it is not known.
+    ``standing``: ids of others that never move; ``hit``: the road user that the ego collided with at its last state;
+    ``progress``: the share of the path to the goal, or None if it is unknown.
     """
 
     ego: Track
@@ -212,7 +216,7 @@ class MeasuredDrive:
     progress: float | None = None
 
     def measured(self) -> Iterator[MeasuredValue]:
-        """The measures that there are, and those that there are not for a reason of their own."""
+        """Yield the measures that exist, and those that are missing for a specific reason."""
         yield from self._nearness()
         yield from self._following()
         yield from self._time_left()
@@ -261,7 +265,7 @@ class MeasuredDrive:
         )
 
     def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
-        """Those of others at some states of the ego: central differences of their speeds, within ±8 m/s²."""
+        """Return the accelerations of others at some states of the ego: differences of speed, within ±8 m/s²."""
         found = np.zeros(len(states))
         for number in np.unique(tracks):
             track, chosen = self.others[int(number)], tracks == number
@@ -325,7 +329,7 @@ class MeasuredDrive:
         yield self._of_leader("steer_threat_number", np.minimum(across, MOST_THREAT), across.argmax())
 
     def _time_left(self) -> Iterator[MeasuredValue]:
-        """Time to brake and time to react, of leaders and of those that cross."""
+        """Yield time to brake and time to react, for leaders and for crossing road users."""
         led, met = self.leaders, self._met
         soon = led.times_to_collision_s <= CONFLICT_S
         turned = np.abs(wrap_angles(met.other.headings_rad - met.ego.headings_rad))
@@ -363,7 +367,7 @@ class MeasuredDrive:
             )
 
     def _crash(self) -> Iterator[MeasuredValue]:
-        """The change of velocity where the ego hit another whose track is known."""
+        """Yield the change of velocity if the ego hit another road user with a known track."""
         number = next((i for i, track in enumerate(self.others) if track.obstacle_id == self.hit), None)
         last = len(self.ego.positions) - 1
         other = None if number is None else self.others[number]
@@ -376,7 +380,7 @@ class MeasuredDrive:
         yield self._with("delta_v_mps", share * float(np.linalg.norm(away)), last, number)
 
     def _motion(self) -> Iterator[MeasuredValue]:
-        """What the ego did; the moment of each is that of its largest value."""
+        """Yield measures of the ego's motion, each with the time of its largest value."""
         along, step_s, ego = self.accelerations_mps2, self.step_s, self.ego
         if len(along) < 2:
             return
@@ -386,9 +390,9 @@ class MeasuredDrive:
         for name, value in figures.totals.items():
             yield MeasuredValue(name=name, value=value)
         over = np.abs(np.diff(angles) / step_s) > limit * (1 + 1e-6)
-        told = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
+        note_on_limit = f"the vehicle's limit is {limit:g} rad/s" if over.any() else ""
         for one in figures.series:
-            yield from self._largest(one, told if one.name == "maximum_steering_rate_radps" else "")
+            yield from self._largest(one, note_on_limit if one.name == "maximum_steering_rate_radps" else "")
         motion = Motion(ego.positions, ego.headings_rad, ego.speeds_mps, along)
         vehicle = self.vehicle
         drivable = drivable_steps(
@@ -403,7 +407,7 @@ class MeasuredDrive:
         yield MeasuredValue(name="drivable_share", value=float(good.mean()), time_s=first)
 
     def _largest(self, series: MotionSeries, note: str) -> Iterator[MeasuredValue]:
-        """The largest value of a series, with its moment unless it is 0."""
+        """Yield the largest value of a series, with its time unless the value is 0."""
         values = series.values
         if len(values):
             at = int(np.argmax(np.round(values, 9)))
@@ -435,7 +439,7 @@ class MeasuredDrive:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Pairs of a driven state and another near it, with what is between them; all of shape (n,), times in s."""
+    """Pairs of a driven state and another road user near it, with what is between them; all (n,), times in s."""
 
     state: NDArray[np.intp]
     track: NDArray[np.intp]

@@ -1,7 +1,7 @@
-"""The decisive moments of one run: who hit whom, the closest moment, the largest motions, the moments before the end.
+"""The decisive moments of one run: who hit whom, the closest approach, the largest motions, and the last seconds.
 
-Kinds of contacts and limits of comfort are defined in ``docs/runs.md``; the rules are deterministic and read the
-driven steps and the tracks of the others only.
+Kinds of contacts and comfort limits are defined in ``docs/runs.md``. The rules are deterministic and read only the
+driven steps and the tracks of the others.
 """
 
 import math
@@ -49,27 +49,32 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 _MOMENTS, _LAST_S = 10, 3.0
-"""Entries of a timeline and the span that they cover (chosen): a collision is decided in its last seconds."""
+"""Entries of a timeline and the time span that they cover (chosen): a collision is decided in its last seconds."""
 _SAME_RAD, _AGAINST_RAD = math.pi / 4, 3 * math.pi / 4
-"""Chosen as in the criticality figures: headings that differ by less, or by more, are of one or of opposite ways."""
+"""Headings that differ by less are the same direction, by more opposite directions (chosen as in ``criticality.py``).
+"""
 _ROUNDING_M = 1e-6
-"""Motion across by less is left by rounding: a straight drive has none."""
+"""A smaller lateral motion is a rounding error of a straight drive."""
 _CAME_IN_S = 3.0
-"""Chosen: who was in the way for longer did not cut in. UN Regulation 157 and most cut-in studies look at 1 to 3 s."""
+"""Longest time since a cut-in (chosen). UN Regulation 157 and most cut-in studies consider 1 to 3 s."""
 _BRAKING_MPS2 = -1.0
-"""Chosen: a stronger deceleration is braking, a weaker one may be coasting."""
+"""Stronger deceleration is braking; weaker deceleration may be coasting (chosen)."""
 _FORESEEN_S = 1.0
-"""Chosen: what is predicted a second before a collision still lets an ego brake by 7 m/s, and is not yet the touch."""
+"""How long before a collision predictions are judged (chosen): braking can still take 7 m/s off, and contact is not yet
+inevitable.
+"""
 FROM_BEHIND: tuple[ContactKind, ...] = ("rear_end_by_other", "onto_standing_ego")
-"""Another drives into the ego, which it would have seen."""
+"""Kinds in which another drives into the ego from behind or while the ego stands."""
 _LAST_STATES, _AROUND_M, _CLOSED_GAP_M = 40, 80.0, 0.1
-"""Chosen: road that is looked at around the last states of a run, and how far lanelets of real maps lie apart."""
+"""Number of last states around which the road is examined, how far around them, and the gap between lanelets of real
+maps that counts as closed (chosen).
+"""
 AGREES_M = 1e-3
-"""A closest gap that differs by more from the run's own metric is one that the tracks here do not show."""
+"""If the closest gap differs by more from the run's own metric, the tracks do not show it."""
 
 
 def review_runs(request: ReviewRequest, report: ProgressReporter) -> ReviewResponse:
-    """The decisive moments of each run."""
+    """Return the decisive moments of each run."""
     runs = RunSet(request.runs, scenarios=request.scenarios)
     reviews = []
     for number, record in enumerate(runs.records):
@@ -79,7 +84,7 @@ def review_runs(request: ReviewRequest, report: ProgressReporter) -> ReviewRespo
 
 
 def review(runs: RunSet, record: RunRecord) -> RunReview:
-    """The decisive moments of one run; what needs its steps is left out where none were kept."""
+    """Return the decisive moments of one run; without its steps, those that need them are left out."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review
@@ -90,7 +95,7 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
     closest, urgent = drive.nearest_moments()
     return RunReview(
         run_id=record.run_id,
-        contact=_blamed(runs, record, drive.contact()),
+        contact=_attributed(runs, record, drive.contact()),
         closest=closest,
         most_urgent=urgent,
         largest=tuple(_largest(drive.motion)),
@@ -100,7 +105,7 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
 
 
 def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
-    """How the collision of a run came about; None without one, or without the run's steps."""
+    """Return how the collision of a run came about, or None without a collision or without the run's steps."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review.contact
@@ -108,12 +113,12 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
     if record.collision is None or steps is None or not steps.x_m:
         return None
     if record.run_id not in runs.contacts:
-        runs.contacts[record.run_id] = _blamed(runs, record, _drive(runs, record, steps).contact())
+        runs.contacts[record.run_id] = _attributed(runs, record, _drive(runs, record, steps).contact())
     return runs.contacts[record.run_id]
 
 
-def _blamed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
-    """Return the contact; it is laid to the ego if reference drivers on its path cannot undo what the ego did."""
+def _attributed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
+    """Return the contact, attributed to the ego if reference drivers on its path cannot undo what the ego did."""
     fault = None if contact is None else _fault(runs, record, contact)
     return (
         contact if contact is None or fault is None else contact.model_copy(update={"laid_to": "ego", "fault": fault})
@@ -141,7 +146,7 @@ def _fault(runs: RunSet, record: RunRecord, contact: Contact) -> EgoFault | None
 
 
 def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
-    """A run with the tracks of all others, and the predictor that it had."""
+    """Return a run with the tracks of all others and its predictor."""
     path = runs.scenario_path(record)
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
@@ -151,21 +156,21 @@ def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
 
 
 def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Points | None:
-    """Return the line that keeps to the ego's lane and route, or None if no route is known."""
+    """Return the line that follows the ego's lane and route, or None if no route is known."""
     loaded = kept_recording(path).loaded
     try:
         problem = loaded.problem(record.problem_id)
-    except UnknownName:  # the file was put in the place of the one that was run
+    except UnknownName:  # the file was replaced since the run
         return None
     return lane_line(loaded.scenario, problem, vehicle)
 
 
 @dataclass(frozen=True)
 class Course:
-    """A run over time, a value a state: what passengers feel, and how near others were (NaN: none within 60 m).
+    """A run over time, one value per state: what passengers feel, and how near others were (NaN: no other within 60 m).
 
-    ``obstacle_ids``: who was nearest, −1 where none was; ``time_to_collision_s``: NaN where no other was on a collision
-    course. ``lateral_mps2`` is positive to the left.
+    ``obstacle_ids``: the nearest road user, −1 if there is none; ``time_to_collision_s``: NaN if no other was on a
+    collision course. ``lateral_mps2`` is positive to the left.
     """
 
     time_s: Values
@@ -178,7 +183,7 @@ class Course:
 
 
 def course_of(runs: RunSet, record: RunRecord) -> Course | None:
-    """A run over time; None without its steps."""
+    """Return a run over time, or None without its steps."""
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return None
@@ -187,9 +192,9 @@ def course_of(runs: RunSet, record: RunRecord) -> Course | None:
 
 @dataclass(frozen=True)
 class _Motion:
-    """What passengers feel, a value a step after the first; the first jerk is from the initial state's acceleration.
+    """What passengers feel, one value per step after the first; the first jerk starts from the initial acceleration.
 
-    ``lateral_mps2`` is signed, to the left; ``speed_mps`` is that of the same steps.
+    ``lateral_mps2`` is signed, positive to the left; ``speed_mps`` belongs to the same steps.
     """
 
     step_s: float
@@ -199,12 +204,12 @@ class _Motion:
     jerk_mps3: Values
 
     def time_s(self, index: int) -> float:
-        """The time of an entry since the first state."""
+        """Return the time of an entry since the first state."""
         return round((index + 1) * self.step_s, 9)
 
 
 def plans_on_predictions(record: RunRecord) -> bool:
-    """Return whether the planner of a run is known to plan on predictions of others; the built-in ones do."""
+    """Return True if the planner of a run is known to plan on predictions of others; the built-in ones do."""
     return record.planner in PLANNERS if record.uses_prediction is None else record.uses_prediction
 
 
@@ -233,12 +238,12 @@ class _Drive:
         )
 
     def course(self) -> Course:
-        """The whole run, a value a state."""
+        """Return the whole run, one value per state."""
         others, count = list(self._tracks.values()), len(self._ego.positions)
         gaps, urgent, nearest = np.full(count, np.nan), np.full(count, np.nan), np.full(count, -1)
         met = encounters(self._ego, others)
         found, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
-        for pair in np.argsort(-found, kind="stable"):  # the nearest last, so that it stays
+        for pair in np.argsort(-found, kind="stable"):  # the nearest comes last, so it is kept
             gaps[met.state[pair]] = found[pair]
             nearest[met.state[pair]] = others[int(met.track[pair])].obstacle_id
         np.fmin.at(urgent, met.state[np.isfinite(times)], times[np.isfinite(times)])
@@ -253,7 +258,7 @@ class _Drive:
         )
 
     def nearest_moments(self) -> tuple[Encounter | None, Encounter | None]:
-        """The moments of the smallest gap and of the smallest time to collision; the first of equal ones."""
+        """Return the moments of the smallest gap and of the smallest time to collision; the first of equal ones."""
         others = list(self._tracks.values())
         met = encounters(self._ego, others)
         if not len(met.state):
@@ -287,7 +292,10 @@ class _Drive:
         )
 
     def contact(self) -> Contact | None:
-        """How the collision came about; None without one. Speeds are those at it, places those of the step before."""
+        """Return how the collision came about, or None.
+
+        Speeds are those at the collision, places those of the step before.
+        """
         hit = self._record.collision
         if hit is None:
             return None
@@ -337,9 +345,9 @@ class _Drive:
         )
 
     def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
-        """Return what the collision is laid to, the first that holds: the recording, nothing, prediction, planning.
+        """Return the first of recording, neither, prediction and planning that the collision is attributed to.
 
-        Nothing: neither UN R157's careful driver nor its fuzzy one prevents it from both starts.
+        ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.
         """
         if kind in FROM_BEHIND and self._record.traffic == "recorded":
             return "recording"
@@ -370,7 +378,7 @@ class _Drive:
         return road
 
     def _predicted_gap_m(self, other: Track, hit_step: int, reached: int) -> float | None:
-        """How far apart both bodies would be at the collision, had the other moved as predicted a second before."""
+        """Return the gap at the collision if the other had moved as predicted a second before."""
         import shapely
 
         steps = min(round(_FORESEEN_S / self._record.step_s), reached)
@@ -387,7 +395,7 @@ class _Drive:
     def _kind(
         self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]
     ) -> tuple[ContactKind, float | None]:
-        """The first rule that holds, in the order of ``docs/runs.md``; the time of a cut-in beside it."""
+        """Return the first rule that holds, in the order of ``docs/runs.md``, and the time of a cut-in."""
         ego_stands = self._ego.speeds_mps[index] < STANDING_MPS
         other_stands = other.speeds_mps[at] < STANDING_MPS
         if ego_stands != other_stands:
@@ -406,10 +414,11 @@ class _Drive:
         return "side", None
 
     def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
-        """When the one ahead came into the way of the one behind; None: longer ago, or by the other's lane change.
+        """Return when the one ahead entered the path of the one behind, or None.
 
-        The way of the one behind is what it drove in the last three seconds, and straight on from there. Who moved
-        sideways is who came farther across from where its heading pointed three seconds ago.
+        None means longer ago, or by the other's lane change. The path of the one behind is its last three seconds, and
+        straight on from there. The vehicle that ended farther to the side of its heading three seconds ago is the one
+        that moved sideways.
         """
         (front, front_at), (rear, rear_at) = ahead, behind
         back = min(round(_CAME_IN_S / self._record.step_s), front_at, rear_at)
@@ -432,7 +441,7 @@ class _Drive:
         return round(first * self._record.step_s, 9) if first <= index else None
 
     def _braked_since_s(self, index: int) -> float | None:
-        """From when on the ego braked without a break until a state."""
+        """Return the time since which the ego braked without interruption until a state."""
         felt = self.motion.acceleration_mps2[:index]
         weak = np.flatnonzero(felt > _BRAKING_MPS2)
         first = int(weak[-1]) + 1 if len(weak) else 0
@@ -464,29 +473,29 @@ def _velocity(track: Track, index: int) -> Points:
 
 
 def relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeHeading:
-    """How another heads at one of its states, seen from one of the ego's."""
+    """Return the direction of another's heading relative to the ego's."""
     turned = abs(wrap_angle(float(other.headings_rad[at]) - float(ego.headings_rad[index])))
     return "same" if turned <= _SAME_RAD else "oncoming" if turned >= _AGAINST_RAD else "crossing"
 
 
 def stands(other: Track, at: int) -> bool:
-    """Return whether another does not move at one of its states: whatever way it faces, it does not come along it."""
+    """Return True if another does not move at a state: regardless of its heading, it is not oncoming or crossing."""
     return bool(other.speeds_mps[at] < STANDING_MPS)
 
 
 def _course(ego: Track, index: int, other: Track, at: int) -> SeenCourse:
-    """Return the course of another; one that is parked facing the ego is not oncoming."""
+    """Return the course of another; a vehicle parked facing the ego is not oncoming."""
     heading = relative_heading(ego, index, other, at)
     return "standing" if heading != "same" and stands(other, at) else heading
 
 
 def _sides_of_approach(ego: Track, index: int, other: Track, at: int) -> tuple[BodySide, BodySide]:
-    """On which side of the ego the other is, and on which side of the other the ego is."""
+    """Return on which side of the ego the other is, and on which side of the other the ego is."""
     return side_of(ego, index, other.corners_at(at)), side_of(other, at, ego.corners_at(index))
 
 
 def side_of(body: Track, index: int, corners: Points) -> BodySide:
-    """The side of a body beyond which another lies farthest: of the four gaps along its axes the largest."""
+    """Return the side of a body on which another is: the largest of the four gaps along its axes."""
     along = _along(float(body.headings_rad[index]))
     away = corners - body.positions[index]
     forward, left = away @ along, away @ np.array([-along[1], along[0]])
@@ -500,7 +509,7 @@ def side_of(body: Track, index: int, corners: Points) -> BodySide:
 
 
 def _sideways_m(track: Track, at: int, back: int) -> float:
-    """How far a track came across (left positive) from where its heading pointed ``back`` steps ago."""
+    """Return how far a track moved across (left positive) from where its heading pointed ``back`` steps ago."""
     along = _along(float(track.headings_rad[at - back]))
     moved = track.positions[at] - track.positions[at - back]
     return float(along[0] * moved[1] - along[1] * moved[0])
@@ -514,7 +523,7 @@ def _distances(points: Points, path: Points) -> Values:
 
 
 def _largest(motion: _Motion) -> Iterator[LargestMotion]:
-    """Acceleration, braking, lateral acceleration and jerk, each where the ego had any."""
+    """Yield acceleration, braking, lateral acceleration and jerk, each only if the ego had any."""
     felt = motion.acceleration_mps2
     if not len(felt):
         return
@@ -533,19 +542,19 @@ _ACC, _LKA, _STEERING = "ISO 15622:2018", "ISO 11270:2014", "UN R79"
 
 
 def _by_speed(speed_mps: Values, slow: float, fast: float) -> Values:
-    """A limit of ISO 15622: one value up to 5 m/s, another from 20 m/s on, straight between."""
+    """Return a limit of ISO 15622: one value up to 5 m/s, another from 20 m/s on, linear between."""
     limits: Values = np.interp(speed_mps, [5.0, 20.0], [slow, fast])
     return limits
 
 
 def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
-    """What was above a comfort limit.
+    """Yield what exceeded a comfort limit.
 
-    ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking so averaged up to
-    3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; at 5 m/s and below 4.0,
-    5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation 79 (automatically
-    commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only windows that the run has in full are
-    averaged; the speed is that of the window's end. The filter of UN R79 is left out: nothing is measured here.
+    ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking averaged over 2 s
+    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; at 5 m/s and
+    below 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation 79
+    (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are
+    averaged; the speed is that of the window's end. The filter of UN R79 is left out, because nothing is measured here.
     """
     step_s, felt = motion.step_s, motion.acceleration_mps2
     mean = _window_means(felt, round(2.0 / step_s))
@@ -569,7 +578,7 @@ def _excess(
     window_s: float,
     source: str,
 ) -> Iterator[ComfortExcess]:
-    """The entry that is farthest above its limit; the last one of ``values`` is that of the motion's last step."""
+    """Yield the entry that is farthest above its limit; the last of ``values`` belongs to the motion's last step."""
     if not len(values):
         return
     index = int((values - limits).argmax())
@@ -587,7 +596,7 @@ def _excess(
 
 
 def _window_means(values: Values, steps: int) -> Values:
-    """The mean over every full window of so many entries, in order of the windows' ends."""
+    """Return the mean over every full window of ``steps`` entries, in order of the windows' ends."""
     if steps < 1 or len(values) < steps:
         return np.zeros(0)
     sums = np.concatenate([[0.0], np.cumsum(values)])
@@ -596,7 +605,7 @@ def _window_means(values: Values, steps: int) -> Values:
 
 
 def _rates(values: Values, steps: int, step_s: float) -> Values:
-    """The mean rate of change over every full window of so many steps."""
+    """Return the mean rate of change over every full window of ``steps`` steps."""
     steps = max(steps, 1)
     if len(values) <= steps:
         return np.zeros(0)
@@ -607,12 +616,12 @@ def _rates(values: Values, steps: int, step_s: float) -> Values:
 def timeline(
     runs: RunSet, record: RunRecord, moment: Encounter | None = None, window: Interval | None = None
 ) -> tuple[TimelineStep, ...]:
-    """At most ten moments: of three seconds before the end or around a moment, or of a window of time.
+    """Return at most ten entries: of the last three seconds, of three seconds around a moment, or of a time window.
 
     Empty without steps.
 
     Raises:
-        InvalidRequest: the run has ended before the window.
+        InvalidRequest: the run ended before the window.
     """
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
@@ -634,7 +643,7 @@ def timeline(
 
 
 _EXACT = 1e-6
-"""Share of a step that is rounding: 0.3 s are three steps of 0.1 s."""
+"""Share of a step that counts as rounding: 0.3 s are three steps of 0.1 s."""
 
 
 def _moment(record: RunRecord, steps: RunSteps, index: int, tracks: dict[int, Track]) -> TimelineStep:

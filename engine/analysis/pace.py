@@ -1,8 +1,8 @@
-"""Why an ego stood, drove slowly or braked: for lights, signs, others, the goal, the road, or without any of these.
+"""Why an ego stood, drove slowly or braked: for lights, signs, others, the goal, the road, or without a cause.
 
-Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's
-way counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a
-cause, so that ``without_cause`` is reported only if there is no excuse at all.
+Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's path
+counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a cause,
+so ``without_cause`` is reported only if there is no excuse.
 """
 
 import math
@@ -33,42 +33,51 @@ if TYPE_CHECKING:
 
 FOLLOWS_S = 3.0
 """Highway Capacity Manual 2010, chapter 15: a vehicle with a headway of at most 3 s, front to front, is following (the
-seventh edition says 2.5 s)."""
+seventh edition says 2.5 s).
+"""
 QUEUE_GAP_M = 12.5
 """Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
-gap of at most 12.4 m (median 2.5 m)."""
+gap of at most 12.4 m (median 2.5 m).
+"""
 START_UP_S = 2.0
 """Highway Capacity Manual 2010, chapter 18: default start-up lost time. A shorter stop is not a delay."""
 CRITICAL_HEADWAY_S = 7.5
 """Highway Capacity Manual 2010, exhibit 19-10: the largest base critical headway, of a left turn from a minor street
-onto four lanes. A driver who gives way does not go in front of a vehicle that arrives sooner."""
+onto four lanes. A driver who gives way does not enter in front of a vehicle that arrives sooner.
+"""
 STARTING_MPS2 = 2.0
-"""ISO 15622:2018, as openpilot quotes it: how strongly cruise control may accelerate. It limits how far
-ahead of a standing ego is examined."""
+"""ISO 15622:2018, as openpilot quotes it: the largest acceleration of cruise control. It limits how far ahead of a
+standing ego is examined.
+"""
 DELAY_S = 0.75
-"""UN Regulation 157, Annex 3, table 1: the delay until a careful driver brakes. A reason may lie this long
-before it."""
+"""UN Regulation 157, Annex 3, table 1: the delay until a careful driver brakes. A reason may precede the braking by
+this long.
+"""
 ABRUPT_MPS2 = 2.0
 """As in CommonRoad's own monitor: harder braking needs a reason (rule R_G2)."""
 CLOSE_S = 3.0
 """As in the rule R_G2: a meeting that is nearer in time is a compelling reason to brake."""
 GENTLE_MPS2, NEEDED_MPS2 = 0.5, 1.0
-"""Chosen: braking ahead of time for a place is explained by a need of half of what coasting in gear gives, hard braking
-by the threshold of braking of ``moments.py``."""
+"""Least need that explains gentle and hard braking ahead of a place (chosen): half of what coasting in gear gives, and
+the threshold of braking of ``moments.py``.
+"""
 ISO_BRAKING_MPS2 = (5.0, 3.5)
 """ISO 15622:2018: how hard cruise control may brake up to 5 m/s and from 20 m/s on. Harder braking is hard. The second
-is as openpilot quotes it; the first is not checked against the standard's text."""
+is as openpilot quotes it; the first is not checked against the standard's text.
+"""
 LATERAL_MPS2 = 3.0
 """ISO 11270:2014: lateral acceleration that a lane keeping system may cause. Faster curves are a reason to brake."""
 STOP_SIGN_S = 3.0
-"""As in CommonRoad's own monitor: how long a stop sign asks to stand."""
+"""As in CommonRoad's own monitor: how long a vehicle must stand at a stop sign."""
 SLOWER = 0.9
-"""Chosen: a vehicle ahead that is a tenth slower than the ego needs to be makes the ego late. An ego that is more than
-a tenth slower than the vehicle ahead is not held up by it."""
+"""A vehicle ahead that is a tenth slower than the ego must be makes the ego late (chosen). An ego that is more than a
+tenth slower than the vehicle ahead is not held up by it.
+"""
 _AHEAD_M, _ASIDE_M, _ONTO_M, _APART_M = 80.0, 0.5, 4.0, 2.0
-"""Chosen: how far the way continues after the driven end, how near to the ego's body another is in its way, how far
-from the reference path an ego is on another way, and how far apart the driven way and its continuations are, so that
-they join without a kink."""
+"""Chosen: how far the path continues after the driven end, how near to the ego's body another counts as in its path,
+how far from the reference path an ego is off it, and how far the driven path and its continuation are apart, so that
+they join without a kink.
+"""
 
 
 def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
@@ -83,7 +92,7 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 
 
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
-    """Return what the ego did by itself up to three seconds before a moment, or None.
+    """Return what the ego did without a cause up to three seconds before a time, or None.
 
     If there are several, a stop comes first, and otherwise the braking that reduced the speed most.
     """
@@ -116,7 +125,7 @@ def _pace(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Pace":
     scenario = loaded.scenario
     try:
         found = goal_with_path(scenario, loaded.problem(record.problem_id), runs.vehicle(record))
-    except UnknownName:  # the file was put in the place of the one that was run
+    except UnknownName:  # the file was replaced since the run
         found = None
     goal, reference = found if found is not None else (None, None)
     ego = ego_track(record, steps)
@@ -144,7 +153,7 @@ def _onward(reference: ReferencePath, ego: Track) -> Points | None:
 
 @dataclass(frozen=True)
 class _Line:
-    """A line across the way at which lights or a stop sign require a stop, with its station on the way."""
+    """A line across the path at which lights or a stop sign require a stop, with its station on the path."""
 
     lanelet: "Lanelet"
     station_m: float
@@ -155,7 +164,7 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Cause:
-    """Why the ego stands or brakes at a state; ``needed_mps2``: the even braking that it needs from there on."""
+    """Why the ego stands or brakes at a state; ``needed_mps2``: the constant braking that this requires."""
 
     code: PaceCode
     obstacle_id: int | None = None
@@ -164,11 +173,11 @@ class _Cause:
 
     @property
     def strong(self) -> bool:
-        """Return whether it asks for more than letting the vehicle roll."""
+        """Return True if it requires more than letting the vehicle roll."""
         return self.needed_mps2 >= NEEDED_MPS2
 
     def explains(self, hardest_mps2: float, usual_mps2: float) -> bool:
-        """Return whether it explains braking of this peak; up to the usual braking, any reason does."""
+        """Return True if it explains braking of this peak; up to the usual braking, any reason does."""
         if hardest_mps2 <= usual_mps2:
             return True
         return self.strong and hardest_mps2 <= _PEAK_OVER_MEAN * self.needed_mps2
@@ -176,9 +185,10 @@ class _Cause:
 
 @dataclass(frozen=True)
 class _Course:
-    """Another by the ego's way, at each step since the ego's first: where, and whether it heads along the way.
+    """Another near the ego's path at each step: its station, and whether it heads along the path.
 
-    Stations are those of the ego's way, negative behind its beginning, and NaN at steps without the other.
+    Steps count from the ego's first. Stations are those of the ego's path, negative before its start, and NaN at steps
+    without the other.
     """
 
     station_m: Values
@@ -186,20 +196,20 @@ class _Course:
 
 
 @dataclass(frozen=True)
-class _InWay:
-    """Another in the ego's way at some time: by step whether it is there, and its course."""
+class _OnPath:
+    """Another in the ego's path at some time: by step whether it is there, and its course."""
 
     track: Track
     inside: NDArray[np.bool_]
     course: _Course
 
     def drives_along(self, index: int) -> bool:
-        """Return whether it drives in the ego's way, along it, at a step."""
+        """Return True if it drives in and along the ego's path at a step."""
         return bool(self.inside[index] and self.course.along[index])
 
 
 @dataclass(frozen=True)
-class _Way:
+class _DirectedPath:
     """A line with the station of each of its points, and the heading of each of its segments."""
 
     line: "LineString"
@@ -208,19 +218,19 @@ class _Way:
 
 
 class _Pace:
-    """A drive with its goal, to be asked for reasons."""
+    """A drive with its goal, and the reasons for standing and braking at each state."""
 
     def __init__(self, drive: RuledDrive, goal: Goal | None, reference: ReferencePath | None) -> None:
         self._drive, self._goal, self._reference = drive, goal, reference
         self._ego, self._step_s = drive.ego, drive.step_s
         self._speeds = drive.ego.speeds_mps
-        self._way = drive.path.positions
-        self._along = arc_length(self._way)
+        self._path = drive.path.positions
+        self._along = arc_length(self._path)
         self._stations = self._along[: drive.count]
         self._courses: dict[int, _Course] = {}
 
     def moments(self) -> tuple[PaceMoment, ...]:
-        """Return all stretches, in order of their beginning."""
+        """Return all stretches, ordered by their start."""
         found = [*self._stands(), *self._followed(), *self._brakings()]
         return tuple(sorted(found, key=lambda one: (one.since_s, one.code)))
 
@@ -235,10 +245,10 @@ class _Pace:
             yield from self._settled(first, self._without_late_excuses(causes))
 
     def _without_late_excuses(self, causes: list[_Cause]) -> list[_Cause]:
-        """Return the causes of a stand, in which nobody who crosses later excuses an ego that could have gone.
+        """Return the causes of a stand; vehicles that cross later do not excuse an ego that could have started.
 
-        An ego that has stood for as long as a start takes with nothing to wait for stands on its own; had it started,
-        it would not meet those who cross from then on. Any other cause ends this.
+        After standing with nothing to wait for as long as a start takes, the ego stands without a cause: had it
+        started, it would not meet the vehicles that cross later. Any other cause ends this.
         """
         found: list[_Cause] = []
         free_s = 0.0
@@ -271,7 +281,7 @@ class _Pace:
             yield self._moment(cause, first + run[0], first + run[-1])
 
     def _followed(self) -> Iterator[PaceMoment]:
-        """Yield where a slower vehicle was ahead within the time gap that a follower keeps, while the ego drove.
+        """Yield stretches with a slower vehicle ahead within the time gap that a follower keeps, while the ego drove.
 
         A vehicle that pulls away from the ego does not hold it up, however near it is.
         """
@@ -290,9 +300,9 @@ class _Pace:
                 yield self._moment(_Cause("held_up", most), first, last)
 
     def _brakings(self) -> Iterator[PaceMoment]:
-        """Yield where the ego slowed down, at some moment by 2 m/s² or more."""
+        """Yield stretches in which the ego slowed down, at some time by 2 m/s² or more."""
         felt = self._drive.acceleration_mps2.copy()
-        felt[:1] = 0.0  # how the run began is not the planner's
+        felt[:1] = 0.0  # the planner does not decide how the run began
         for first, last in _stretches(felt <= -GENTLE_MPS2):
             hardest = -float(felt[first : last + 1].min())
             if hardest < ABRUPT_MPS2:
@@ -310,10 +320,10 @@ class _Pace:
         explained = next((cause for cause in causes if cause.explains(hardest_mps2, usual_mps2)), None)
         if explained is not None:
             return explained
-        on_the_way = next((cause for cause in causes if cause.code not in _NOT_ON_THE_WAY), None)
-        if on_the_way is None:
+        on_the_path = next((cause for cause in causes if cause.code not in _NOT_ON_THE_PATH), None)
+        if on_the_path is None:
             return _Cause("braked_without_cause")
-        return _Cause("braked_too_hard", on_the_way.obstacle_id, on_the_way.distance_m)
+        return _Cause("braked_too_hard", on_the_path.obstacle_id, on_the_path.distance_m)
 
     def _moment(self, cause: _Cause, first: int, last: int) -> PaceMoment:
         other = None if cause.obstacle_id is None else self._drive.others.get(cause.obstacle_id)
@@ -365,7 +375,7 @@ class _Pace:
         return None
 
     def _why_it_brakes(self, index: int) -> Iterator[_Cause]:
-        """Yield all that would explain braking at a state, what is most urgent on the road first."""
+        """Yield everything that would explain braking at a state, the most urgent on the road first."""
         speed = float(self._speeds[index])
         leader = self._leader(index)
         if leader is not None:
@@ -403,7 +413,7 @@ class _Pace:
                 yield _Cause("braked_for_stop_sign", distance_m=before, needed_mps2=needed)
 
     def _places_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
-        """Yield the curves, limits and end of the way, and the goal."""
+        """Yield the curves, limits and end of the path, and the goal."""
         here = float(self._stations[index])
         away = np.maximum(self._curves[0] - here, 0.5)
         there = (self._curves[0] >= here - 1.0) & (self._curves[1] > 1e-6)
@@ -423,7 +433,7 @@ class _Pace:
         yield from self._goal_to_brake_for(index, speed)
 
     def _goal_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
-        """Yield the goal if its time, place or speed asks for less speed. That never explains hard braking."""
+        """Yield the goal if its time, place or speed requires less speed. That never explains hard braking."""
         if self._goal is None:
             return
         if self._goal.holds(self._ego.positions[index]):
@@ -451,19 +461,19 @@ class _Pace:
     # the others
 
     def _leader(self, index: int) -> Ahead | None:
-        """Return the nearest one ahead on the way."""
+        """Return the nearest vehicle ahead on the path."""
         if not self._drive.near:
             return None
         nearest = self._drive.near[int(self._drive.nearest_ahead[index])]
         return nearest if np.isfinite(nearest.gap_m[index]) else None
 
     def _follows(self, index: int, leader: Ahead) -> bool:
-        """Return whether the ego is so near to the one ahead as followers are."""
+        """Return True if the ego is as close to the vehicle ahead as followers are."""
         length = self._drive.others[leader.obstacle_id].length_m
         return float(leader.gap_m[index]) <= max(FOLLOWS_S * float(self._speeds[index]) - length, QUEUE_GAP_M)
 
     def _is_queued(self, leader: Ahead, index: int) -> bool:
-        """Return whether the one ahead stands behind another, or at a light that asks it to."""
+        """Return True if the vehicle ahead stands behind another, or at a light that requires a stop."""
         if leader.speed_mps[index] >= STANDING_MPS:
             return False
         gap, length = float(leader.gap_m[index]), self._drive.others[leader.obstacle_id].length_m
@@ -476,7 +486,7 @@ class _Pace:
         return line is not None and self._stops(line, index) and self._before_m(line, index) > gap
 
     def _is_behind(self, obstacle_id: int, index: int) -> bool:
-        """Return whether another follows: it is behind the ego by the ego's way and heads along that way there."""
+        """Return True if another follows: it is behind the ego on the ego's path and heads along it."""
         course = self._course(obstacle_id)
         return bool(course.along[index]) and float(course.station_m[index]) < float(self._stations[index])
 
@@ -492,7 +502,7 @@ class _Pace:
         shift = track.first_step - self._ego.first_step
         first, last = max(shift, 0), min(shift + len(track.positions), self._looked_at)
         station, along = np.full(self._looked_at, np.nan), np.zeros(self._looked_at, dtype=bool)
-        way = self._way_from_behind
+        way = self._path_from_behind
         if first < last and way is not None:
             theirs = slice(first - shift, last - shift)
             located = shapely.line_locate_point(way.line, shapely.points(track.positions[theirs])) + way.stations_m[0]
@@ -504,42 +514,42 @@ class _Pace:
 
     @cached_property
     def _looked_at(self) -> int:
-        """How many steps since the ego's first the others are looked at: some time after the run too."""
+        """Number of steps, from the ego's first, in which the others are examined; some are after the run."""
         return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
 
     @cached_property
-    def _way_from_behind(self) -> _Way | None:
-        """The ego's way with the route behind its beginning, where followers drive; None for an ego without a way."""
+    def _path_from_behind(self) -> _DirectedPath | None:
+        """The ego's path with the route before its start, where followers drive; None for an ego without a path."""
         import shapely
 
         behind = self._route_behind
-        points = np.concatenate([behind, self._way])
+        points = np.concatenate([behind, self._path])
         if len(points) < 2:
             return None
         stations = arc_length(points)
-        return _Way(shapely.LineString(points), stations - stations[len(behind)], headings(points))
+        return _DirectedPath(shapely.LineString(points), stations - stations[len(behind)], headings(points))
 
     @property
     def _route_behind(self) -> Points:
-        """The points of the route behind the ego's start; none if the ego started off its route."""
+        """The points of the route before the ego's start; empty if the ego started off its route."""
         if self._reference is None:
-            return self._way[:0]
+            return self._path[:0]
         path = self._reference.points
         start_m, offset_m = self._reference.follower().place(self._ego.positions[0])
         return path[arc_length(path) < start_m - _APART_M] if abs(offset_m) <= _ONTO_M else path[:0]
 
     @cached_property
-    def _in_way(self) -> list[_InWay]:
-        """The others with their body in the ego's way at some time, until some time after the run."""
+    def _on_path(self) -> list[_OnPath]:
+        """The others with their body in the ego's path at some time, until some time after the run."""
         import shapely
 
-        line = shapely.LineString(self._way) if len(self._way) > 1 and self._along[-1] > 0 else None
+        line = shapely.LineString(self._path) if len(self._path) > 1 and self._along[-1] > 0 else None
         last = self._ego.first_step + self._looked_at - 1
-        found: list[_InWay] = []
+        found: list[_OnPath] = []
         if line is None:
             return found
         reach = self._ego.width_m / 2 + _ASIDE_M
-        low, high = self._way.min(axis=0) - reach, self._way.max(axis=0) + reach
+        low, high = self._path.min(axis=0) - reach, self._path.max(axis=0) + reach
         for track in self._drive.others.values():
             if len(track.positions) < 2:
                 continue
@@ -555,14 +565,14 @@ class _Pace:
             place = at + track.first_step - self._ego.first_step
             inside[place] = shapely.distance(line, shapely.polygons(corners)) <= reach
             if inside.any():
-                found.append(_InWay(track, inside, self._course(track.obstacle_id)))
+                found.append(_OnPath(track, inside, self._course(track.obstacle_id)))
         return found
 
     def _who_crosses(self, index: int) -> int | None:
-        """Return the road user a standing ego waits for: it crosses the way or enters it sooner than drivers accept."""
+        """Return the road user that a standing ego waits for: it crosses or enters the path sooner than accepted."""
         front = float(self._stations[index]) + self._ego.length_m / 2
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
-        for other in self._in_way:
+        for other in self._on_path:
             if self._is_behind(other.track.obstacle_id, index):
                 continue
             later = np.arange(index, min(until, len(other.inside) - 1) + 1)
@@ -575,13 +585,13 @@ class _Pace:
         return None
 
     def _who_comes(self, index: int) -> _Cause | None:
-        """Return the one that a driving ego would meet if it kept its speed: both in one place within three seconds."""
+        """Return the road user that a driving ego would meet within three seconds if it kept its speed."""
         here, speed = float(self._stations[index]), max(float(self._speeds[index]), STANDING_MPS)
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         best: _Cause | None = None
-        for other in self._in_way:
+        for other in self._on_path:
             if other.drives_along(index) or self._is_behind(other.track.obstacle_id, index):
-                continue  # one ahead is looked at as such, and one behind is no reason to brake
+                continue  # a vehicle ahead is handled as leader, and one behind is no reason to brake
             later = np.arange(index, min(until, len(other.inside) - 1) + 1)
             away = other.course.station_m[later] - here
             arrives_s = (away - self._ego.length_m / 2) / speed
@@ -597,7 +607,7 @@ class _Pace:
 
     @cached_property
     def _lines(self) -> list[_Line]:
-        """The lines of lights and stop signs across the way, in its order."""
+        """The lines of lights and stop signs across the path, in order."""
         drive = self._drive
         route = Counter(() if self._reference is None else self._reference.lanelets)
         route.update(key for under in drive.lanelets for key in under)
@@ -611,7 +621,7 @@ class _Pace:
                 for sign in signs_of(drive.network, [key])
                 for element in sign.traffic_sign_elements
             }
-            station = meeting_m(self._way, drive.roads.stop_line(lanelet))
+            station = meeting_m(self._path, drive.roads.stop_line(lanelet))
             known = tuple(drive.lights_of([key]))
             is_lit = bool(lanelet.traffic_lights)
             if station is None or not (is_lit or "STOP" in names):
@@ -622,7 +632,7 @@ class _Pace:
         return sorted(found, key=lambda line: line.station_m)
 
     def _any_stops(self, lights: "tuple[TrafficLight, ...]") -> bool:
-        """Return whether any of some lights asks to stop at some time of the run."""
+        """Return True if any of some lights requires a stop at some time of the run."""
         return any(not self._drive.shown(light, _GO).all() for light in lights)
 
     def _line_ahead(self, index: int) -> _Line | None:
@@ -633,7 +643,7 @@ class _Pace:
         return line.station_m - float(self._stations[index]) - self._ego.length_m / 2
 
     def _stops(self, line: _Line, index: int) -> bool:
-        """Return whether a light of the line asks to stop at a state, or at one after the run."""
+        """Return True if a light of the line requires a stop at a state, or at one after the run."""
         step = self._ego.first_step + index
         return any(light.get_state_at_time_step(step).name not in _GO for light in line.lights)
 
@@ -641,33 +651,33 @@ class _Pace:
         step = self._ego.first_step + index
         return bool(line.lights) and all(light.get_state_at_time_step(step).name == "GREEN" for light in line.lights)
 
-    # the way and the goal
+    # the path and the goal
 
     @cached_property
     def _curves(self) -> tuple[Values, Values]:
-        """Stations of the way and its curvature there, in 1/m.
+        """Stations of the path and its curvature there, in 1/m.
 
-        The reference path tells the curves of the road. What the ego drove tells them only if it left that path: a stop
-        ends in small turns that are no curves.
+        The reference path shows the curves of the road. The driven path is used only if the ego left that path: a stop
+        ends in small turns that are not curves.
         """
         if self._reference is not None:
             path, start = self._reference.points, self._reference.follower().place(self._ego.positions[0])[0]
             stations, bends = curvatures(path)
             return stations - start, bends
         kept = np.concatenate([[True], np.diff(self._along) > 1e-3])
-        way = self._way[kept]
+        way = self._path[kept]
         if len(way) < 4 or self._along[-1] < 4.0:
             return np.zeros(0), np.zeros(0)
         return curvatures(way, 1.0)
 
     @cached_property
     def _road_end_m(self) -> float | None:
-        """The station at which the network ends; None if the way does not come so far."""
+        """The station at which the network ends; None if the path does not reach it."""
         if self._reference is None:
             return None
         ends = self._reference.points
         end = ends[min(int(np.searchsorted(arc_length(ends), self._reference.network_end_m)), len(ends) - 1)]
-        station, offset = project_all(self._way, end[None])
+        station, offset = project_all(self._path, end[None])
         at_end = float(station[0]) >= self._along[-1] - 1e-6
         return None if at_end or abs(float(offset[0])) > _ONTO_M else float(station[0])
 
@@ -675,7 +685,7 @@ class _Pace:
     def _goal_span_m(self) -> tuple[float, float] | None:
         if self._goal is None or not self._goal.has_position:
             return None
-        return self._goal.stations_on(self._way)
+        return self._goal.stations_on(self._path)
 
     @cached_property
     def _goal_top_mps(self) -> float | None:
@@ -693,7 +703,7 @@ class _Pace:
 
     @cached_property
     def wanted_mps(self) -> float:
-        """How fast the ego has to be on average to be on time, and at least how fast it began."""
+        """The average speed that the ego needs to be on time, and at least its initial speed."""
         began = float(self._speeds[0])
         if self._goal is None or self._reference is None or not self._goal.has_position:
             return began
@@ -718,8 +728,8 @@ _REASONS: tuple[PaceCode, ...] = (
 )
 """The reasons to brake, in the order in which they are reported."""
 _STOOD_FREE: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause")
-"""Stands in which nothing keeps the ego from driving on."""
-_NOT_ON_THE_WAY: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
+"""Stands in which nothing prevents the ego from driving on."""
+_NOT_ON_THE_PATH: tuple[PaceCode, ...] = ("braked_for_limit", "braked_for_goal")
 _PEAK_OVER_MEAN = 2.0
 """Braking that rises and falls evenly has a peak of twice its mean."""
 _GO = ("GREEN", "INACTIVE")

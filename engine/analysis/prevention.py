@@ -3,15 +3,15 @@
 The drivers are those of ``engine/planners/reference_drivers``: UN R157's careful driver, the fuzzy safety model, RSS,
 full braking, and a driver that keeps its lane and speed. Each is judged from two starts:
 
-* ``before_contact``: it follows the way that the ego drove, straight on after its end, at the ego's speeds, until it
-  reacts to the road user that was hit. This says what an ego could have done in the encounter that it was in.
-* ``start``: it keeps its lane and the speed of the start until it reacts to any other. This says whether the ego
-  caused the encounter.
+* ``before_contact``: it follows the path that the ego drove, straight on after its end, at the ego's speeds, until it
+  reacts to the road user that was hit. This shows what an ego could have done in this encounter.
+* ``start``: it keeps its lane and the initial speed until it reacts to any other. This shows whether the ego caused the
+  encounter.
 
 A drive is followed until the ego stands or has passed the other. A driver prevents the collision if it touches neither
-the road user that was hit nor any other that it drives into. The others do not react to it. In addition to
-the drivers that brake, there is one manoeuvre: steering aside by a lane's width at the speed that the ego had
-(``evading``), on the road and clear of all others. It does not make a collision preventable.
+the road user that was hit nor any other that it drives into. The others do not react to it. In addition to the drivers
+that brake, there is one manoeuvre (``evading``): steering aside by a lane's width at the ego's speed, on the road and
+clear of all others. It does not make a collision preventable.
 """
 
 import math
@@ -49,17 +49,19 @@ RSS_RESPONSE_S, RSS_OWN_MPS2, RSS_FRONT_MPS2 = _RSS.response_s, _RSS.own_mps2, _
 FOLLOWED_S = 30.0
 """How long a drive is followed after a collision, at most. From 50 m/s, braking by 2 m/s² ends before that."""
 STEERING_MPS2, ASIDE_M, STEERING_WITHIN_S, STEERING_EVERY_S = 5.0, 3.5, 4.0, 0.2
-"""Chosen: lateral acceleration of an emergency manoeuvre, a lane's width, and when before a collision it is tried."""
+"""Chosen: lateral acceleration of an emergency manoeuvre, a lane's width, and the times before a collision at which it
+is tried.
+"""
 STEERING_FOLLOWED_S = 3.0
-"""How long after the collision an ego that steered aside has to stay on the road and clear of all others (chosen)."""
+"""How long after the collision an ego that steered aside must stay on the road and clear of all others (chosen)."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What is around an encounter: all others but the one that was hit, the road, and the ego's lane.
+    """The surroundings of an encounter: all others except the one that was hit, the road, and the ego's lane.
 
     ``road``: the area that an ego that steers aside must not leave; if None, steering is not tried. ``lane``: points
-    (n, 2) of the way that keeps to the ego's lane and route; if None, a driver from the start follows the way that the
+    (n, 2) of the path that follows the ego's lane and route; if None, a driver from the start follows the path that the
     ego drove. ``friction``: the road's coefficient of friction, which limits every driver; None if it is not stated.
     """
 
@@ -72,10 +74,9 @@ class Surroundings:
 def prevention_of(
     ego: Track, other: Track, hit_step: int, step_s: float, around: Surroundings | None = None
 ) -> Prevention | None:
-    """What reference drivers in the ego's place make of its collision with another.
+    """Return the verdicts of reference drivers in the ego's place on its collision with another.
 
-    None where the two do not touch as their tracks and rectangles show them. Steering is tried where the surroundings
-    hold the road.
+    None if the rectangles on their tracks do not touch. Steering is tried if the surroundings contain the road.
     """
     encounters = _Encounters(ego, other, hit_step, step_s, around or Surroundings((), None))
     if not encounters.touch:
@@ -106,12 +107,12 @@ class _Encounters:
 
     @cached_property
     def _count(self) -> int:
-        """How many states are looked at."""
+        """The number of states that are examined."""
         return self.hit_step - self.ego.first_step + round(FOLLOWED_S / self.step_s) + 1
 
     @cached_property
     def _met(self) -> Track:
-        """The one that was hit, going on behind the end of its track."""
+        """The track of the road user that was hit, continued after its end."""
         return going_on(self.other, self.ego.first_step + self._count - 1, self.step_s)
 
     def _scene(self, nominal: NominalMotion) -> DriverScene:
@@ -160,9 +161,9 @@ class _Encounters:
     def verdicts(self) -> Iterator[DriverVerdict]:
         """Yield one verdict for each driver and start."""
         for start, scene in (("before_contact", self._as_driven), ("start", self._on_lane)):
-            yield from self._of(start, scene)  # type: ignore[arg-type]
+            yield from self._verdicts_from(start, scene)  # type: ignore[arg-type]
 
-    def _of(self, start: DriverStart, scene: DriverScene) -> Iterator[DriverVerdict]:
+    def _verdicts_from(self, start: DriverStart, scene: DriverScene) -> Iterator[DriverVerdict]:
         yield self._full_braking(start, scene)
         for driver in (CarefulDriver(), FuzzyDriver(), RssDriver()):
             yield self._of_driver(driver, start, scene)
@@ -179,7 +180,7 @@ class _Encounters:
             )
 
     def _full_braking(self, start: DriverStart, scene: DriverScene) -> DriverVerdict:
-        """Return the latest moment from which full braking prevents the collision; each moment is tried."""
+        """Return the latest time from which full braking prevents the collision; each state is tried."""
         latest = next((step for step in range(self._last, -1, -1) if scene.prevents(FullBraking(), step)), None)
         return DriverVerdict(
             driver="full_braking",
@@ -203,7 +204,7 @@ class _Encounters:
 
 @dataclass(frozen=True)
 class _Steering:
-    """Steering aside by a lane's width from an encounter; ``hit``: the index of the state of the collision."""
+    """Steering aside by a lane's width; ``hit``: the index of the state of the collision."""
 
     scene: DriverScene
     hit: int
@@ -220,7 +221,7 @@ class _Steering:
         return None
 
     def _evades(self, begins: int, side: float) -> bool:
-        """Return whether steering aside from a state on touches no other road user and does not leave the road."""
+        """Return True if steering aside from a state on touches no other road user and does not leave the road."""
         import shapely
 
         count = min(self.hit + round(STEERING_FOLLOWED_S / self.scene.step_s) + 1, self.scene.count)
@@ -250,9 +251,9 @@ class _Steering:
 def _lane_change(
     count: int, begins: int, step_s: float, speed_mps: float, friction: float | None
 ) -> tuple[Values, Values]:
-    """How far aside and turned an ego is at each state that steers a lane's width to the left from one of them on.
+    """Return the lateral offset and heading change at each state of an ego that steers a lane's width to the left.
 
-    Its lateral acceleration is constant until half of the way, then as large the other way.
+    Its lateral acceleration is constant until half of the offset, then as large in the other direction.
     """
     steering_mps2 = min(STEERING_MPS2, hardest_braking_mps2(friction))
     half_s = math.sqrt(ASIDE_M / steering_mps2)
@@ -264,7 +265,7 @@ def _lane_change(
 
 
 def safe_distance_m(rear_mps: Values, front_mps: Values) -> Values:
-    """RSS, definition 1, without acceleration during the response (an ego that keeps its speed); shapes (n,)."""
+    """Return the RSS distance, definition 1, without acceleration during the response; shapes (n,)."""
     response = rear_mps * RSS_RESPONSE_S
     braking = rear_mps**2 / (2 * RSS_OWN_MPS2) - np.maximum(front_mps, 0.0) ** 2 / (2 * RSS_FRONT_MPS2)
     distance: Values = np.maximum(response + braking, 0.0)

@@ -1,4 +1,4 @@
-"""Whether an ego that keeps to the speed limit can reach a goal in time, bounded by a straight way."""
+"""Whether an ego that respects the speed limit can reach a goal in time, bounded by a straight line."""
 
 import math
 from typing import Any
@@ -11,11 +11,11 @@ from .run_set import RunSet
 
 
 def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
-    """Return whether the ego is at no goal's place in time even if it drives straight at it and up to the speed limit.
+    """Return True if the ego cannot reach any goal in time, even straight ahead and up to the speed limit.
 
-    It accelerates as hard as its vehicle can (:func:`~..vehicles.farthest_m`) to the highest limit that is posted on
-    its lane, or to its vehicle's largest speed if no limit is posted; an ego that begins faster keeps its speed. False
-    if the file, the goal's place or its time is unknown, so that True is certain.
+    It accelerates as hard as its vehicle can (:func:`~..vehicles.farthest_m`) to the highest limit posted on its lane,
+    or to its vehicle's largest speed if no limit is posted; an ego that starts faster keeps its speed. False if the
+    file, the goal's place or its time is unknown, so True is certain.
     """
     kept = runs.look(record)
     if kept is not None:
@@ -25,7 +25,7 @@ def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
         return False
     try:
         problem = kept_recording(path).loaded.problem(record.problem_id)
-    except UnknownName:  # the file was put in the place of the one that was run
+    except UnknownName:  # the file was replaced since the run
         return False
     states = problem.goal.state_list
     start = problem.initial_state

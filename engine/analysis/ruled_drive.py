@@ -1,7 +1,7 @@
-"""A drive as traffic rules look at it: who is ahead on its way, which lines it passes, who has the right of way.
+"""A drive as traffic rules need it: vehicles ahead on its path, the lines that it passes, and right of way.
 
-What is looked at are the lanelets of the scenario's network, its signs and lights, and the tracks of all road users.
-Lengths are in m, arrays have a value a state of the drive.
+It uses the lanelets of the scenario's network, its signs and lights, and the tracks of all road users. Lengths are in
+m; arrays have one value per state of the drive.
 """
 
 import math
@@ -28,31 +28,33 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 _ALIGNED_RAD = math.radians(60.0)
-"""Chosen, as for planners: a lanelet whose direction differs by less from a heading is one of its direction."""
+"""A lanelet has the same direction if it differs by less from a heading (chosen, as for planners)."""
 _LANES_WITHIN_M, _ON_M = 20.0, 80.0
-"""Chosen: lanelets within this of the drive are looked at; a drive's path goes on along lanes for so long."""
+"""Distance within which lanelets near the drive are examined, and length of the path's continuation along lanes
+(chosen).
+"""
 _LEAST_CONFLICT_M2 = 0.5
-"""Chosen: ways that overlap less touch along a line."""
+"""Paths that overlap less touch along a line (chosen)."""
 _CROSSING_RAD = (math.radians(30.0), math.radians(150.0))
-"""Chosen: incoming lanes whose directions differ by more or less meet as merging lanes or oncoming ones."""
+"""Incoming lanes with a difference in direction outside this range merge or are oncoming (chosen)."""
 _SIGNED = {"PRIORITY": 2, "RIGHT_OF_WAY": 2, "YIELD": 0, "STOP": 0}
-"""CommonRoad's names of the signs that decide who goes first: the higher goes; without one it is 1."""
+"""CommonRoad's names of the signs that decide priority: the higher value goes first; 1 without a sign."""
 _TURNS = {
     "left": ("left", "leftStraight", "leftRight", "all"),
     "straight": ("straight", "leftStraight", "straightRight", "all"),
     "right": ("right", "straightRight", "leftRight", "all"),
     "": ("all",),
 }
-"""By turn, the directions of traffic lights that are for it; an unknown turn is governed by lights for all."""
+"""The directions of traffic lights that apply to each turn; an unknown turn is governed by lights for all."""
 YieldsBy = Literal["right before left", "signs", "left turn"]
 """Why the ego gives way to another at an intersection."""
 
 
 @dataclass(frozen=True)
 class Ahead:
-    """Another on the ego's path at each state: how far ahead, bumper to bumper (infinite: not ahead), and its motion.
+    """Another on the ego's path at each state: its gap ahead, bumper to bumper (infinite: not ahead), and its motion.
 
-    ``seen``: whether it was within 60 m; ``collision_s``: until both touch on their courses, infinite where never.
+    ``seen``: whether it was within 60 m; ``collision_s``: time until both touch on their courses, infinite if never.
     """
 
     obstacle_id: int
@@ -64,13 +66,13 @@ class Ahead:
 
     @property
     def is_ahead(self) -> NDArray[np.bool_]:
-        """Where it is ahead on the ego's path."""
+        """The states at which it is ahead on the ego's path."""
         return np.isfinite(self.gap_m)
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line across the ego's way: how far ahead of its front at each state, and what it is the line of."""
+    """A line across the ego's path: its distance ahead of the ego's front at each state, and its lanelet."""
 
     lanelet: "Lanelet"
     before_m: Values
@@ -79,7 +81,7 @@ class Line:
 
 @dataclass(frozen=True)
 class _Passage:
-    """A way through an intersection: over which incoming lanes, with which turn, over which lanelets inside."""
+    """A path through an intersection: its incoming lanes, its turn, and its lanelets inside."""
 
     incoming_id: int
     incoming: tuple[int, ...]
@@ -91,10 +93,10 @@ class _Passage:
 
 @dataclass(frozen=True)
 class Conflict:
-    """Another to which the ego gives way at an intersection: where both ways overlap, at each state.
+    """Another to which the ego gives way at an intersection, and the area in which both paths overlap, at each state.
 
-    ``is_there``: whether the ego's body is; ``until_s``, ``since_s``: how long until the other's is there, and since it
-    was; 0 while it is, infinite where it is never.
+    ``is_there``: whether the ego's body is in the area; ``until_s``, ``since_s``: time until the other's body is there,
+    and since it was; 0 while it is, infinite if never.
     """
 
     by: YieldsBy
@@ -105,7 +107,7 @@ class Conflict:
 
 
 class RuledDrive:
-    """A drive among others on a lanelet network, as the rules look at it; each view is made once, when asked for."""
+    """A drive among others on a lanelet network, as the rules need it; each view is computed once, on demand."""
 
     def __init__(
         self,
@@ -116,7 +118,7 @@ class RuledDrive:
         step_s: float,
         onward: Points | None = None,
     ) -> None:
-        """``onward``: points (n, 2) of the way behind the driven end; None: along the straightest lanes."""
+        """``onward``: points (n, 2) of the path after the driven end; None means along the straightest lanes."""
         self.ego, self.others, self.network, self.step_s = ego, dict(others), network, step_s
         self.acceleration_mps2, self._onward = acceleration_mps2, onward
 
@@ -124,12 +126,12 @@ class RuledDrive:
     def of(
         cls, record: RunRecord, steps: RunSteps, others: Mapping[int, Track], network: "LaneletNetwork"
     ) -> "RuledDrive":
-        """The drive of a run."""
+        """Return the drive of a run."""
         accelerations_mps2 = np.asarray(steps.acceleration_mps2, dtype=float)
         return cls(ego_track(record, steps), accelerations_mps2, others, network, record.step_s)
 
     def steps(self, duration_s: float) -> int:
-        """So many steps."""
+        """Return the number of steps in a duration."""
         return round(duration_s / self.step_s)
 
     @property
@@ -146,12 +148,12 @@ class RuledDrive:
 
     @cached_property
     def lanelets(self) -> list[tuple[int, ...]]:
-        """The lanelets of its direction under the ego's centre at each state."""
+        """The lanelets under the ego's centre that have its direction, at each state."""
         return self.roads.under(self.ego.positions, self.ego.headings_rad)
 
     @cached_property
     def path(self) -> Track:
-        """The driven path, going on along the lanes behind its end, as a track."""
+        """The driven path as a track, continued along the lanes after its end."""
         ego, on = self.ego, self._onward
         if on is None:
             on = self.roads.onwards(self.lanelets[-1], ego.positions[-1])
@@ -194,7 +196,7 @@ class RuledDrive:
 
     @cached_property
     def nearest_ahead(self) -> NDArray[np.intp]:
-        """The entry of ``near`` that is next ahead at each state; meaningless where none is."""
+        """The index into ``near`` of the next vehicle ahead at each state; meaningless if there is none."""
         if not self.near:
             return np.zeros(self.count, dtype=np.intp)
         nearest: NDArray[np.intp] = np.argmin([other.gap_m for other in self.near], axis=0)
@@ -202,7 +204,7 @@ class RuledDrive:
 
     @cached_property
     def lines(self) -> tuple[Line, ...]:
-        """The stop lines of the lanelets that the ego was on, where its path meets them; those behind its start not."""
+        """The stop lines of the ego's lanelets where its path meets them, except those behind its start."""
         front = self.ego.length_m / 2
         path = self.path
         along = np.stack([np.cos(path.headings_rad), np.sin(path.headings_rad)], axis=1)
@@ -225,7 +227,10 @@ class RuledDrive:
         return self.turn_after(lanelet_id, Counter(key for under in self.lanelets for key in under))
 
     def turn_after(self, lanelet_id: int, steps_on: Counter[int]) -> str:
-        """Return which way a road user on these lanelets for so long turns from a lanelet; empty if unknown."""
+        """Return the direction in which a road user turns from a lanelet, or an empty string if it is unknown.
+
+        ``steps_on``: the steps that it spent on each lanelet.
+        """
         for intersection in self.network.intersections:
             for incoming in intersection.incomings:
                 if lanelet_id in incoming.incoming_lanelets:
@@ -234,7 +239,7 @@ class RuledDrive:
 
     @cached_property
     def conflicts(self) -> tuple[Conflict, ...]:
-        """The others that come across at the intersections of the drive, to which the ego gives way."""
+        """The road users that the ego must give way to at the intersections of the drive."""
         found: list[Conflict] = []
         for intersection in self.network.intersections:
             own = _passage(intersection, self.lanelets, self.network)
@@ -251,13 +256,13 @@ class RuledDrive:
         return tuple(found)
 
     def lights_of(self, lanelets: Sequence[int]) -> list["TrafficLight"]:
-        """The active lights of lanelets that have a cycle."""
+        """Return the active lights of lanelets that have a cycle."""
         wanted = {light for key in lanelets for light in self.network.find_lanelet_by_id(key).traffic_lights}
         lights = (self.network.find_traffic_light_by_id(key) for key in sorted(wanted))
         return [light for light in lights if light is not None and light.active and light.traffic_light_cycle]
 
     def _near_intersection(self, own: _Passage) -> Iterator[Track]:
-        """Others that move and come near the ego's way through an intersection."""
+        """Yield others that move and come near the ego's path through an intersection."""
         inside = self.roads.union(own.inside).buffer(_LANES_WITHIN_M).bounds
         low, high = np.array(inside[:2]), np.array(inside[2:])
         for track in self.others.values():
@@ -277,16 +282,16 @@ class RuledDrive:
         )
 
     def shown(self, light: "TrafficLight", colours: Sequence[str]) -> NDArray[np.bool_]:
-        """Where a light has one of some colours, by CommonRoad's names of them."""
+        """Return the states at which a light has one of some colours, by CommonRoad's names."""
         steps = range(self.ego.first_step, self.ego.first_step + self.count)
         return np.array([light.get_state_at_time_step(step).name in colours for step in steps])
 
     def lights_for(self, line: Line) -> Iterator["TrafficLight"]:
-        """The active lights of a line that are for the ego's turn."""
+        """Yield the active lights of a line that apply to the ego's turn."""
         yield from self.lights_for_turn(line.lanelet, line.turn)
 
     def lights_for_turn(self, lanelet: "Lanelet", turn: str) -> Iterator["TrafficLight"]:
-        """Yield the active lights of a lanelet that are for a turn."""
+        """Yield the active lights of a lanelet that apply to a turn."""
         for light in self.lights_of([lanelet.lanelet_id]):
             if light.direction.value in _TURNS[turn]:
                 yield light
@@ -315,7 +320,7 @@ class _Roads:
         return self._tree_made
 
     def under(self, points: Points, headings_rad: Values) -> list[tuple[int, ...]]:
-        """The lanelets under each point (n, 2) whose direction there is within 60° of its heading, ids ascending."""
+        """Return the lanelets under each point (n, 2) with a direction within 60° of its heading, ids ascending."""
         import shapely
 
         found: list[list[int]] = [[] for _ in points]
@@ -331,7 +336,7 @@ class _Roads:
         return [tuple(sorted(keys)) for keys in found]
 
     def onwards(self, under: Sequence[int], position: Points) -> Points:
-        """Points of the centre lines behind a position on lanelets, always onto the straightest successor, 80 m far."""
+        """Return points of the centre lines after a position on lanelets, along the straightest successors for 80 m."""
         known = {int(lane.lanelet_id) for lane in self._network.lanelets}
         points: list[Points] = []
         reached, key, before = 0.0, under[0] if under else None, position
@@ -355,7 +360,7 @@ class _Roads:
         return np.array(points).reshape(-1, 2)
 
     def limit_mps(self, keys: Sequence[int]) -> float:
-        """The highest of the speed limits that are posted on lanelets; infinite where none is."""
+        """Return the highest speed limit that is posted on lanelets; infinite if there is no limit."""
         posted = [
             speed
             for key in keys
@@ -366,7 +371,7 @@ class _Roads:
         return max(posted, default=math.inf)
 
     def stop_line(self, lanelet: "Lanelet") -> Points:
-        """Where one stops (2, 2): the stop line of a lanelet; else its end, or its begin within an intersection."""
+        """Return the line to stop at (2, 2): the stop line of a lanelet; else its end, or start in an intersection."""
         line = lanelet.stop_line
         if line is not None and line.start is not None and line.end is not None:
             return np.array([line.start, line.end], dtype=float)
@@ -374,7 +379,7 @@ class _Roads:
         return np.array([lanelet.left_vertices[end], lanelet.right_vertices[end]], dtype=float)
 
     def solid_bounds(self, key: int) -> list[tuple[Points, float]]:
-        """The bounds of a lanelet that must not be crossed, each with the sign of offsets on its inner side."""
+        """Return the bounds of a lanelet that must not be crossed, each with the sign of offsets on its inner side."""
         lane = self._network.find_lanelet_by_id(key)
         sides = (
             (lane.left_vertices, lane.line_marking_left_vertices, -1.0),
@@ -384,26 +389,26 @@ class _Roads:
         return [(np.asarray(line, dtype=float), sign) for line, marking, sign in sides if marking.value in solid]
 
     def union(self, keys: frozenset[int]) -> "BaseGeometry":
-        """Lanelets as one area."""
+        """Return lanelets as one area."""
         import shapely
 
         parts = [self._network.find_lanelet_by_id(key).polygon.shapely_object for key in sorted(keys)]
         return shapely.union_all([shapely.make_valid(part) for part in parts])
 
     def conflict(self, ours: frozenset[int], theirs: frozenset[int]) -> "BaseGeometry | None":
-        """Where two ways through an intersection overlap; None where they do not."""
+        """Return the area in which two paths through an intersection overlap, or None if they do not."""
         area = self.union(ours).intersection(self.union(theirs))
         return area if area.area >= _LEAST_CONFLICT_M2 else None
 
 
 def _bend(lane: "Lanelet", following: "Lanelet") -> float:
-    """How far the way turns from the end of a lanelet to that of the next."""
+    """Return how far the direction turns from the end of a lanelet to that of the next."""
     ends = [headings(np.asarray(one.center_vertices, dtype=float)[-2:])[0] for one in (lane, following)]
     return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
 
 
 def meeting_m(way: Points, line: Points) -> float | None:
-    """Where along a way it first meets a line; None where it does not."""
+    """Return the station at which a path first meets a line, or None if it does not."""
     from shapely import LineString, Point
 
     crossing = LineString(way).intersection(LineString(line))
@@ -414,7 +419,7 @@ def meeting_m(way: Points, line: Points) -> float | None:
 
 
 def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDArray[np.bool_]:
-    """At which steps the body of a track overlaps an area."""
+    """Return the steps at which the body of a track overlaps an area."""
     import shapely
 
     at = steps - track.first_step
@@ -427,7 +432,7 @@ def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDAr
 
 
 def _until(condition: NDArray[np.bool_]) -> Values:
-    """Steps until a condition next holds, 0 where it does, infinite where it never does again."""
+    """Return the steps until a condition next holds: 0 if it does, infinite if it never does again."""
     result, next_at = np.full(len(condition), np.inf), np.inf
     for index in range(len(condition) - 1, -1, -1):
         next_at = 0.0 if condition[index] else next_at + 1.0
@@ -436,7 +441,7 @@ def _until(condition: NDArray[np.bool_]) -> Values:
 
 
 def _turn(incoming: "IntersectionIncomingElement", steps_on: Counter[int]) -> tuple[str, frozenset[int]]:
-    """The turn from an incoming on whose lanelets a road user was longest, and those of them that it was on."""
+    """Return the turn from an incoming with the most steps, and the lanelets of that turn that were used."""
     ways = {
         "straight": incoming.successors_straight,
         "left": incoming.successors_left,
@@ -450,9 +455,9 @@ def _turn(incoming: "IntersectionIncomingElement", steps_on: Counter[int]) -> tu
 def _passage(
     intersection: "Intersection", under: Sequence[tuple[int, ...]], network: "LaneletNetwork"
 ) -> _Passage | None:
-    """How a road user on these lanelets, one entry a step, passes an intersection; None where it does not.
+    """Return how a road user on these lanelets, one entry per step, passes an intersection, or None if it does not.
 
-    Of several incomings the one whose lanes it was on longest.
+    Of several incomings, the one with the most steps is chosen.
     """
     steps_on = Counter(key for keys in under for key in keys)
     found: list[tuple[int, _Passage]] = []
@@ -470,7 +475,7 @@ def _passage(
 
 
 def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletNetwork") -> YieldsBy | None:
-    """Why the ego gives way to another at an intersection; None where it need not. A light stands above all signs."""
+    """Return why the ego gives way to another at an intersection, or None. A traffic light overrides all signs."""
     if own.incoming_id == theirs.incoming_id:
         return None
     turned = abs(float(wrap_angles(np.array([theirs.heading_rad - own.heading_rad]))[0]))
@@ -484,7 +489,7 @@ def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletN
 
 
 def _signed(lanelets: Sequence[int], network: "LaneletNetwork") -> int:
-    """Who goes first by the signs on incoming lanes: 2 with priority, 0 who gives way, 1 without a sign."""
+    """Return the priority by the signs on incoming lanes: 2 with priority, 0 to give way, 1 without a sign."""
     names = {
         element.traffic_sign_element_id.name
         for sign in signs_of(network, lanelets)

@@ -1,6 +1,6 @@
-"""The runs that an analysis looks at, with all that is known about them: metrics, steps, terms of the cost.
+"""The runs of an analysis, with all that is known about them: metrics, steps, terms of the cost.
 
-Step files are read when they are first asked for. ``METRICS`` lists the metrics of a run with unit and direction.
+Step files are read on first use. ``METRICS`` lists the metrics of a run with unit and direction.
 """
 
 from collections import Counter
@@ -27,12 +27,12 @@ _Name = TypeVar("_Name", bound=str)
 
 
 def reached_goal(record: RunRecord) -> bool:
-    """Whether a run reached its goal."""
+    """Return True if a run reached its goal."""
     return record.outcome == "goal_reached"
 
 
 def hit_another(record: RunRecord) -> bool:
-    """Return whether a run ended in a collision with another; leaving the road does not count."""
+    """Return True if a run ended in a collision with another road user; leaving the road does not count."""
     return record.collision is not None and record.collision.obstacle_id is not None
 
 
@@ -67,7 +67,7 @@ class RunSet:
 
     @cached_property
     def steps(self) -> dict[str, RunSteps]:
-        """Steps by run id; runs without steps are not in it."""
+        """Steps by run id, without runs that have no steps."""
         read = ((source.record.run_id, read_steps(source)) for source in self.sources)
         return {run_id: steps for run_id, steps in read if steps is not None}
 
@@ -81,12 +81,12 @@ class RunSet:
         return {}
 
     def look(self, record: RunRecord) -> RunLook | None:
-        """Return the kept result of an earlier look at a run, or None."""
+        """Return the stored review of a run, or None."""
         return self._looks.get(record.run_id)
 
     @cached_property
     def obstacles(self) -> dict[str, dict[str, int]]:
-        """Numbers of obstacles by type, by scenario id; only where they are known."""
+        """Numbers of obstacles by type, by scenario id, without scenarios for which they are unknown."""
         known = ((source.scenario_id, source.obstacles) for source in self.scenarios)
         return {scenario_id: obstacles for scenario_id, obstacles in known if obstacles is not None}
 
@@ -95,15 +95,15 @@ class RunSet:
         return {lineage.scenario_id: lineage.root for lineage in self.lineage}
 
     def root(self, record: RunRecord) -> str:
-        """The scenario that a run counts for: its own, or the one that it was made of by edits."""
+        """Return the scenario that a run counts for: its own, or the one that it was edited from."""
         return self._roots.get(record.scenario_id, record.scenario_id)
 
     def rate(self, of: Iterable[RunRecord], counted: Callable[[RunRecord], bool] = reached_goal) -> Rate:
-        """The share of some runs that count, by default those that reached the goal, with the scenario as the unit."""
+        """Return the share of runs that count, by default those that reached the goal; the scenario is the unit."""
         return rate_by_scenario((self.root(record), counted(record)) for record in of)
 
     def with_sources(self, sources: tuple[RunSource, ...]) -> "RunSet":
-        """Other runs, of the same configurations and scenarios."""
+        """Return a set of other runs, with the same configurations and scenarios."""
         return replace(self, sources=sources)
 
     @cached_property
@@ -111,21 +111,21 @@ class RunSet:
         return {source.scenario_id: source for source in self.scenarios}
 
     def scenario(self, record: RunRecord) -> ScenarioSource | None:
-        """What is known of the scenario of a run."""
+        """Return what is known about the scenario of a run, or None."""
         return self._known.get(record.scenario_id)
 
     def scenario_path(self, record: RunRecord) -> Path | None:
-        """The file of a run's scenario; None where it is not known."""
+        """Return the file of a run's scenario, or None if it is unknown."""
         known = self.scenario(record)
         return None if known is None else Path(known.path)
 
     def obstacle_count(self, record: RunRecord) -> int | None:
-        """The number of obstacles in the scenario of a run; None where it is not known."""
+        """Return the number of obstacles in the scenario of a run, or None if it is unknown."""
         by_type = self.obstacles.get(record.scenario_id)
         return None if by_type is None else sum(by_type.values())
 
     def weights(self, config_id: str) -> dict[str, float]:
-        """The weights of a configuration by name; empty where it is unknown."""
+        """Return the weights of a configuration by name; empty if it is unknown."""
         return next((config.weights for config in self.configs if config.config_id == config_id), {})
 
     def cost_weights(self, config_id: str) -> dict[str, float]:
@@ -139,7 +139,7 @@ class RunSet:
         return {name: terms.get(name, name) for name in self.cost_weights(config_id)}
 
     def vehicle(self, record: RunRecord) -> VehicleParameters:
-        """The ego's vehicle, by its configuration where that is known; CommonRoad's vehicle 2 elsewhere."""
+        """Return the ego's vehicle by its configuration if that is known, else CommonRoad's vehicle 2."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
         vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
         sized = replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
@@ -147,12 +147,12 @@ class RunSet:
 
     @cached_property
     def is_of_one_configuration(self) -> bool:
-        """Whether one rate over all runs is one of a configuration, and not of several pooled."""
+        """Whether all runs have one configuration, so that a rate over them does not pool several."""
         return len({record.config_id for record in self.records}) < 2
 
     @cached_property
     def by_configuration(self) -> "dict[str, RunSet]":
-        """The runs of each configuration as a set of their own; what was read and looked at is shared."""
+        """The runs of each configuration as a separate set; what was read and examined is shared."""
         apart: dict[str, RunSet] = {}
         for config_id, records in self.by_config(self.records).items():
             chosen = {record.run_id for record in records}
@@ -163,7 +163,7 @@ class RunSet:
         return apart
 
     def by_config(self, records: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
-        """The records by configuration id, in order of appearance."""
+        """Return the records by configuration id, in order of appearance."""
         groups: dict[str, list[RunRecord]] = {}
         for record in records:
             groups.setdefault(record.config_id, []).append(record)
@@ -171,10 +171,10 @@ class RunSet:
 
 
 def read_steps(source: RunSource) -> RunSteps | None:
-    """The steps of a run; None where none were kept.
+    """Return the steps of a run, or None if they were not kept.
 
     Raises:
-        ResourceFailure: the file is named but cannot be read.
+        ResourceFailure: the file cannot be read or is damaged.
     """
     if source.steps_path is None:
         return None
@@ -217,7 +217,7 @@ def _with_shown_names(steps: RunSteps) -> RunSteps:
 
 
 def driven_tracks(steps: RunSteps) -> dict[int, Track]:
-    """How the obstacles of reactive traffic moved, by id; empty where all followed their recordings."""
+    """Return the tracks of the obstacles of reactive traffic by id; empty if all followed their recordings."""
     return {
         other.obstacle_id: Track(
             obstacle_id=other.obstacle_id,
@@ -258,17 +258,17 @@ def ego_track(record: RunRecord, steps: RunSteps) -> Track:
 
 
 def most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
-    """Names with their counts, the largest first, of equal ones in order of the name."""
+    """Return names with their counts, the largest first; equal counts are ordered by name."""
     return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
 _NOISE = 1e-9
-"""Relative difference of two values up to which they are equal: what rounding leaves, far below any measurement."""
+"""Relative difference up to which two values are equal: rounding, far below any measurement."""
 
 
 @dataclass(frozen=True)
 class MetricSpec:
-    """One metric of a run: a stored measure as ``schemas/measures.py`` defines it; ``why_none``: why there is none."""
+    """One metric of a run, a stored measure of ``schemas/measures.py``; ``why_none``: why a run may lack it."""
 
     name: MetricName
     unit: str
@@ -279,14 +279,14 @@ class MetricSpec:
     why_none: str = ""
 
     def difference(self, before: float, after: float) -> float:
-        """After − before; 0 where that is no more than the tolerance, or than what rounding leaves."""
+        """Return after − before; 0 if that is within the tolerance or rounding."""
         least = max(self.tolerance, _NOISE * max(abs(before), abs(after)))
         return 0.0 if abs(after - before) <= least else after - before
 
     def value(self, record: RunRecord) -> float | None:
-        """The value of the metric in a run; None where it is not defined."""
+        """Return the value of the metric in a run, or None if it is not defined."""
         if self.name == "risk_score" and record.outcome == "off_road":
-            return None  # older runs have the score of the others that were near
+            return None  # older runs have the score of the others nearby
         value: float | None = getattr(record.metrics, self.name, None)
         return value
 
@@ -296,11 +296,11 @@ METRICS: tuple[MetricSpec, ...] = tuple(
     for one in MEASURES
     if one.stored
 )
-"""The stored measures in the order in which they are shown: one for each field of ``RunMetrics``."""
+"""The stored measures in display order: one for each field of ``RunMetrics``."""
 
 
 def cost_shares(runs: RunSet) -> tuple[CostShare, ...]:
-    """Terms by configuration, the largest first; terms that are always 0 are left out."""
+    """Return terms by configuration, the largest first; terms that are always 0 are left out."""
     shares: list[CostShare] = []
     for config_id, records in runs.by_config(runs.valid).items():
         terms = config_terms(runs, records)
@@ -320,14 +320,14 @@ def cost_shares(runs: RunSet) -> tuple[CostShare, ...]:
 
 
 def config_terms(runs: RunSet, records: Sequence[RunRecord]) -> dict[str, float]:
-    """Mean over the runs of each term's mean; every run counts the same, however long it is."""
+    """Return the mean over the runs of each term's mean; every run counts the same, regardless of its length."""
     means = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
     terms = sorted({term for mean in means for term in mean})
     return {term: float(np.mean([mean.get(term, 0.0) for mean in means])) for term in terms}
 
 
 def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, float]:
-    """Mean weighted cost of each term over the planning steps (from ``since_step`` on); empty without any."""
+    """Return the mean weighted cost of each term over the planning steps from ``since_step`` on; empty without any."""
     chosen = [i for i, step in enumerate(steps.plan_steps) if since_step is None or step >= since_step]
     return {
         term: float(np.mean([values[i] for i in chosen if i < len(values)]))
@@ -337,6 +337,6 @@ def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, floa
 
 
 def share_of(terms: dict[str, float], wanted: Sequence[str]) -> float | None:
-    """Share of some terms in the total; None where the total is 0."""
+    """Return the share of some terms in the total, or None if the total is 0."""
     total = sum(terms.values())
     return sum(terms.get(term, 0.0) for term in wanted) / total if total > 0 else None

@@ -1,7 +1,7 @@
 """The runs of a batch, or the steps of a run, as a table: CSV for people, Parquet for notebooks.
 
-One row a cell: what is stored of a run, its measures, weights and settings. A cell without a run has the outcome
-``lost`` and the error as its reason, so that nothing is missing from the table without being said.
+The table of a batch has one row per cell: what is stored of a run, its measures, weights and settings. A cell without a
+run has the outcome ``lost`` and the error as its reason, so that nothing is missing without notice.
 
 The table of a run has one row for each driven state. What belongs to a planning step (cost terms, rejections, desired
 speed, debug values) is in the row of that step and empty in the other rows.
@@ -86,7 +86,7 @@ def _state_columns(steps: RunSteps, series: RunSeries, step_s: float) -> dict[st
 
 
 def _planned_columns(steps: RunSteps, series: RunSeries) -> dict[str, Column]:
-    """Return one value for each driven state at which was planned."""
+    """Return one value for each driven state that was planned at."""
     rows = [step - steps.first_step for step in steps.plan_steps]
     planned: dict[str, Column] = {
         "desired_speed_mps": series.desired_speed_mps,
@@ -107,12 +107,12 @@ def _planned_columns(steps: RunSteps, series: RunSeries) -> dict[str, Column]:
 
 
 def _kind_of(values: Column) -> type:
-    """Return the type of a column's values; of a column without any, a number."""
+    """Return the type of a column's values; float if the column is empty."""
     return next((type(value) for value in values if value is not None), float)
 
 
 def _measured(request: RunTableRequest) -> Iterator[dict[str, Value]]:
-    """What was not stored with each run, in their order, and is computed from its steps; None where there is none."""
+    """Yield the measures of each run that are not stored but computed from its steps; None if a run lacks one."""
     known = {configuration.config_id: configuration for configuration in request.configurations}
     for record in request.records:
         configuration = known.get(record.config_id)
@@ -132,7 +132,7 @@ def _measured(request: RunTableRequest) -> Iterator[dict[str, Value]]:
 def _run_rows(
     records: Sequence[RunRecord], lost: Sequence[LostCell], configurations: Sequence[PlannerConfiguration]
 ) -> list[dict[str, Value]]:
-    """The rows, in the order of the runs, then of the lost cells; a figure that is not defined is None."""
+    """Return the rows, in the order of the runs, then of the lost cells; an undefined figure is None."""
     tuning = {item.config_id: _tuning(item) for item in configurations}
     rows = [_flat(record.model_dump(mode="json")) | tuning.get(record.config_id, {}) for record in records]
     for cell in lost:
@@ -169,7 +169,7 @@ def _tuning_columns(configurations: Sequence[PlannerConfiguration]) -> dict[str,
 
 
 def _record_columns() -> dict[str, type]:
-    """Column → type of its values, from the models, so that an empty column has its type too."""
+    """Return the type of each column's values, from the models, so that an empty column has its type too."""
     columns: dict[str, type] = {}
     for name, field in RunRecord.model_fields.items():
         part = _PARTS.get(name)

@@ -1,12 +1,12 @@
 """Statistics on shares and on paired runs: intervals, exact tests, Holm's adjustment. The scenario is the unit.
 
-Runs of one scenario (of its planning problems, configurations, predictions, edited versions) are alike: ten of them say
-less than runs of ten scenarios. So intervals are those of as many independent runs as the runs are worth (their design
-effect), and tests treat a scenario as one. Where every scenario has one run, all are the usual ones.
+Runs of one scenario (of its planning problems, configurations, predictions, edited versions) are alike: ten of them
+show less than runs of ten scenarios. Therefore intervals are those of an equivalent number of independent runs (by the
+design effect), and tests treat a scenario as one. If every scenario has one run, all are the usual ones.
 
 scipy has no Holm adjustment, no interval for paired shares and, with ties, no exact signed-rank test; these are written
 here. So are the Wilson interval, the binomial test of a fair coin and mean ranks: a first comparison in a worker would
-wait for ``scipy.stats``, which takes most of a second to import. The tests hold them against scipy's.
+wait for ``scipy.stats``, which takes most of a second to import. The tests compare them with scipy's.
 """
 
 import math
@@ -21,7 +21,7 @@ from ...schemas.results import SIGNIFICANCE_LEVEL, Rate
 from ..execution import ProgressReporter
 
 FEWEST_PAIRS = 6
-"""With fewer differing pairs no two-sided test on signs or ranks can go below 5 %: 2 · 0.5⁵ = 6.25 %."""
+"""With fewer differing pairs, a two-sided test on signs or ranks cannot go below 5 %: 2 · 0.5⁵ = 6.25 %."""
 _Z_95 = 1.959963984540054
 """The 97.5 % quantile of the standard normal distribution."""
 _Z_80 = 0.8416212335729143
@@ -29,11 +29,11 @@ _Z_80 = 0.8416212335729143
 LEVEL = SIGNIFICANCE_LEVEL
 """The level of all tests and intervals."""
 _MOST_EXACT = 60
-"""Pairs up to which p is exact (chosen): above, the normal approximation is as good and the distribution long."""
+"""Largest number of pairs with an exact p (chosen): above, the normal approximation is as good and much faster."""
 
 
 def rate(count: int, of: int) -> Rate:
-    """The share with its 95 % Wilson interval, each trial by itself; without trials there is neither."""
+    """Return the share with its 95 % Wilson interval, for independent trials; all None without trials."""
     if of == 0:
         return Rate(count=0, of=0, share=None, low=None, high=None)
     low, high = wilson_interval(count, of)
@@ -41,12 +41,12 @@ def rate(count: int, of: int) -> Rate:
 
 
 def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
-    """The share of true trials with its 95 % interval; a trial is its scenario and what came out.
+    """Return the share of true trials with its 95 % interval; a trial is its scenario and its outcome.
 
-    Without trials there is neither. Wilson's interval for the effective number of trials: that number is what is left
-    of them by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of clustered
-    binary data"), with Student's quantile for as many scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on
-    Wilson's form of it). Where all trials came out alike, a scenario counts as one trial.
+    Without trials both are None. The interval is Wilson's for the effective number of trials, reduced by the design
+    effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of clustered binary data"), with
+    Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on Wilson's form of
+    it). If all trials have the same outcome, a scenario counts as one trial.
     """
     clusters = _sums((key, float(outcome)) for key, outcome in trials)
     count, of = round(sum(total for total, _ in clusters)), sum(size for _, size in clusters)
@@ -58,7 +58,7 @@ def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
 
 
 def success_rates(request: SuccessRequest, report: ProgressReporter) -> SuccessRates:
-    """The rate of each set of trials, as :func:`rate_by_scenario` computes it."""
+    """Return the rate of each set of trials, as :func:`rate_by_scenario` computes it."""
     rates = tuple(rate_by_scenario(trials) for trials in request.sets)
     report(1.0, "counted")
     return SuccessRates(rates=rates)
@@ -69,7 +69,7 @@ _Cluster = tuple[float, int]
 
 
 def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
-    """Sum and number by scenario, in order of appearance."""
+    """Return the sum and number by scenario, in order of appearance."""
     sums: dict[str, tuple[float, int]] = {}
     for key, value in trials:
         total, size = sums.get(key, (0.0, 0))
@@ -78,7 +78,7 @@ def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
 
 
 def _effective(clusters: Sequence[_Cluster], of: int, mean: float, variance: float) -> float:
-    """How many independent trials the trials of some scenarios are worth, given their mean and variance."""
+    """Return the number of independent trials that these trials are worth, given their mean and variance."""
     count = len(clusters)
     if count == of:
         return float(of)
@@ -90,28 +90,28 @@ def _effective(clusters: Sequence[_Cluster], of: int, mean: float, variance: flo
 
 
 def _student(degrees: int) -> float:
-    """The 97.5 % quantile of Student's distribution."""
+    """Return the 97.5 % quantile of Student's distribution."""
     from scipy.special import stdtrit
 
     return float(stdtrit(degrees, 0.975))
 
 
 def wilson_interval(count: int, of: int, effective: float | None = None) -> tuple[float, float]:
-    """95 % score interval of a binomial share (Wilson 1927, "Probable inference"), in Newcombe's (1998) notation.
+    """Return the 95 % score interval of a binomial share (Wilson 1927; notation of Newcombe 1998).
 
-    ``effective``: of how many independent trials it is; as many as there are where it is left out.
+    ``effective``: the number of independent trials; by default ``of``.
 
     Raises:
-        ValueError: no trials, or a count outside them.
+        ValueError: there are no trials, or the count is outside them.
     """
     if of < 1 or not 0 <= count <= of:
-        raise ValueError(f"{count} of {of} is no share")
+        raise ValueError(f"{count} of {of} is not a share")
     share, squared = count / of, _Z_95 * _Z_95
     trials = float(of) if effective is None else effective
     middle = share + squared / (2 * trials)
     half = _Z_95 * math.sqrt(share * (1 - share) / trials + squared / (4 * trials * trials))
     scale = 1 + squared / trials
-    # At the ends the formula gives 0 and 1 but for rounding.
+    # The formula gives 0 and 1 here except for rounding.
     low = 0.0 if count == 0 else (middle - half) / scale
     high = 1.0 if count == of else (middle + half) / scale
     return low, high
@@ -121,9 +121,9 @@ def wilson_interval(count: int, of: int, effective: float | None = None) -> tupl
 class PairedShares:
     """Success before and after on the same problems: the difference (after − before), its 95 % interval, and p.
 
-    ``p`` is exact: under the null hypothesis a scenario's flips could as well have gone the other way, all together
-    (McNemar's test where every scenario has one pair). An interval that holds 0 goes with a p of 0.05 and more: where
-    the exact test sees no difference, the interval is widened to 0.
+    ``p`` is exact: under the null hypothesis, each scenario's flips could have gone the other way, all together
+    (McNemar's test if every scenario has one pair). An interval that contains 0 goes with a p of at least 0.05: if the
+    exact test shows no difference, the interval is widened to 0.
     """
 
     difference: float
@@ -133,18 +133,18 @@ class PairedShares:
 
 
 def paired_shares(flips: Iterable[tuple[str, int]]) -> PairedShares:
-    """Difference of two paired shares; a pair is its scenario and 1 (to success), −1 (to failure) or 0.
+    """Return the difference of two paired shares; a pair is its scenario and 1 (to success), −1 (to failure) or 0.
 
     The interval is an adjusted Wald interval: half a pair is added to each of the four cells (Agresti and Min 2005,
-    "Simple improved confidence intervals for comparing matched proportions"), after the pairs were reduced to the
-    effective number that their scenarios leave of them, as in :func:`rate_by_scenario`.
+    "Simple improved confidence intervals for comparing matched proportions"), after the pairs were reduced to their
+    effective number, as in :func:`rate_by_scenario`.
 
     Raises:
-        ValueError: no pairs.
+        ValueError: there are no pairs.
     """
     pairs = list(flips)
     if not pairs:
-        raise ValueError("no pairs, no difference")
+        raise ValueError("a difference needs pairs")
     clusters = _sums((key, float(flip)) for key, flip in pairs)
     gained, lost = (sum(flip == sign for _, flip in pairs) / len(pairs) for sign in (1, -1))
     difference = gained - lost
@@ -161,7 +161,7 @@ def paired_shares(flips: Iterable[tuple[str, int]]) -> PairedShares:
 
 
 def _sign_flips(totals: Sequence[int]) -> float:
-    """Two-sided p of a sum of totals, each of which could as well have the other sign; 1 where all are 0."""
+    """Return the two-sided p of a sum of totals that could each have the other sign; 1 if all are 0."""
     sizes = np.array([abs(total) for total in totals if total], dtype=float)
     if not len(sizes):
         return 1.0
@@ -172,10 +172,10 @@ def _sign_flips(totals: Sequence[int]) -> float:
 
 
 def needed_scenarios(discordant: float, difference: float) -> int | None:
-    """How many pairs would show a difference of two shares at 5 % in four of five trials; None where no number does.
+    """Return how many pairs show a difference of two shares at 5 % with a power of 80 %, or None if no number does.
 
     Connor 1987, "Sample size for testing differences in proportions for the paired-sample design"; ``discordant`` is
-    the share of pairs that flip, of which there are at least as many as the difference.
+    the share of pairs that flip, which is at least the difference.
     """
     share = max(discordant, difference)
     if difference <= 0 or share <= 0:
@@ -185,7 +185,7 @@ def needed_scenarios(discordant: float, difference: float) -> int | None:
 
 
 def mcnemar_exact(only_before: int, only_after: int) -> float:
-    """Two-sided p of the exact (binomial) McNemar test on the discordant pairs; 1 without any."""
+    """Return the two-sided p of the exact (binomial) McNemar test on the discordant pairs; 1 without any."""
     from scipy.special import bdtr
 
     fewer, discordant = min(only_before, only_after), only_before + only_after
@@ -194,11 +194,10 @@ def mcnemar_exact(only_before: int, only_after: int) -> float:
 
 @dataclass(frozen=True)
 class SignedRank:
-    """Result of the signed-rank test on differences after − before.
+    """The result of the signed-rank test on differences after − before.
 
-    ``shift``: Hodges–Lehmann estimate, the median of all pairwise means; ``low`` and ``high``: its distribution-free
-    95 % interval, None under six pairs; ``effect``: matched-pairs rank-biserial correlation, positive where after is
-    larger.
+    ``shift``: Hodges–Lehmann estimate, the median of all pairwise means; ``low`` and ``high``: its distribution-free 95
+    % interval, None under six pairs; ``effect``: matched-pairs rank-biserial correlation, positive if after is larger.
     """
 
     pairs: int
@@ -210,17 +209,17 @@ class SignedRank:
 
 
 def signed_rank(differences: Sequence[float]) -> SignedRank:
-    """Wilcoxon's signed-rank test; zero differences keep their ranks (Pratt 1959), ties share the mean rank.
+    """Test differences by Wilcoxon's signed-rank test; zeros keep their ranks (Pratt 1959), ties share the mean rank.
 
-    Up to 60 pairs p comes from the exact permutation distribution of the ranks as they are, ties included; above from
+    Up to 60 pairs, p comes from the exact permutation distribution of the observed ranks, ties included; above, from
     the normal approximation with continuity correction.
 
     Raises:
-        ValueError: no differences.
+        ValueError: there are no differences.
     """
     values = np.asarray(differences, dtype=float)
     if len(values) == 0:
-        raise ValueError("no pairs, no test")
+        raise ValueError("a test needs pairs")
     ranks = mean_ranks(np.abs(values))
     positive, negative = float(ranks[values > 0].sum()), float(ranks[values < 0].sum())
     total = positive + negative
@@ -237,16 +236,16 @@ def signed_rank(differences: Sequence[float]) -> SignedRank:
 
 
 def cluster_means(values: Iterable[tuple[str, float]]) -> list[float]:
-    """The mean of each scenario's values, in order of appearance: one figure a scenario."""
+    """Return the mean of each scenario's values, in order of appearance."""
     return [total / size for total, size in _sums(values)]
 
 
 def rank_correlation(rows: Sequence[Sequence[float]], fixed: int = 0) -> tuple[float, float] | None:
-    """Spearman's ρ of the first two columns, one row a scenario, and its two-sided p; None where one does not vary.
+    """Return Spearman's ρ of the first two columns, one row per scenario, and its two-sided p.
 
-    ``fixed``: so many columns more are held fixed: ρ is that of what is left of the ranks of both once the ranks of
-    these are taken out by least squares (partial rank correlation), with as many degrees of freedom less. p is by
-    Student's distribution.
+    None if one of them is constant. ``fixed``: number of further columns that are held fixed. Their ranks are removed
+    from both by least squares (partial rank correlation), which costs as many degrees of freedom. p is by Student's
+    distribution.
     """
     from scipy.special import stdtr
 
@@ -264,19 +263,19 @@ def rank_correlation(rows: Sequence[Sequence[float]], fixed: int = 0) -> tuple[f
 
 
 def mean_ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rank of each value from 1; equal values share the mean of theirs."""
+    """Return the rank of each value, from 1; equal values share the mean of their ranks."""
     _, places, counts = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(counts) - (counts - 1) / 2)[places]
 
 
 def walsh_averages(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """All n(n + 1)/2 pairwise means, each value with itself included, in ascending order."""
+    """Return all n(n + 1)/2 pairwise means, each value with itself included, in ascending order."""
     first, second = np.triu_indices(len(values))
     return np.sort((values[first] + values[second]) / 2)
 
 
 def _interval(averages: NDArray[np.float64], count: int) -> tuple[float | None, float | None]:
-    """Distribution-free 95 % interval from the ordered Walsh averages (Hollander and Wolfe, chapter 3)."""
+    """Return the distribution-free 95 % interval from the ordered Walsh averages (Hollander and Wolfe, chapter 3)."""
     if count < FEWEST_PAIRS:
         return None, None
     if count <= _MOST_EXACT:
@@ -290,7 +289,7 @@ def _interval(averages: NDArray[np.float64], count: int) -> tuple[float | None, 
 
 
 def _two_sided(ranks: NDArray[np.float64], positive: float) -> float:
-    """Two-sided p of a sum of positive ranks, given all ranks of differences other than 0."""
+    """Return the two-sided p of a sum of positive ranks, given all ranks of nonzero differences."""
     if len(ranks) <= _MOST_EXACT:
         chances = _rank_sum_chances(np.rint(2 * ranks).astype(np.int64))
         at = round(2 * positive)
@@ -301,7 +300,7 @@ def _two_sided(ranks: NDArray[np.float64], positive: float) -> float:
 
 
 def _rank_sum_chances(doubled_ranks: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Probability of every sum of doubled ranks (mean ranks end in .5) when each sign is a fair coin."""
+    """Return the probability of every sum of doubled ranks (mean ranks end in .5) if each sign is a fair coin."""
     chances = np.ones(1)
     for rank in doubled_ranks:
         longer = np.zeros(len(chances) + int(rank))
@@ -312,7 +311,7 @@ def _rank_sum_chances(doubled_ranks: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def fisher_exact(first: tuple[int, int], second: tuple[int, int]) -> float:
-    """Two-sided p of Fisher's exact test on two groups, each as (count, of): all tables as unlikely or more so."""
+    """Return the two-sided p of Fisher's exact test on two groups (count, of), over all tables that are as unlikely."""
     of, other, total = first[1], second[1], first[0] + second[0]
     ways = {k: math.comb(of, k) * math.comb(other, total - k) for k in range(max(0, total - other), min(of, total) + 1)}
     seen = ways[first[0]]
@@ -320,7 +319,7 @@ def fisher_exact(first: tuple[int, int], second: tuple[int, int]) -> float:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Step-down adjusted p values (Holm 1979), in the given order."""
+    """Return step-down adjusted p values (Holm 1979), in the given order."""
     count = len(p_values)
     adjusted = [0.0] * count
     highest = 0.0

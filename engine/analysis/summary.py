@@ -1,6 +1,6 @@
 """The analysis of a set of runs: outcome rates in total and by group, metrics, costs, findings; the timeline of one.
 
-Invalid items stand apart and are in no denominator.
+Invalid items are listed separately and are in no denominator.
 """
 
 import math
@@ -41,10 +41,11 @@ from .traffic_rules import MOST_RUNS, rule_shares, rule_verdicts
 _SHOWN_INVALID, _SUMMARY_FINDINGS, _SUMMARY_COSTS, _MOST_GROUPS, _FINDING_RUNS = 10, 5, 6, 20, 8
 """Entries of each list (chosen): the default answer stays under 4,500 characters; notes say what is left out."""
 _FIGURED_GROUPS = 4
-"""Configurations that each have their metrics and causes in one answer, about 2,500 characters each; ``where`` asks for
-those of others."""
+"""Number of configurations with their own metrics and causes in one answer, about 2,500 characters each; ``where``
+selects others.
+"""
 _SHOWN_CONTACTS = 10
-"""Collisions of which rows say who hit whom (chosen): each reads its scenario, and an answer has 50 s."""
+"""Number of collisions with a described contact in rows (chosen): each reads its scenario, and an answer has 50 s."""
 _SHOWN_RUNS = 5
 """Run ids that an outcome lists (chosen): enough to look at some of them."""
 
@@ -53,38 +54,38 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
     """Analyse runs; ``detail`` decides which sections are filled.
 
     Raises:
-        NotPossible: no run is left, or a timeline of several runs was asked for.
-        UnknownName, InvalidRequest: a condition that cannot be meant.
+        NotPossible: no run is left, or a timeline of several runs was requested.
+        UnknownName, InvalidRequest: a condition is not valid.
     """
     conditions, window = window_of(request.where)
     runs = matching(RunSet(request.runs, request.configs, request.scenarios, request.lineage), conditions)
     if not runs.sources:
         raise NotPossible(
             f"no run meets {', '.join(request.where) or 'the request'}",
-            next_step="drop a condition",
+            next_step="remove a condition",
             remedies=[with_values(where=None)],
         )
     detail: AnalysisDetail = request.detail
     if detail == "measures" and not runs.valid:
-        raise NotPossible("none of the runs could be attempted, so there is nothing to measure")
+        raise NotPossible("no run could be attempted, so there is nothing to measure")
     if window is not None and detail != "timeline":
         raise InvalidRequest(
-            "time_s narrows a timeline only",
-            next_step="add detail=timeline, for one run",
+            "time_s only applies to a timeline",
+            next_step="add detail=timeline for one run",
             remedies=[
                 with_values(detail="timeline", results=[record.run_id]) for record in (*runs.failures, *runs.successes)
             ][:1],
         )
     if detail == "timeline" and len(runs.sources) > 1:
         raise NotPossible(
-            f"a timeline shows one run, these are {len(runs.sources)}",
+            f"a timeline shows one run, but {len(runs.sources)} are selected",
             valid=[record.run_id for record in (*runs.failures, *runs.successes)],
-            next_step="name one run in results",
+            next_step="give one run in results",
             remedies=[with_values(results=[record.run_id]) for record in (*runs.failures, *runs.successes)][:1],
         )
     if detail == "rows" and request.offset >= len(runs.sources) > 1:
         raise InvalidRequest(
-            f"offset {request.offset} is behind the last of {len(runs.sources)} runs",
+            f"offset {request.offset} is beyond the last of {len(runs.sources)} runs",
             valid=[f"0 to {len(runs.sources) - 1}"],
         )
     report(0.1, "reading runs")
@@ -154,14 +155,14 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
 
 
 def _summary_findings(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Return the main failure of each configuration, and with one of them five findings in all."""
+    """Return the main failure of each configuration, and with one configuration five findings in total."""
     main = tuple(one for one in findings if one.name == "main_failure")
     others = tuple(one for one in findings if one.name != "main_failure")
     return (*main, *others[: _SUMMARY_FINDINGS - bool(main)])
 
 
 def _most_critical(looked_at: RunReview) -> Encounter | None:
-    """The shortest time to a collision where it is critical, else the smallest gap."""
+    """Return the shortest time to collision if it is critical, else the smallest gap."""
     urgent = looked_at.most_urgent
     time_s = None if urgent is None else urgent.time_to_collision_s
     return urgent if time_s is not None and time_s < CRITICAL_TIME_TO_COLLISION_S else looked_at.closest
@@ -174,11 +175,11 @@ def _costs(runs: RunSet, detail: AnalysisDetail) -> tuple[CostShare, ...]:
 
 
 _OFF_ROAD_RISK = 1
-"""The risk rank of a run that left the road: below collisions, level with the extreme ones (chosen)."""
+"""The risk rank of a run that left the road: below collisions, equal to extreme ones (chosen)."""
 
 
 def _ease(record: RunRecord) -> tuple[float, ...]:
-    """By risk, then time and distance to a collision, then duration: what came nearest to harm, and soonest, first."""
+    """Return the sort key: risk, time and distance to a collision, duration; the most harmful run comes first."""
     found = record.metrics
     if found is None:
         return (math.inf,)
@@ -188,7 +189,7 @@ def _ease(record: RunRecord) -> tuple[float, ...]:
 
 
 def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
-    """Return the runs of the page that is asked for: failures first, the hardest of each first, invalid ones last."""
+    """Return the runs of the requested page: failures first, the hardest of each first, invalid ones last."""
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     ordered = [*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid]
     return ordered if len(ordered) == 1 else ordered[request.offset : request.offset + request.limit]
@@ -223,13 +224,13 @@ def _rows(runs: RunSet, records: Sequence[RunRecord]) -> tuple[RunRow, ...]:
 def _notes(
     runs: RunSet, request: AnalyseRequest, correlation: Note, group_count: int, hidden_findings: int
 ) -> Iterator[Note]:
-    """Yield each note with its figures, by their names."""
+    """Yield each note with its figures by name."""
     if request.lost:
         first = request.lost[0]
-        words = f"{len(request.lost)} cells gave no run and are in no figure; the first: {first.scenario_id} with "
+        words = f"{len(request.lost)} cells have no run and count in no figure; the first: {first.scenario_id} with "
         yield words + f"{first.config_id}: {first.error}", {"lost_cells": len(request.lost)}
     if request.where:
-        words = f"{len(runs.sources)} of {len(request.runs)} runs meet {' and '.join(request.where)}"
+        words = f"{len(runs.sources)} of {len(request.runs)} runs match {' and '.join(request.where)}"
         yield words, {"asked_runs": len(request.runs)}
     older = sum(record.success_rule == "driven@1" for record in runs.valid) if request.detail == "summary" else 0
     if older and len(runs.sources) > 1:
@@ -243,7 +244,7 @@ def _notes(
         page = {"first_row": request.offset + 1, "last_row": request.offset + shown}
         yield f"runs {page['first_row']} to {page['last_row']} of {len(runs.sources)}, failures first", page
     if request.detail == "rules" and len(runs.valid) > MOST_RUNS:
-        words = f"traffic rules of a random {MOST_RUNS} of {len(runs.valid)} valid runs, by scenario; narrow with where"
+        words = f"traffic rules are checked for a random {MOST_RUNS} of {len(runs.valid)} valid runs; narrow with where"
         yield words, {"judged_runs": MOST_RUNS}
     if request.detail == "measures" and len(runs.valid) > MOST_MEASURED:
         words = f"a random {MOST_MEASURED} of {len(runs.valid)} valid runs are measured; narrow with where"
@@ -252,10 +253,10 @@ def _notes(
         yield f"{_MOST_GROUPS} of {group_count} groups shown; narrow with where", {"groups": group_count}
     gone = sorted({config.planner for config in runs.configs if config.default_weights is None})
     if gone and request.detail in ("summary", "findings"):
-        yield f"not installed here: {', '.join(gone)}; no finding holds a weight against its default", {}
+        yield f"not installed here: {', '.join(gone)}; weights are not compared with its defaults", {}
     without = sum(record.run_id not in runs.steps for record in runs.valid) if request.detail == "costs" else 0
     if without:
-        yield f"{without} runs have no recorded steps and are in no cost figure", {"stepless_runs": without}
+        yield f"{without} runs have no recorded steps and count in no cost figure", {"stepless_runs": without}
 
 
 def _by_any_motion(runs: RunSet) -> Rate | None:
@@ -265,17 +266,17 @@ def _by_any_motion(runs: RunSet) -> Rate | None:
 
 
 def _unrated(group: Group) -> Group:
-    """Return a group without rates of goals, because its runs were chosen by how they ended."""
+    """Return a group without rates of goals, because its runs were selected by outcome."""
     rate = group.success.model_copy(update={"share": None, "low": None, "high": None})
     causes, trivial = (
-        None if told is None else told.model_copy(update={"success_without": None})
-        for told in (group.causes, group.trivial)
+        None if figures is None else figures.model_copy(update={"success_without": None})
+        for figures in (group.causes, group.trivial)
     )
     return group.model_copy(update={"success": rate, "causes": causes, "trivial": trivial})
 
 
 def _outcome_shares(runs: RunSet, *, rated: bool) -> tuple[OutcomeShare, ...]:
-    """Every outcome that occurred among the valid runs, the most frequent first."""
+    """Return every outcome that occurred among the valid runs, the most frequent first."""
     return tuple(
         OutcomeShare(
             outcome=outcome,
@@ -292,7 +293,7 @@ def _ended_as(outcome: Outcome) -> Callable[[RunRecord], bool]:
 
 
 def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
-    """Mean, median and range of every metric over the valid runs in which it is defined."""
+    """Return mean, median and range of every metric over the valid runs in which it is defined."""
     one_configuration = len({record.config_id for record in runs.valid}) == 1
     summaries = []
     for spec in METRICS:
@@ -313,7 +314,7 @@ def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
 
 
 def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
-    """The metrics that none of the valid runs has; empty without valid runs."""
+    """Return the metrics that no valid run has; empty without valid runs."""
     absent = [spec for spec in METRICS if runs.valid and all(spec.value(record) is None for record in runs.valid)]
     return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
 
@@ -321,7 +322,7 @@ def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
 def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -> tuple[Group, ...]:
     """Return outcome rates by group; a scenario with several obstacle classes is in the group of each.
 
-    Without a requested breakdown, several configurations are groups of their own; in a breakdown by scenarios they are
+    Without a requested breakdown, several configurations are separate groups; in a breakdown by scenarios they are
     separate within each group.
     """
     if breakdown == "pooled" or (breakdown == "none" and is_one):
@@ -359,7 +360,7 @@ def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
 
 
 def _with_own_figures(group: Group, own: RunSet, *, summed: bool) -> Group:
-    """Return the group of one of several configurations with the figures that are not pooled over them."""
+    """Return the group of one of several configurations with its own figures, which are not pooled."""
     failed = {
         outcome: tuple(record.run_id for record in own.failures if record.outcome == outcome)[:_SHOWN_RUNS]
         for outcome in group.outcomes
@@ -377,9 +378,9 @@ def _with_own_figures(group: Group, own: RunSet, *, summed: bool) -> Group:
     return group.model_copy(update=figures)
 
 
-_OLD_RULE = "driven@1, a rule of versions before: a goal counts by whatever motion"
+_OLD_RULE = "driven@1, an older rule that counts a goal after any motion"
 _BINS = ((0, 0), (1, 4), (5, 9), (10, 19), (20, 49), (50, 10**6))
-"""First and last number of obstacles of each group (chosen: about twice as many from one to the next)."""
+"""First and last number of obstacles of each group (chosen: about doubling from one to the next)."""
 
 
 def _bin_name(count: int) -> str:

@@ -1,12 +1,12 @@
-"""Signal temporal logic over the steps of a run, graded: how far a formula is from turning.
+"""Signal temporal logic over the steps of a run, graded: how far a formula is from changing its truth value.
 
-A signal is an array with a value a step. The robustness of a formula at a step (Donzé and Maler, "Robust satisfaction
-of temporal logic over real-valued signals", FORMATS 2010) is positive where it holds and negative where it does not:
-*not* changes the sign, *and* is the least, *or* the greatest value; *always* and *historically* are least values over a
-window of time, *once* is a greatest one. A condition that is only true or false is infinite.
+A signal is an array with one value per step. The robustness of a formula at a step (Donzé and Maler, "Robust
+satisfaction of temporal logic over real-valued signals", FORMATS 2010) is positive if it holds and negative if it does
+not: *not* changes the sign, *and* is the least, *or* the greatest value; *always* and *historically* are least values
+over a time window, *once* is a greatest one. A condition that is only true or false is infinite.
 
-Runs are finite: a window that lies wholly outside of the run has nothing that could break *always* or *historically*,
-and nothing that could fulfil *once*.
+Runs are finite: in a window entirely outside of the run, nothing can violate *always* or *historically*, and nothing
+can fulfil *once*.
 """
 
 from collections.abc import Callable
@@ -18,54 +18,54 @@ from ..geometry import Values
 
 
 def truth(condition: NDArray[np.bool_]) -> Values:
-    """A condition without a degree."""
+    """Return the signal of a condition that is only true or false."""
     return np.where(condition, np.inf, -np.inf)
 
 
 def negation(signal: Values) -> Values:
-    """Not."""
+    """Return the signal of *not*."""
     return -signal
 
 
 def conjunction(*signals: Values) -> Values:
-    """And."""
+    """Return the signal of *and*."""
     least: Values = np.minimum.reduce(signals)
     return least
 
 
 def disjunction(*signals: Values) -> Values:
-    """Or."""
+    """Return the signal of *or*."""
     greatest: Values = np.maximum.reduce(signals)
     return greatest
 
 
 def implies(condition: Values, demand: Values) -> Values:
-    """Where the condition holds, the demand does."""
+    """Return the signal of the implication from the condition to the demand."""
     return disjunction(negation(condition), demand)
 
 
 def historically(signal: Values, first: int = 0, last: int | None = None) -> Values:
-    """At all steps from ``last`` (None: the beginning) to ``first`` steps ago."""
+    """Return the signal of: at all steps from ``last`` (None: the beginning) to ``first`` steps ago."""
     return always(signal[::-1], first, last)[::-1]
 
 
 def once(signal: Values, first: int = 0, last: int | None = None) -> Values:
-    """At some step from ``last`` (None: the beginning) to ``first`` steps ago."""
+    """Return the signal of: at some step from ``last`` (None: the beginning) to ``first`` steps ago."""
     return negation(historically(negation(signal), first, last))
 
 
 def always(signal: Values, first: int = 0, last: int | None = None) -> Values:
-    """At all steps from ``first`` to ``last`` (None: the end) steps ahead."""
+    """Return the signal of: at all steps from ``first`` to ``last`` (None: the end) steps ahead."""
     return _over_windows(signal, first, last, np.min)
 
 
 def previously(signal: Values) -> Values:
-    """At the step before; at the first step there is none, and it is not so."""
+    """Return the signal of: at the step before; false at the first step."""
     return np.concatenate([[-np.inf], signal[:-1]])
 
 
 def since(holds: Values, began: Values) -> Values:
-    """The one has held at all steps since the other did at some step."""
+    """Return the signal of: ``holds`` at all steps since ``began`` held at some step."""
     result = np.array(began, dtype=float)
     for at in range(1, len(result)):
         result[at] = max(result[at], min(float(holds[at]), result[at - 1]))

@@ -1,13 +1,13 @@
 """Traffic rules as signal temporal logic over the steps of a run, graded: which a run broke, when and by how much.
 
-The rules are those that Maierhofer and others formalised of the German road traffic regulations (StVO) and the Vienna
+The rules are formalised by Maierhofer and others from the German road traffic regulations (StVO) and the Vienna
 convention: "Formalization of interstate traffic rules in temporal logic" (IV 2020, ``R_G…``) and "Formalization of
 intersection traffic rules in temporal logic" (IV 2022, ``R_IN…``), and the solid line of the StVO. A rule yields a
-signal for each other, line or light that it is about; it is broken where one of them is below zero. Conditions are true
-or false and what a rule demands is graded, so that a degree is in the rule's own unit. ``docs/traffic_rules.md`` has
-each rule in words, with what was left out of its source.
+signal for each other, line or light that it concerns; it is broken if one of them is below zero. Conditions are true or
+false, and the demand of a rule is graded in its own unit. ``docs/traffic_rules.md`` describes each rule and what was
+left out of its source.
 
-To add one, write a function ``(drive) -> signals``, name it in ``TRAFFIC_RULES`` and in the docs.
+To add one, write a function ``(drive) -> signals``, and list it in ``TRAFFIC_RULES`` and in the docs.
 """
 
 import math
@@ -38,22 +38,24 @@ from .temporal_logic import (
 )
 
 MOST_RUNS = 200
-"""Runs of a set that are looked at (chosen): each reads its scenario, and an answer has 50 s."""
+"""Number of runs of a set that are examined (chosen): each reads its scenario, and an answer has 50 s."""
 _OWN_BRAKING_MPS2, _LEAD_BRAKING_MPS2, _CUT_IN_S = 10.0, 10.5, 3.0
-"""As in CommonRoad's own monitor of these rules: what the safe distance counts on, how long a cut-in excuses."""
+"""As in CommonRoad's own monitor of these rules: decelerations of the safe distance, and how long a cut-in excuses."""
 _ABRUPT_MPS2 = 2.0
-"""As in CommonRoad's own monitor: harder braking, and braking harder than the one ahead by so much, is abrupt."""
+"""As in CommonRoad's own monitor: harder braking is abrupt, and so is braking harder than the vehicle ahead by this
+much.
+"""
 _CRITICAL_S = 3.0
-"""Chosen: a collision on the present courses within this time is a compelling reason to brake."""
+"""A collision on the present courses within this time is a compelling reason to brake (chosen)."""
 _LEFT_BEFORE_S, _LEFT_AFTER_S = 1.0, 0.5
-"""As in CommonRoad's own monitor: time kept clear before one with priority comes, and after it has gone."""
+"""As in CommonRoad's own monitor: time kept clear before a vehicle with priority arrives, and after it has left."""
 _STOP_S, _STOP_WITHIN_M = 3.0, 1.0
-"""As in CommonRoad's own monitor: how long and how near to its line a stop sign asks to stand."""
+"""As in CommonRoad's own monitor: how long and how near to its line a stop sign requires standing."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """The robustness of a rule at each state of a run with regard to one other or thing; who that is, if another."""
+    """The robustness of a rule at each state of a run for one other or object; ``obstacle_id`` if it is another."""
 
     robustness: Values
     obstacle_id: int | None = None
@@ -61,7 +63,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class TrafficRule:
-    """A rule: its id and name, the unit of its degree, its source, and what it says."""
+    """A rule: its id and name, the unit of its degree, its source, and its formula."""
 
     rule: str
     name: str
@@ -75,7 +77,7 @@ class TrafficRule:
 
 
 def rule_verdicts(runs: RunSet, record: RunRecord) -> tuple[RuleVerdict, ...]:
-    """What a run makes of each traffic rule; empty without its steps or its scenario."""
+    """Return the verdict of each traffic rule on a run; empty without its steps or its scenario."""
     steps, path = runs.steps.get(record.run_id), runs.scenario_path(record)
     if steps is None or not steps.x_m or path is None or record.outcome == "invalid":
         return ()
@@ -84,12 +86,12 @@ def rule_verdicts(runs: RunSet, record: RunRecord) -> tuple[RuleVerdict, ...]:
 
 
 def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
-    """What a drive makes of each traffic rule, in the order of the registry."""
+    """Return the verdict of each traffic rule on a drive, in the order of the registry."""
     return tuple(_verdict(rule, drive) for rule in TRAFFIC_RULES)
 
 
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
-    """By configuration and rule: how many runs broke it, of those of which it asked something.
+    """Return, by configuration and rule, how many runs broke the rule, of those that it applied to.
 
     Of more than 200 runs, only those of randomly drawn scenarios are examined, so that all configurations have the same
     scenarios.
@@ -112,12 +114,12 @@ def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
     return tuple(shares)
 
 
-def _share(runs: RunSet, told: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleShare:
-    """What the runs of a configuration make of one rule."""
-    asked = [(record, verdict) for record, verdict in told if verdict.robustness is not None]
+def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleShare:
+    """Return how many runs of a configuration broke one rule."""
+    asked = [(record, verdict) for record, verdict in judged if verdict.robustness is not None]
     broken = sorted((-verdict.degree, record.run_id) for record, verdict in asked if verdict.violated)
     run_ids = tuple(run_id for _, run_id in broken)
-    record, rule = told[0]
+    record, rule = judged[0]
     return RuleShare(
         rule=rule.rule,
         name=rule.name,
@@ -131,7 +133,7 @@ def _share(runs: RunSet, told: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleS
 
 
 def _verdict(rule: TrafficRule, drive: RuledDrive) -> RuleVerdict:
-    """The rule's least robustness, at its step; where it is below zero from when on."""
+    """Return the rule's least robustness and its step, and the first violation if there is one."""
     worst: tuple[float, int, Signal] | None = None
     first: int | None = None
     for signal in rule.signals(drive):
@@ -142,11 +144,11 @@ def _verdict(rule: TrafficRule, drive: RuledDrive) -> RuleVerdict:
         broken = np.flatnonzero(signal.robustness < -RuleVerdict.TOLERANCE)
         if len(broken):
             first = int(broken[0]) if first is None else min(first, int(broken[0]))
-    told = {"rule": rule.rule, "name": rule.name, "unit": rule.unit}
+    head = {"rule": rule.rule, "name": rule.name, "unit": rule.unit}
     if worst is None:
-        return RuleVerdict(**told, robustness=None)
+        return RuleVerdict(**head, robustness=None)
     return RuleVerdict(
-        **told,
+        **head,
         robustness=worst[0],
         time_s=round(worst[1] * drive.step_s, 9),
         first_s=None if first is None else round(first * drive.step_s, 9),
@@ -167,7 +169,7 @@ def _safe_distance(drive: RuledDrive) -> Iterator[Signal]:
 
 
 def _margin_m(drive: RuledDrive, other: Ahead) -> Values:
-    """How much farther ahead another is than the distance in which the ego could stop behind it."""
+    """Return how much farther ahead another is than the distance that the ego needs to stop behind it."""
     own = drive.ego.speeds_mps
     safe = own * MONITOR_REACTION_S + own**2 / (2 * _OWN_BRAKING_MPS2) - other.speed_mps**2 / (2 * _LEAD_BRAKING_MPS2)
     return np.where(other.is_ahead, other.gap_m - np.maximum(safe, 0.0), np.inf)
@@ -187,7 +189,7 @@ def _unnecessary_braking(drive: RuledDrive) -> Iterator[Signal]:
             reasons.append(truth(stops & (line.before_m >= -_STOP_WITHIN_M) & (line.before_m < stopping)))
     compelling = disjunction(*reasons) if reasons else truth(np.zeros(drive.count, dtype=bool))
     gentle = own + _ABRUPT_MPS2
-    gentle[:1] = np.inf  # how the run began is not the planner's
+    gentle[:1] = np.inf  # the planner does not decide how the run began
     yield Signal(disjunction(gentle, compelling))
 
 
@@ -209,16 +211,16 @@ def _solid_line(drive: RuledDrive) -> Iterator[Signal]:
 
 
 def _clearance_m(bounds: Sequence[tuple[Points, float]], corners: Points) -> Values:
-    """How far inside of a lanelet's solid bounds the body is at each state, negative: how far over one; (n,).
+    """Return how far inside a lanelet's solid bounds the body is at each state, negative if over a bound; (n,).
 
-    Corners beside no segment of a bound are ahead of it or behind it, on another lanelet.
+    Corners that do not project onto a segment of a bound are ahead of it or behind it, on another lanelet.
     """
     count = len(corners)
     least = np.full(count, np.inf)
     for line, sign in bounds:
         stations, offsets = project_all(line, corners.reshape(-1, 2))
-        beside = (stations > 1e-6) & (stations < arc_length(line)[-1] - 1e-6)
-        inside = np.where(beside, sign * offsets, np.inf).reshape(count, -1)
+        level = (stations > 1e-6) & (stations < arc_length(line)[-1] - 1e-6)
+        inside = np.where(level, sign * offsets, np.inf).reshape(count, -1)
         least = np.minimum(least, inside.min(axis=1))
     return least
 
@@ -243,14 +245,14 @@ def _stop_sign(drive: RuledDrive) -> Iterator[Signal]:
             continue
         before = truth((line.before_m >= 0) & (line.before_m <= _STOP_WITHIN_M))
         stands = conjunction(before, STANDING_MPS - drive.ego.speeds_mps)
-        stood = once(_held_for(stands, drive.steps(_STOP_S)))
+        stood = once(_holds_for(stands, drive.steps(_STOP_S)))
         passes = conjunction(previously(truth(line.before_m >= 0)), truth(line.before_m < 0))
         demand = np.where(np.isfinite(stood), stood, STANDING_MPS - drive.ego.speeds_mps)
         yield Signal(implies(passes, demand))
 
 
-def _held_for(signal: Values, steps: int) -> Values:
-    """Held for so many steps up to now; not before as many have gone by."""
+def _holds_for(signal: Values, steps: int) -> Values:
+    """Return whether the signal held for the last ``steps`` steps; false until that many steps have passed."""
     return np.where(np.arange(len(signal)) >= steps, historically(signal, 0, steps), -np.inf)
 
 
@@ -265,7 +267,7 @@ def _giving_way(by: YieldsBy) -> Callable[[RuledDrive], Iterator[Signal]]:
 
 
 _INTERSTATE, _CROSSINGS = "Maierhofer et al. 2020", "Maierhofer et al. 2022"
-_CLEAR = "always (in the area where both ways overlap → the other is not there within 1 s, nor was 0.5 s before)"
+_CLEAR = "always (in the area where both paths overlap → the other is not there within 1 s, nor was 0.5 s before)"
 TRAFFIC_RULES: tuple[TrafficRule, ...] = (
     TrafficRule(
         "R_G1",
@@ -323,4 +325,4 @@ TRAFFIC_RULES: tuple[TrafficRule, ...] = (
         "R_IN5", "left turn before oncoming", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _giving_way("left turn")
     ),
 )
-"""The rules in the order in which they are told."""
+"""The rules in display order."""

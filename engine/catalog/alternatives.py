@@ -1,4 +1,4 @@
-"""What exists where a search matches nothing: names that no scenario carries, and the candidates' nearest values."""
+"""What exists if a search matches nothing: names that no scenario has, and the candidates' nearest values."""
 
 import sqlite3
 from collections.abc import Collection, Sequence
@@ -27,7 +27,7 @@ from .funnel import EmptiedBy, Funnel
 from .tables import NEVER_S
 
 SHOWN = 8
-"""Values that a note lists, at most (chosen)."""
+"""The most values in a note (chosen)."""
 _KINDS = {
     "tag": ("tags", TAGS),
     "feature": ("features", FEATURES),
@@ -35,24 +35,31 @@ _KINDS = {
     "sign@ego": ("signs on the ego's lane", ROAD_NET_KEYS),
     "sign@map": ("signs on the map", ROAD_NET_KEYS),
 }
+_KIND_NAMES = {
+    "tag": "a tag",
+    "feature": "a feature",
+    CIRCUMSTANCE: "a circumstance",
+    "obstacle": "an obstacle",
+    "sign@ego": "a sign on the ego's lane",
+    "sign@map": "a sign on the map",
+}
 
 
-def never_carried(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
-    """A sentence for every valid name that a condition asks for and that no scenario of the catalogue carries."""
+def names_without_scenario(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
+    """Return a sentence for every valid name that a condition requires and no scenario of the catalogue has."""
     sentences = []
     for constraint in constraints:
         if constraint.negated:
             continue
         for kind, word in constraint.words:
-            if _is_carried(connection, kind, word):
+            if _occurs_in_catalogue(connection, kind, word):
                 continue
-            sentence = f"No scenario of this catalogue carries {kind.replace('sign@', 'sign on ')} '{word}'"
-            sentences.append(sentence + ".")
+            sentences.append(f"No scenario in this catalogue has '{word}' as {_KIND_NAMES[kind]}.")
     return sentences
 
 
-def found_elsewhere(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
-    """A sentence for every name that was asked for as a tag or feature and that other scenarios have as the other."""
+def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
+    """Return a sentence for every tag that other scenarios have as a feature, and the reverse."""
     sentences = []
     for constraint in constraints:
         if constraint.note:
@@ -61,24 +68,24 @@ def found_elsewhere(connection: sqlite3.Connection, constraints: Sequence[Constr
             continue
         for kind, word in constraint.words:
             if word in TAGS and word in FEATURES:
-                tagged, computed = (_carriers(connection, each, word) for each in ("tag", "feature"))
+                tagged, computed = (_count_scenarios(connection, each, word) for each in ("tag", "feature"))
                 other = "features" if kind == "tag" else "tags"
                 if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
                     counts = (tagged, computed) if kind == "tag" else (computed, tagged)
-                    sentences.append(f"'{word}': {kind} of {counts[0]}, as asked; in {other} of {counts[1]}.")
+                    sentences.append(f"'{word}': {counts[0]} as {kind} (searched), {counts[1]} in {other}.")
     return sentences
 
 
 def not_computed(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
-    """A sentence where manoeuvres are asked for and scenarios were stored before those were computed."""
+    """Return a sentence if manoeuvres are required and some scenarios were stored before they were computed."""
     asked = {
         word.partition(":")[0] for constraint in constraints for kind, word in constraint.words if kind == "feature"
     }
-    unknown = _carriers(connection, "not computed", "manoeuvres")
+    unknown = _count_scenarios(connection, "not computed", "manoeuvres")
     if not unknown or not asked & _MANOEUVRES:
         return []
-    stored = f"Of {counted(unknown, 'scenario')} that an earlier version stored, no manoeuvre is known"
-    return [f"{stored}; imported into a new workspace, their files are looked at again."]
+    stored = f"Manoeuvres are unknown for {counted(unknown, 'scenario')} stored by an earlier version"
+    return [f"{stored}; import their files into a new workspace to compute them."]
 
 
 _MANOEUVRES = {*MANOEUVRES, "unprotected_left", "ego_turns_back"}
@@ -86,9 +93,9 @@ _MANOEUVRES = {*MANOEUVRES, "unprotected_left", "ego_turns_back"}
 
 @dataclass(frozen=True)
 class TextWords:
-    """Where the catalogue holds the words of a text: ``found`` sentences, and the words that stand ``nowhere``.
+    """Where a text's words occur: sentences on the ``found`` words, and the words that occur ``nowhere``.
 
-    ``alone``: the text has words, and none of them stands anywhere.
+    ``alone``: the text has words, and all of them are in ``nowhere``.
     """
 
     found: tuple[str, ...]
@@ -96,25 +103,25 @@ class TextWords:
     alone: bool
 
 
-def words_in(connection: sqlite3.Connection, text: str, asked: Sequence[Constraint]) -> TextWords:
-    """Look for the words of a text among tags, features, obstacles and signs, and else in places and descriptions."""
-    words = [word for word in dict.fromkeys(words_of(text)) if len(word) > 2 and word not in _SAYING_NOTHING]
+def look_up_words(connection: sqlite3.Connection, text: str, asked: Sequence[Constraint]) -> TextWords:
+    """Look up a text's words among tags, features, obstacles and signs, and then in places and descriptions."""
+    words = [word for word in dict.fromkeys(words_of(text)) if len(word) > 2 and word not in _STOP_WORDS]
     known = {name for constraint in asked for _, name in constraint.words}
     found, nowhere = dict[str, None](), []
     for word in words[:_WORDS_LOOKED_UP]:
         name, places = _places_of(connection, word)
         if name and name not in known:
             called = f"'{word}'" + (f" ({name})" if name != word else "")
-            found[f"{called} is {' and '.join(places)}" if places else f"{called} is in no scenario"] = None
-        elif not name and not _stands(connection, word):
+            found[f"{called}: {', '.join(places) or '0'}"] = None
+        elif not name and not _occurs(connection, word):
             nowhere.append(word)
     looked = words[:_WORDS_LOOKED_UP]
-    return TextWords(tuple(found)[:_WORDS_TOLD], tuple(nowhere), bool(looked) and len(nowhere) == len(looked))
+    return TextWords(tuple(found)[:_WORDS_REPORTED], tuple(nowhere), bool(looked) and len(nowhere) == len(looked))
 
 
-_WORDS_LOOKED_UP, _WORDS_TOLD = 12, 3
-"""Words of a text that are looked up, and of which it is told where they are, at most (chosen)."""
-_SAYING_NOTHING = frozenset(
+_WORDS_LOOKED_UP, _WORDS_REPORTED = 12, 3
+"""The most words of a text that are looked up, and that are reported as found (chosen)."""
+_STOP_WORDS = frozenset(
     words_of(
         "and for with without near any all some show find give get want need please scenario scenarios scene "
         "scenes case cases where which that there has have are from into than more less most least about only one "
@@ -122,35 +129,35 @@ _SAYING_NOTHING = frozenset(
         "sans para con sin los las "
     )
 )
-"""Words of requests that say nothing of a scenario."""
+"""Words of requests that do not describe a scenario."""
 _VOCABULARIES = (("tag", TAGS), ("feature", FEATURES), ("sign@map", ROAD_NET_KEYS))
 
 
 def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str]]:
-    """The name of a vocabulary that a word means, and by how many scenarios it is carried as what; '' for no name."""
+    """Return the vocabulary name that a word means ('' for no name), and its number of scenarios by kind."""
     carried: list[str] = []
     meant = ""
     for spelling in (word, word.removesuffix("s")):
         for kind, vocabulary in _VOCABULARIES:
             if spelling in vocabulary:
                 meant = spelling
-                if count := _carriers(connection, kind, spelling):
-                    carried.append(f"{kind.replace('sign@map', 'sign')} of {count}")
-        if count := _carriers(connection, CIRCUMSTANCE, spelling):
+                if count := _count_scenarios(connection, kind, spelling):
+                    carried.append(f"{kind.replace('sign@map', 'sign')} {count}")
+        if count := _count_scenarios(connection, CIRCUMSTANCE, spelling):
             meant = spelling
-            carried.append(f"{CIRCUMSTANCE} of {count}")
+            carried.append(f"{CIRCUMSTANCE} {count}")
         if meant:
             break
     obstacle = obstacle_type_of(word)
     if obstacle is not None:
         meant = meant or obstacle
-        if count := _holders(connection, obstacle):
-            carried.append(f"obstacle of {count}")
+        if count := _count_scenarios_with_obstacle(connection, obstacle):
+            carried.append(f"obstacle {count}")
     return meant, carried
 
 
-def _stands(connection: sqlite3.Connection, word: str) -> bool:
-    """Whether a word, or one that begins like it, stands in a place or description."""
+def _occurs(connection: sqlite3.Connection, word: str) -> bool:
+    """Return whether a word, or one with the same beginning, occurs in a place or description."""
     key = word[:_LETTERS] if len(word) > _LETTERS else word
     query = "SELECT 1 FROM catalog_scenarios WHERE instr(lower(description), ?) OR instr(lower(place), ?) LIMIT 1"
     if connection.execute(query, (key, key)).fetchone() is not None:
@@ -159,22 +166,22 @@ def _stands(connection: sqlite3.Connection, word: str) -> bool:
 
 
 _LETTERS = 5
-"""Words that begin alike count as one (chosen; as in the conditions)."""
+"""Words with the same beginning count as one (chosen; as in the conditions)."""
 
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
-    """Which conditions left nothing, and what the candidates of that stage have instead."""
+    """Return which conditions left nothing, and what the candidates of that stage have instead."""
     entering = funnel.entering()
     names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:
-        return f"each of {names} holds for some of the {len(entering)} candidates, but no candidate has them together"
+        return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
-    return f"none of the {len(entering)} candidates has {names}" + (f"; there are {existing}" if existing else "")
+    return f"0 of the {len(entering)} candidates satisfy {names}" + (f"; existing: {existing}" if existing else "")
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
-    """What the candidates have of what a condition is about; empty where that is not worth saying."""
+    """Return the candidates' values for what a condition requires, or an empty string if they would not help."""
     if constraint.stage == "location":
         return _places(connection, constraint, funnel.within)
     if constraint.stage == "obstacles" and constraint.words:
@@ -193,7 +200,7 @@ def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel
 
 
 def _column(constraint: Constraint) -> tuple[str, str]:
-    """What a condition on a number is about, in words, and the column that holds it."""
+    """Return what a condition on a number applies to, in words, and its column."""
     if constraint.stage == "velocity":
         return "initial speeds in m/s", "speed_mps"
     if constraint.stage == "road_net":
@@ -204,7 +211,7 @@ def _column(constraint: Constraint) -> tuple[str, str]:
 
 
 def _counts(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
-    """The counts of an obstacle type that occur among the candidates."""
+    """Return the counts of an obstacle type that occur among the candidates."""
     name, values, without = constraint.words[0][1], set[int](), entering
     for count in column_of(connection, "SELECT DISTINCT count FROM catalog_counts WHERE obstacle = ?", (name,)):
         query = "SELECT number FROM catalog_counts WHERE obstacle = ? AND count = ?"
@@ -230,7 +237,7 @@ def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: En
 
 
 def _words(constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
-    """Names of the same kind that candidates carry; nothing where they carry what was excluded."""
+    """Return names of the same kind that candidates have, or an empty string if they have what was excluded."""
     if constraint.negated:
         return ""
     kind, word = constraint.words[0]
@@ -243,14 +250,14 @@ def _words(constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
 
 
 def _nearest(what: str, constraint: Constraint, values: Collection[float]) -> str:
-    """The values nearest to the interval that was asked for, and the range of all where there are more."""
+    """Return the values nearest to the requested interval, and the range of all if there are more."""
     low, high = (float(value) for value in constraint.values[-2:])
     ordered = sorted(values, key=lambda value: (max(low - value, value - high, 0.0), value))
     listed = _listed(what, [f"{value:g}" for value in ordered[:SHOWN]], len(ordered))
     return f"{listed} ({min(values):g} to {max(values):g})" if len(ordered) > SHOWN else listed
 
 
-def _is_carried(connection: sqlite3.Connection, kind: str, word: str) -> bool:
+def _occurs_in_catalogue(connection: sqlite3.Connection, kind: str, word: str) -> bool:
     if kind == "obstacle":
         row = connection.execute("SELECT 1 FROM catalog_counts WHERE obstacle = ? LIMIT 1", (word,)).fetchone()
     else:
@@ -259,12 +266,12 @@ def _is_carried(connection: sqlite3.Connection, kind: str, word: str) -> bool:
     return row is not None
 
 
-def _holders(connection: sqlite3.Connection, obstacle: str) -> int:
+def _count_scenarios_with_obstacle(connection: sqlite3.Connection, obstacle: str) -> int:
     query = "SELECT count(*) FROM catalog_counts WHERE obstacle = ? AND count > 0"
     return int(connection.execute(query, (obstacle,)).fetchone()[0])
 
 
-def _carriers(connection: sqlite3.Connection, kind: str, word: str) -> int:
+def _count_scenarios(connection: sqlite3.Connection, kind: str, word: str) -> int:
     query = "SELECT count(*) FROM catalog_words WHERE kind = ? AND word = ?"
     return int(connection.execute(query, (kind, word)).fetchone()[0])
 

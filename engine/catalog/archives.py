@@ -1,7 +1,7 @@
-"""Getting an archive of scenarios from the internet: checked by its hash, unpacked within limits.
+"""Download an archive of scenarios, check its hash, and unpack it within limits.
 
-pooch fetches files with a known hash too, but reads whatever length is sent; a limit would need a downloader of our
-own, which is most of what stands here, besides its dependencies (requests, platformdirs, packaging).
+pooch also fetches files with a known hash, but reads any length that is sent. A limit would need our own downloader,
+which is most of this module, in addition to pooch's dependencies (requests, platformdirs, packaging).
 """
 
 import hashlib
@@ -21,39 +21,39 @@ from ...schemas.text import one_line, quoted, shown_name
 from ..workspace import disk_failure
 
 LARGEST_DOWNLOAD_BYTES = 4 * 1024**3
-"""Of the file at an address (chosen)."""
+"""The limit of the file at an address (chosen)."""
 LARGEST_MEMBER_BYTES = 100_000_000
-"""Of one file in an archive (chosen)."""
+"""The limit of one file in an archive (chosen)."""
 LARGEST_WHOLE_BYTES = 20 * 1024**3
-"""Of all files of an archive: a few bytes of a zip can hold gigabytes (chosen)."""
+"""The limit of all files of an archive: a few bytes of a zip can contain gigabytes (chosen)."""
 TIMEOUT_S = 30.0
-"""Without a byte from the server (chosen)."""
+"""The longest time without a byte from the server (chosen)."""
 MOST_MEMBERS = 100_000
-"""Files of an archive (chosen)."""
+"""The most files in an archive (chosen)."""
 _LONGEST_NAME_BYTES, _KEPT_CHARACTERS = 200, 40
-"""A file system takes 255 bytes; of a longer name its end is kept, behind its number (chosen)."""
+"""A file system takes 255 bytes; of a longer name, the end is kept after its number (chosen)."""
 _BLOCK = 1 << 20
-"""Bytes that are in memory at a time."""
+"""The bytes in memory at one time."""
 OnProgress = Callable[[int, int | None], None]
-"""Is told the bytes that have come, and of how many, where the server says so."""
+"""Receives the bytes downloaded so far, and the total if the server gives it."""
 
 
 def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Path:
-    """The file at an address, named after its hash in a folder; fetched only if it is not there yet.
+    """Return the file at an address, named after its hash in a folder; download it only if it is not there yet.
 
     Args:
         on_progress: called after each block.
 
     Raises:
-        InvalidRequest: no http(s) address, or no SHA-256.
+        InvalidRequest: the address is not http(s), or the hash is not a SHA-256.
         UnsafeInput: the content has another hash, or is larger than 4 GiB; nothing is kept.
         ResourceFailure: the address cannot be reached, or the disk cannot be written.
     """
     wanted, parts = sha256.strip().lower(), urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.netloc:
-        raise InvalidRequest(f"{quoted(url)} is no address to fetch from", valid=["https://…", "http://…"])
+        raise InvalidRequest(f"{quoted(url)} is not an http(s) address", valid=["https://…", "http://…"])
     if not re.fullmatch(r"[0-9a-f]{64}", wanted):
-        raise InvalidRequest(f"{quoted(sha256)} is no SHA-256", valid=["64 hexadecimal digits"])
+        raise InvalidRequest(f"{quoted(sha256)} is not a SHA-256", valid=["64 hexadecimal digits"])
     ending = ".xml" if parts.path.endswith(".xml") else ".zip"
     target = folder / f"{wanted}{ending}"
     if target.is_file():
@@ -63,7 +63,9 @@ def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Pa
         folder.mkdir(parents=True, exist_ok=True)
         digest = _stream(url, part, on_progress)
         if digest != wanted:
-            raise UnsafeInput(f"{url} has the SHA-256 {digest}, not {wanted}", next_step="check address and hash")
+            raise UnsafeInput(
+                f"{url} has the SHA-256 {digest}, not {wanted}", next_step="check the address and the hash"
+            )
         part.replace(target)
     except (URLError, OSError) as error:
         raise ResourceFailure(f"{url} cannot be fetched: {getattr(error, 'reason', error)}") from error
@@ -74,10 +76,10 @@ def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Pa
 
 @contextmanager
 def unpack(file: Path) -> Iterator[Path]:
-    """A temporary folder with the XML files of the archive, whatever folders they lay in; or with the one file.
+    """Yield a temporary folder with the archive's XML files without their folders, or with the one file.
 
     Raises:
-        UnsafeInput: no zip archive, or one that unpacks to more than the limits allow.
+        UnsafeInput: the file is not a zip archive, or it unpacks to more than the limits allow.
     """
     with tempfile.TemporaryDirectory(dir=file.parent) as name:
         folder = Path(name)
@@ -91,10 +93,10 @@ def unpack(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def _readable(name: str) -> Iterator[None]:
-    """Refuse an archive that Python's zipfile cannot read: it raises whatever its decoders do.
+    """Refuse an archive that Python's zipfile cannot read: it raises any error of its decoders.
 
     Raises:
-        UnsafeInput: the archive, or a member, is broken, encrypted or compressed in an unknown way.
+        UnsafeInput: the archive or a member is broken, encrypted or compressed in an unknown way.
     """
     try:
         yield
@@ -102,11 +104,11 @@ def _readable(name: str) -> Iterator[None]:
         raise
     except Exception as error:
         what = one_line(str(error)) or type(error).__name__
-        raise UnsafeInput(f"{name} is no zip archive that can be read: {what}") from error
+        raise UnsafeInput(f"{name} cannot be read as a zip archive: {what}") from error
 
 
 def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
-    """Write what the address sends into a file; its SHA-256."""
+    """Write the address's content into a file, and return its SHA-256."""
     digest, done = hashlib.sha256(), 0
     with urlopen(url, timeout=TIMEOUT_S) as answer, part.open("wb") as stream:  # noqa: S310 - http(s) only, checked above
         length = answer.headers.get("Content-Length")
@@ -147,7 +149,8 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
                 whole += len(block)
                 if written > LARGEST_MEMBER_BYTES or whole > LARGEST_WHOLE_BYTES:
                     raise UnsafeInput(
-                        f"{shown_name(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all to too many",
+                        f"{shown_name(name)} unpacks to more than {LARGEST_MEMBER_BYTES:,} bytes, or all files "
+                        f"together to more than {LARGEST_WHOLE_BYTES:,}",
                         next_step="split the archive, or leave the large file out",
                     )
                 write(block)
@@ -155,7 +158,7 @@ def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
 
 @contextmanager
 def _writing(target: Path) -> Iterator[Callable[[bytes], None]]:
-    """What writes blocks into a new file; a full disk is no fault of the archive's.
+    """Yield a function that writes blocks into a new file; a full disk is not reported as the archive's fault.
 
     Raises:
         ResourceFailure: the disk cannot be written.

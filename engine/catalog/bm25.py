@@ -1,8 +1,8 @@
-"""BM25: ranking texts by the words they share with a query.
+"""BM25: rank texts by the words that they share with a query.
 
-Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5 has a
-bm25() too, with k1 = 1.2 and another weight of words, both fixed: of the 100 requests of the selection corpus it puts
-the same five scenarios first in the same order for 49, and all in the same order for 11.
+Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5 also has
+a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words: of the 100 requests of the selection corpus, it
+puts the same five scenarios first in the same order for 49, and all in the same order for 11.
 """
 
 import math
@@ -11,16 +11,16 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 _K1, _B = 1.5, 0.75
-"""How fast repeated words stop to count, and how much long texts are marked down: usual values of the source."""
+"""How fast repeated words stop counting, and how much long texts are marked down: usual values of the source."""
 
 
 def words_of(text: str) -> list[str]:
-    """Lower-case words and numbers of a text."""
+    """Return the lower-case words and numbers of a text."""
     return re.findall(r"\w+", text.casefold().replace("_", " "))
 
 
 def bm25_scores(query: str, texts: Mapping[str, str]) -> dict[str, float]:
-    """BM25 score of every text for the query; 0 where no word is shared."""
+    """Return the BM25 score of every text for the query; 0 if no word is shared."""
     counts = {key: Counter(words_of(text)) for key, text in texts.items()}
     if not counts:
         return {}
@@ -37,7 +37,7 @@ def bm25_scores(query: str, texts: Mapping[str, str]) -> dict[str, float]:
 
 
 def reciprocal_rank_fusion(rankings: Sequence[Sequence[str]], constant: float = 60.0) -> list[str]:
-    """Fuse rankings: the sum of 1 / (constant + rank) over all of them, ties alphabetically.
+    """Fuse rankings by the sum of 1 / (constant + rank) over all of them, ties alphabetically.
 
     Cormack, Clarke and Buettcher, Reciprocal Rank Fusion (SIGIR 2009).
     """

@@ -1,8 +1,8 @@
-"""From the arguments of a search to conditions on the catalogue, each with its stage, its words and its query.
+"""Turn the arguments of a search into conditions on the catalogue, each with its stage, label and query.
 
-Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s where one value is given); counts are exact,
-a posted limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags. Words of
-the vocabulary are understood in any case, in the plural and by everyday names; others are refused with the nearest.
+Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s for a single value). Counts are exact; a posted
+limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags. Words of the
+vocabulary are accepted in any case, in the plural and as everyday names; other words are refused with the nearest ones.
 """
 
 import re
@@ -23,11 +23,11 @@ from .entry_sets import column_of
 
 NameOf = Callable[[str], str]
 PARTICIPANTS = "participants"
-"""What obstacles of all types together are called."""
+"""The name for obstacles of all types together."""
 EITHER = "tag or feature"
 """The subject of a condition on a name that may be a tag or a computed feature."""
 CIRCUMSTANCE, CIRCUMSTANCE_WORDS = "circumstance", "weather and times of day"
-"""The subject of a condition on weather or time of day, and what these words are called."""
+"""The subject of a condition on weather or time of day, and the plural name for these words."""
 _CIRCUMSTANCE_WORDS = {"mist": "fog", "foggy": "fog", "snowy": "snow", "snowfall": "snow", "peakhour": "rush_hour"}
 _RAINS = "light_rain|heavy_rain"
 _TOTALS = ("participants", "participant", "roadusers", "vehicles", "obstacles", "total")
@@ -38,31 +38,31 @@ _TYPE_OF_CLASS = {
     "emergency": "priorityVehicle",
     "moped": "motorcycle",
 }
-"""CommonRoad's obstacle type of the classes that it has no word for."""
+"""CommonRoad's obstacle type for classes that it has no type for."""
 _MEASURE_WORDS = {"timetocollision": "ttc", "duration": "horizon", "trafficdensity": "density"}
 _ROAD_NET_WORDS = {"signal": "traffic_light", "trafficsignal": "traffic_light", "stopsign": "stop", "giveway": "yield"}
 SPEED_TOLERANCE_MPS = 2.0
-"""To either side of a single speed (the paper)."""
+"""The tolerance to either side of a single speed (the paper)."""
 LIMIT_TOLERANCE_KMH = 0.5
-"""To either side of a posted limit, which files state in m/s (chosen)."""
+"""The tolerance to either side of a posted limit, which files give in m/s (chosen)."""
 MEASURE_COLUMNS = {"ttc": "ttc_s", "horizon": "horizon_s", "density": "density_per_km"}
-"""The column of ``catalog_scenarios`` that holds a measure; ``ttc_s`` is the time to conflict."""
+"""The column of ``catalog_scenarios`` for each measure; ``ttc_s`` is the time to conflict."""
 _ROUNDING = 1e-6
-"""Added to either side of an interval, so that converted units do not lose its ends."""
+"""Added to either side of an interval, so that unit conversion does not exclude its ends."""
 _STEM_LETTERS = 5
-"""Words that begin alike count as one."""
+"""Words with the same beginning count as one."""
 _FAR = 1e12
-"""Stands for an open end of an interval."""
+"""Represents an open end of an interval."""
 
 
 @dataclass(frozen=True)
 class Constraint:
     """One condition of a search.
 
-    ``subject``: the name of the vocabulary that it is about, ``country`` or ``city``; ``everywhere``: on the whole map.
-    ``query`` selects the numbers of the scenarios that hold it (of those that do not, where ``negated``).
-    ``words``: names that no scenario at all may carry, as ``(kind, word)``, to say so.
-    ``note``: what a word was taken for that is none of its argument; empty elsewhere.
+    ``subject``: the vocabulary name that it applies to, ``country`` or ``city``; ``everywhere``: on the whole map.
+    ``query`` selects the numbers of the scenarios that satisfy it (of those that do not, if ``negated``).
+    ``words``: names that perhaps no scenario has, as ``(kind, word)``, so that the answer can report it.
+    ``note``: how a word that is not of its argument's vocabulary was read; otherwise empty.
     """
 
     stage: Stage
@@ -76,7 +76,7 @@ class Constraint:
     note: str = ""
 
     def is_mentioned(self, text: str) -> bool:
-        """Whether all words of a name that it is about, or all numbers of a speed, stand in the text."""
+        """Return whether the text contains all words of one of its names, or all numbers of a speed."""
         if self.stage == "velocity":
             numbers = re.findall(r"\d+", self.label)
             return bool(numbers) and set(numbers) <= set(re.findall(r"\d+", text))
@@ -85,7 +85,7 @@ class Constraint:
         return any(_stems(name) <= asked for name in names)
 
     def found_among(self, connection: sqlite3.Connection, among: Sequence[int]) -> Iterator[int]:
-        """Those of a few thousand numbers, at most, that the query selects."""
+        """Yield those of at most a few thousand numbers that the query selects."""
         holes = ", ".join("?" * len(among))
         return column_of(connection, f"{self.query} AND number IN ({holes})", (*self.values, *among))
 
@@ -93,17 +93,17 @@ class Constraint:
 def constraints_of(
     arguments: FindScenariosArguments, location: Sequence[Constraint], *, with_circumstances: bool = False
 ) -> tuple[Constraint, ...]:
-    """All conditions in the paper's order of stages; ``location`` comes from :func:`location_constraints`.
+    """Return all conditions in the paper's order of stages; ``location`` comes from :func:`location_constraints`.
 
-    Weather and times of day are words of the vocabulary where ``with_circumstances``: the catalogue holds some.
+    Weather and times of day belong to the vocabulary if ``with_circumstances``: the catalogue has some.
 
     Raises:
-        UnknownName: a tag, feature, key or obstacle outside the vocabulary; all wrong names at once.
-        InvalidRequest: a malformed condition, or a speed without a unit; all faults at once.
+        UnknownName: tags, features, keys or obstacles are outside the vocabulary; reports all wrong names at once.
+        InvalidRequest: a condition is malformed, or a speed has no unit; reports all faults at once.
     """
     makers: list[tuple[Callable[[str], Constraint], str]] = [
-        *((partial(_taken, "tags", with_circumstances), text) for text in arguments.tags),
-        *((partial(_taken, "features", with_circumstances), text) for text in arguments.features),
+        *((partial(_resolve, "tags", with_circumstances), text) for text in arguments.tags),
+        *((partial(_resolve, "features", with_circumstances), text) for text in arguments.features),
         *((partial(_any_of, "road_net", with_circumstances), text) for text in arguments.road_net),
         *((partial(_any_of, "obstacles", with_circumstances), text) for text in arguments.obstacles),
     ]
@@ -122,26 +122,26 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """At least one condition between ``|`` must hold; after a leading ``!``, none may.
+    """Return a condition that holds if at least one between ``|`` does; after a leading ``!``, if none does.
 
     Raises:
-        UnknownName: a word of no vocabulary.
-        InvalidRequest: one of them is malformed, or is denied once more after a leading ``!``.
+        UnknownName: a word is in no vocabulary.
+        InvalidRequest: a condition is malformed, or is negated again after a leading ``!``.
     """
     parts = text.strip().removeprefix("!").split("|")
     if len(parts) == 1:
-        return _taken(argument, with_circumstances, text)
+        return _resolve(argument, with_circumstances, text)
     negated = text.strip().startswith("!")
     if negated and any(part.strip().startswith("!") for part in parts):
         words = "|".join(part.strip().removeprefix("!") for part in parts)
         raise InvalidRequest(
-            f"{quoted(text)} denies twice: a leading ! holds for all conditions between |",
+            f"{quoted(text)} negates twice: a leading ! applies to all conditions between |",
             valid=[f"!{words}"],
-            next_step="name the conditions after one !, or one entry for each",
+            next_step="write one ! before all conditions, or one entry for each",
             given=text,
         )
-    read = [_taken(argument, with_circumstances, part.strip()) for part in parts]
-    # What a negated condition selects are the scenarios that do not hold it.
+    read = [_resolve(argument, with_circumstances, part.strip()) for part in parts]
+    # A negated condition's query selects the scenarios that do not satisfy it.
     every = "SELECT number FROM catalog_scenarios"
     queries = [f"{every} WHERE number NOT IN ({one.query})" if one.negated else one.query for one in read]
     return Constraint(
@@ -157,11 +157,11 @@ def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
     )
 
 
-def _taken(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """The condition of an argument; a word of another argument's vocabulary is looked for there, and a note says so.
+def _resolve(argument: str, with_circumstances: bool, text: str) -> Constraint:
+    """Return the condition of an argument; look up a word of another vocabulary there, and report it in a note.
 
     Raises:
-        UnknownName: a word of no vocabulary.
+        UnknownName: a word is in no vocabulary.
     """
     try:
         return _MAKERS[argument](text)
@@ -174,7 +174,7 @@ def _taken(argument: str, with_circumstances: bool, text: str) -> Constraint:
             except (UnknownName, InvalidRequest):
                 continue
             among = other.replace("|", " and ")
-            note = f"'{one_line(_parse_name(text))}' is no {_CALLED[argument]}; looked for among {among}."
+            note = f"'{one_line(_parse_name(text))}' is not {_WORD_NAMES[argument]}; searched among {among}."
             return replace(found, note=f"{note} {found.note}".strip())
         raise
 
@@ -184,7 +184,7 @@ def _tag(text: str) -> Constraint:
 
 
 def _tag_or_feature(text: str) -> Constraint:
-    """A name that is a tag and a computed feature, where neither was asked for: either of the two."""
+    """Return the condition on a name that is a tag and a computed feature: either of the two."""
     tag, feature = _tag(text), _word_constraint("feature", text, _feature_name)
     names = tag.values[1:]
     holes = ", ".join("?" * len(names))
@@ -200,7 +200,7 @@ def _tag_or_feature(text: str) -> Constraint:
 
 
 def _circumstance(text: str) -> Constraint:
-    """Weather or time of day; ``rain`` means light and heavy rain."""
+    """Return the condition on weather or time of day; ``rain`` means light and heavy rain."""
     negated, body = text.strip().startswith("!"), text.strip().removeprefix("!")
     parts = [_RAINS if _key(part) in ("rain", "rainy") else part for part in body.split("|")]
     return _word_constraint(CIRCUMSTANCE, ("!" if negated else "") + "|".join(parts), _circumstance_name)
@@ -224,7 +224,7 @@ def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
 
 
 def _feature(text: str) -> Constraint:
-    """A feature that holds or not, or a measure that is compared with a number."""
+    """Return the condition on a feature, or on a measure that is compared with a number."""
     key = _key(_parse_name(text))
     measure = _MEASURE_WORDS.get(key, key)
     if measure not in MEASURES:
@@ -232,9 +232,7 @@ def _feature(text: str) -> Constraint:
     condition = parse_condition(text, "" if measure == "density" else "s")
     _scope(condition, ("ego",))
     if not any(mark in text for mark in "<>="):
-        raise InvalidRequest(
-            f"'{text}' compares {measure} with nothing", valid=["ttc<=3s", "horizon>=10s", "density>=10"]
-        )
+        raise InvalidRequest(f"'{text}' gives no value for {measure}", valid=["ttc<=3s", "horizon>=10s", "density>=10"])
     low, high = _bounds(condition.interval, 0.0)
     query = f"SELECT number FROM catalog_scenarios WHERE {MEASURE_COLUMNS[measure]} BETWEEN ? AND ?"  # noqa: S608 - fixed names
     return Constraint("tags", measure, one_line(text), query, (low, high), condition.negated)
@@ -251,7 +249,7 @@ def _road_net(text: str) -> Constraint:
     scope = _scope(condition, ("ego", "map"))
     if condition.interval != Interval(1.0, None):
         raise InvalidRequest(
-            f"'{text}' compares {name} with a number; it is only there or not",
+            f"'{text}' compares {name} with a number, but it is only present or absent",
             valid=[name, f"!{name}", f"{name}@map", f"!{name}@map"],
         )
     return Constraint(
@@ -298,7 +296,7 @@ def _obstacles(text: str) -> Constraint:
     query = outside if holds_for_none else within
     negated = condition.negated != holds_for_none
     alike = _key(condition.name) in (key := _key(name), f"{key}s", f"{key}es")
-    note = "" if alike else f"'{one_line(condition.name)}' is taken as {name}."
+    note = "" if alike else f"'{one_line(condition.name)}' is read as {name}."
     return Constraint("obstacles", name, label, query, (name, low, high), negated, (("obstacle", name),), note=note)
 
 
@@ -310,19 +308,19 @@ _MAKERS: dict[str, Callable[[str], Constraint]] = {
     "tags|features": _tag_or_feature,
     CIRCUMSTANCE_WORDS: _circumstance,
 }
-_CALLED = {"tags": "tag", "features": "feature", "road_net": "road_net key", "obstacles": "obstacle type"}
-"""What one word of an argument is called."""
+_WORD_NAMES = {"tags": "a tag", "features": "a feature", "road_net": "a road_net key", "obstacles": "an obstacle type"}
+"""The name for one word of an argument, with its article."""
 _OTHERS = {
     "tags": ("features", CIRCUMSTANCE_WORDS, "obstacles", "road_net"),
     "features": ("tags", CIRCUMSTANCE_WORDS, "obstacles", "road_net"),
     "road_net": ("tags|features", "features", "tags", CIRCUMSTANCE_WORDS, "obstacles"),
     "obstacles": ("tags|features", "features", "tags", CIRCUMSTANCE_WORDS, "road_net"),
 }
-"""Where a word is looked for that is none of its argument's own, in this order."""
+"""The vocabularies to search, in this order, for a word that is not in its argument's own."""
 
 
 def _total(text: str, condition: Condition) -> Constraint:
-    """How many obstacles of all types there are together, the ego not counted."""
+    """Return the condition on the number of obstacles of all types together, without the ego."""
     _scope(condition, ("map",))
     query = "SELECT number FROM catalog_scenarios WHERE size BETWEEN ? AND ?"
     bounds = _bounds(condition.interval, 0.0)
@@ -341,7 +339,7 @@ def _ego_speed(text: str) -> Constraint:
 
 
 def _parse_name(text: str) -> str:
-    """The name that a condition begins with, whatever follows it."""
+    """Return the name that a condition begins with."""
     body = text.strip().lstrip("!").strip()
     ends = [body.index(mark) for mark in "@<>= " if mark in body]
     return body[: min(ends)] if ends else body
@@ -355,7 +353,7 @@ def _operators(text: str) -> str:
 def _refuse_without_unit(text: str, name: str, valid: list[str]) -> None:
     if not any(letter.isalpha() for letter in text.rpartition("=")[2].lstrip("<>").replace("speed_limit", "")):
         raise InvalidRequest(
-            f"'{text}' gives {name} without a unit", valid=valid, next_step="say km/h, m/s or mph", given=text
+            f"'{text}' gives {name} without a unit", valid=valid, next_step="add km/h, m/s or mph", given=text
         )
 
 
@@ -369,40 +367,40 @@ def _scope(condition: Condition, allowed: tuple[str, ...]) -> str:
 
 
 def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[float, float]:
-    """The ends of an interval in the column's unit (``factor`` of the interval's), widened to either side."""
+    """Return the ends of an interval in the column's unit (``factor`` of the interval's), widened to either side."""
     slack = tolerance + _ROUNDING
     low = -_FAR if interval.low is None else interval.low * factor - slack
     return low, _FAR if interval.high is None else interval.high * factor + slack
 
 
 def holds_circumstances(connection: sqlite3.Connection) -> bool:
-    """Whether any entry of the catalogue states its weather or time of day."""
+    """Return whether any entry of the catalogue gives its weather or time of day."""
     query = "SELECT 1 FROM catalog_words WHERE kind = ? LIMIT 1"
     return connection.execute(query, (CIRCUMSTANCE,)).fetchone() is not None
 
 
 ARTIFICIAL = "ZAM"
-"""CommonRoad's country of networks that are no real place."""
+"""CommonRoad's country code for networks that are not of a real place."""
 _NO_PLACES = frozenset({"test", "unittest", "example", "sample", "scenario", "unknown", "none", "map", "default"})
-"""What stands for a place in the ids of files that were made to try something (chosen)."""
+"""Place names in the ids of files that were created for tests (chosen)."""
 
 
 def is_place(country: str, place: str) -> bool:
-    """Whether a scenario's place is one of the world: of a country, no number and no name of a test."""
+    """Return whether a scenario's place is real: in a country, and neither a number nor a test's name."""
     letters = any(letter.isalpha() for letter in place)
     return country != ARTIFICIAL and letters and place.casefold().rstrip("0123456789") not in _NO_PLACES
 
 
 @dataclass(frozen=True)
 class _Places:
-    """What the catalogue holds: countries, and places with their countries, alphabetically."""
+    """The catalogue's countries, and its places with their countries, alphabetically."""
 
     countries: tuple[str, ...]
     places: tuple[tuple[str, str], ...]
 
 
 def known_places(connection: sqlite3.Connection, among: Container[int] | None = None) -> _Places:
-    """All countries and places of the catalogue, or of these entries."""
+    """Return all countries and places of the catalogue, or of these entries."""
     if among is None:
         rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()
     else:
@@ -413,7 +411,7 @@ def known_places(connection: sqlite3.Connection, among: Container[int] | None = 
 
 
 def location_constraints(connection: sqlite3.Connection, country: str | None, city: str | None) -> list[Constraint]:
-    """Conditions for the country and the city; neither has to be in the catalogue.
+    """Return conditions for the country and the city; neither must be in the catalogue.
 
     Raises:
         UnknownName: the country is neither an ISO alpha-3 code nor a known name.
@@ -437,9 +435,9 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
     if code is None:
         near = closest(country, known_places(connection).countries)
         raise UnknownName(
-            f"'{country}' is no country",
+            f"'{country}' is not a known country",
             valid=near,
-            next_step="give the ISO 3166-1 alpha-3 code, ZAM for artificial networks",
+            next_step="give the ISO 3166-1 alpha-3 code, or ZAM for artificial networks",
             remedies=[
                 *misspelt(country, near),
                 *(instead(country, code, "country") for code in countries_spelt_like(country)),
@@ -450,20 +448,20 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
-    """The keys of a city as it is spelled; if the catalogue has none of them, also of its names in other languages."""
+    """Return a city's keys as it is spelled or, if the catalogue has none of them, of its names in other languages."""
     own = tuple(sorted(place_keys(city)))
     return own if has_place(connection, own) else tuple(sorted(names_elsewhere(city)))
 
 
 def has_place(connection: sqlite3.Connection, keys: Sequence[str]) -> bool:
-    """Return whether a scenario of the catalogue lies in a place with one of the keys."""
+    """Return whether the catalogue has a scenario in a place with one of the keys."""
     holes = ", ".join("?" * len(keys))
     query = f"SELECT 1 FROM catalog_words WHERE kind = 'place' AND word IN ({holes}) LIMIT 1"  # noqa: S608 - only ? marks
     return connection.execute(query, tuple(keys)).fetchone() is not None
 
 
 def obstacle_type_of(word: str) -> str | None:
-    """The obstacle type that a word means; None for a word that means none."""
+    """Return the obstacle type that a word means, or None."""
     try:
         return _obstacle_name(word)
     except UnknownName:
@@ -477,22 +475,22 @@ def _obstacle_name(word: str) -> str:
 
 
 def _tag_name(word: str) -> str:
-    return _name(word, TAGS, {}, "tag", "use text for what no tag says, or features for what the geometry shows")
+    return _name(word, TAGS, {}, "tag", "describe it in text, or use features for the geometry")
 
 
 def _circumstance_name(word: str) -> str:
-    return _name(word, CIRCUMSTANCES, _CIRCUMSTANCE_WORDS, CIRCUMSTANCE, "use text for what no tag says")
+    return _name(word, CIRCUMSTANCES, _CIRCUMSTANCE_WORDS, CIRCUMSTANCE, "describe it in text")
 
 
 def _feature_name(word: str) -> str:
-    """A feature, or for one that says what others do with the type of the road user behind it: ``cut_in:truck``."""
+    """Return the name of a feature; a manoeuvre may include a road user's type: ``cut_in:truck``."""
     name, mark, kind = word.partition(":")
     found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature")
     if not mark:
         return found
     if found not in MANOEUVRES:
         valid = [f"{one}:{kind.strip()}" for one in MANOEUVRES]
-        raise UnknownName(f"'{word.strip()}': {found} is nothing that a type of road user does", valid=valid)
+        raise UnknownName(f"'{word.strip()}': {found} takes no type of road user", valid=valid)
     return f"{found}:{_obstacle_name(kind)}"
 
 
@@ -500,17 +498,17 @@ _FEATURE_WORDS = {"uturn": "ego_turns_back", "leadbrakes": "lead_brakes_hard", "
 
 
 def feature_constraint(name: str) -> Constraint:
-    """The condition on a feature, or a manoeuvre with the type of its road user."""
+    """Return the condition on a feature, or a manoeuvre with the type of its road user."""
     return _word_constraint("feature", name, _feature_name)
 
 
 _FACETS = {"tag": "tags", "feature": "features", "road_net key": "road_net", "obstacle type": "obstacles"}
-"""What lists the names of each kind, as a facet of describe_catalog."""
-_MOST_MEANT = UnknownName.tried_values
+"""The facet of describe_catalog that lists the names of each kind."""
+_MOST_SUGGESTIONS = UnknownName.tried_values
 
 
 def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, next_step: str = "") -> str:
-    """The name of the vocabulary that a word means, or an UnknownName with the nearest names."""
+    """Return the vocabulary's name for a word, or raise an UnknownName with the nearest names."""
     names = list(known)
     by_key = {**everyday, **{_key(name): name for name in names}}
     key = _key(word)
@@ -520,15 +518,15 @@ def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, 
     near = closest(word, names)
     listing = [calling("describe_catalog", facet=facet) for name, facet in _FACETS.items() if name == what]
     raise UnknownName(
-        f"'{word.strip()}' is no {what}",
+        f"'{word.strip()}' is not {'an' if what[0] in 'aeiou' else 'a'} {what}",
         valid=near,
         next_step=next_step,
-        remedies=[*misspelt(word.strip(), near)[:_MOST_MEANT], *listing],
+        remedies=[*misspelt(word.strip(), near)[:_MOST_SUGGESTIONS], *listing],
     )
 
 
 def _stems(text: str) -> set[str]:
-    """The beginnings of all words: trucks and truck, intersections and intersection begin alike."""
+    """Return the beginnings of all words: trucks and truck, or intersections and intersection, begin alike."""
     return {word[:_STEM_LETTERS] for word in words_of(text)}
 
 

@@ -1,8 +1,8 @@
 """Sets of catalogue entries as bits: a million entries take 125 kB, and a condition is one operation on them.
 
 An entry's bit is its place in the alphabetical order of ids, so that the first entries of a set are its lowest bits.
-``Postings`` keeps the places, and the sets that conditions hold for, until the catalogue changes; the calls of a server
-share them in all threads.
+``Postings`` keeps the places, and the sets that satisfy conditions, until the catalogue changes; a server's calls share
+them in all threads.
 """
 
 import re
@@ -16,17 +16,17 @@ from functools import cached_property
 from itertools import accumulate, chain, islice
 
 _GROUP_BITS = 10
-"""The numbers of the entries of a file begin with its artifact's; these many bits are the place in the file."""
+"""An entry's number begins with that of its file's artifact; this many bits are its place in the file."""
 _IN_GROUP = (1 << _GROUP_BITS) - 1
 _KEPT_BYTES = 48 * 2**20
-"""Sets that are kept: 400 conditions of a million entries (chosen)."""
+"""The size of all kept sets: 400 conditions of a million entries (chosen)."""
 _KEPT_SETS = 2_000
-"""The same for a small catalogue (chosen)."""
+"""The most kept sets, for a small catalogue (chosen)."""
 _NOT_THERE = -1
 
 
 class Entries:
-    """The entries of a catalogue as it stood once, in the alphabetical order of their ids; nothing here changes.
+    """An immutable view of a catalogue's entries, in the alphabetical order of their ids.
 
     ``numbers``: the number of the entry at each place.
     """
@@ -50,7 +50,7 @@ class Entries:
         return EntrySet(self, (1 << len(self.numbers)) - 1)
 
     def place(self, number: int) -> int | None:
-        """The place of an entry; None for a number that was not in the catalogue."""
+        """Return the place of an entry, or None for a number that was not in the catalogue."""
         group, index = number >> _GROUP_BITS, number & _IN_GROUP
         if number < 0 or group >= len(self._sizes) or index >= self._sizes[group]:
             return None
@@ -58,10 +58,10 @@ class Entries:
         return None if place == _NOT_THERE else place
 
     def of(self, numbers: Iterable[int]) -> "EntrySet":
-        """The set of some entries; numbers that were not in the catalogue are left out."""
+        """Return the set of some entries, without numbers that were not in the catalogue."""
         sizes, begins, places, groups = self._sizes, self._begins, self._places, len(self._sizes)
         marks = bytearray((len(self.numbers) >> 3) + 1)
-        for number in numbers:  # as ``place``, without a call for each of a million
+        for number in numbers:  # like ``place``, without a million calls
             group, index = number >> _GROUP_BITS, number & _IN_GROUP
             if group < groups and index < sizes[group]:
                 place = places[begins[group] + index]
@@ -72,7 +72,7 @@ class Entries:
 
 @dataclass(frozen=True)
 class EntrySet:
-    """Some of the entries; it is iterated by their numbers, in the alphabetical order of their ids."""
+    """Some of the entries, iterated by their numbers in the alphabetical order of their ids."""
 
     entries: Entries
     bits: int
@@ -104,15 +104,15 @@ class EntrySet:
         return not self.bits & ~other.bits
 
     def places(self) -> Iterator[int]:
-        """The places of the entries, ascending."""
-        for found in re.finditer(rb"[^\0]", self._bytes, re.DOTALL):  # the library skips what is empty
+        """Yield the places of the entries, ascending."""
+        for found in re.finditer(rb"[^\0]", self._bytes, re.DOTALL):  # the library skips empty bytes
             begin, eight = found.start() << 3, found[0][0]
             for bit in range(8):
                 if eight >> bit & 1:
                     yield begin + bit
 
     def first(self, count: int) -> list[int]:
-        """The numbers of the first entries by id, ``count`` at most."""
+        """Return the numbers of the first entries by id, at most ``count``."""
         return list(islice(self, count))
 
     @cached_property
@@ -121,7 +121,7 @@ class EntrySet:
 
 
 class Postings:
-    """The entries that conditions hold for, kept while the catalogue stays as it is; for all threads of a server."""
+    """The entries that satisfy conditions, kept while the catalogue is unchanged; shared by all threads of a server."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -132,7 +132,7 @@ class Postings:
         self._bytes = 0
 
     def entries(self, connection: sqlite3.Connection) -> Entries:
-        """The entries of the catalogue as it stands; made anew where it has changed."""
+        """Return the current entries of the catalogue, built again if it has changed."""
         changes = int(connection.execute("SELECT changes FROM catalog_version").fetchone()[0])
         with self._lock:
             if changes != self._changes:
@@ -147,7 +147,7 @@ class Postings:
     def holding(
         self, connection: sqlite3.Connection, entries: Entries, query: str, values: Sequence[str | float]
     ) -> EntrySet:
-        """The entries whose numbers a query selects."""
+        """Return the entries with a number that the query selects."""
         key = (query, *values)
         with self._lock:
             kept = self._sets.get(key)
@@ -164,7 +164,7 @@ class Postings:
         return found
 
     def column(self, connection: sqlite3.Connection, entries: Entries, name: str) -> "array[float]":
-        """A column of numbers by the place of the entry; NaN where an entry has none."""
+        """Return a column of numbers by the place of the entry; NaN for an entry without a number."""
         with self._lock:
             if entries is self._entries and name in self._columns:
                 return self._columns[name]
@@ -181,12 +181,12 @@ class Postings:
 
 
 def plain_rows(connection: sqlite3.Connection, query: str, values: Sequence[str | float] = ()) -> sqlite3.Cursor:
-    """The rows of a query as tuples: there may be a million of them."""
+    """Return the rows of a query as tuples, since there may be a million of them."""
     cursor = connection.cursor()
     cursor.row_factory = None
     return cursor.execute(query, values)
 
 
 def column_of(connection: sqlite3.Connection, query: str, values: Sequence[str | float] = ()) -> Iterator[int]:
-    """The values of a query's only column."""
+    """Return the values of a query's only column."""
     return chain.from_iterable(plain_rows(connection, query, values))

@@ -1,4 +1,4 @@
-"""What the catalogue holds, counted: small enough for a model to read before it filters."""
+"""Count what the catalogue contains, in a table small enough for a model to read before it filters."""
 
 import sqlite3
 from collections import Counter
@@ -11,16 +11,16 @@ from ...schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAGS
 from .constraints import ARTIFICIAL, CIRCUMSTANCE, CIRCUMSTANCE_WORDS, is_place
 
 PLACES_SHOWN, COUNTRIES_SHOWN, KEYS_SHOWN, LIMITS_SHOWN = 6, 12, 3, 3
-"""Of each, where all facets are asked for at once: the answer is read by a model (chosen)."""
+"""The number of each that is shown if all facets are requested at once: a model reads the answer (chosen)."""
 
 
 def scenario_facets(
     connection: sqlite3.Connection, wanted: str, within: frozenset[str] | None
 ) -> tuple[int, list[FacetCounts]]:
-    """Number of scenarios, and the facets ``places``, ``tags``, ``features``, ``road_net``, ``obstacles``.
+    """Return the number of scenarios, and the facets ``places``, ``tags``, ``features``, ``road_net``, ``obstacles``.
 
     Args:
-        wanted: one facet, which is then listed whole, or ``all``.
+        wanted: one facet, which is then listed in full, or ``all``.
         within: ids to count in; None for all.
     """
     rows = connection.execute("SELECT number, scenario_id, country, place, lanes, speed_mps FROM catalog_scenarios")
@@ -47,7 +47,7 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     countries = _counted([country for country, _ in pairs if country != ARTIFICIAL])
     artificial = sum(country == ARTIFICIAL for country, _ in pairs)
     no_country = (
-        f"and {counted(artificial, 'scenario')} on artificial networks, country {ARTIFICIAL}" if artificial else ""
+        f"plus {counted(artificial, 'scenario')} on artificial networks, country {ARTIFICIAL}" if artificial else ""
     )
     real = [(country, place) for country, place in pairs if is_place(country, place)]
     places = _counted([f"{country} {place}" if whole else place for country, place in real])
@@ -55,13 +55,9 @@ def _places(pairs: list[tuple[str, str]], whole: bool) -> list[FacetCounts]:
     hidden = len(places) - len(shown)
     invented = len({pair for pair in pairs if not is_place(*pair)})
     notes = [
-        *(["of scenarios; those of maps: facet maps"] if whole else []),
+        *(["of scenarios; of maps: facet maps"] if whole else []),
         *([f"{hidden} more with facet places"] if hidden else []),
-        *(
-            [f"without {counted(invented, 'name')} that {'is' if invented == 1 else 'are'} no real place"]
-            if invented
-            else []
-        ),
+        *([f"without {counted(invented, 'invented name')}"] if invented else []),
     ]
     note = "; ".join(notes)
     return [
@@ -79,19 +75,21 @@ def _words(
     counts = _counted([row[0] for row in rows if row[1] in numbers])
     none = [word for word in known if word not in counts]
     if whole:
-        return [FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but in none")]
+        return [
+            FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but in no scenario")
+        ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     notes = [
-        *([f"in none: {', '.join(none)}"] if none else []),
+        *([f"in no scenario: {', '.join(none)}"] if none else []),
         *(["also WORD:TYPE"] if len(plain) < len(counts) else []),
     ]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
 
 
 def _circumstances(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[FacetCounts]:
-    """Weather and times of day, where any scenario states them."""
+    """Return counts of weather and times of day, if any scenario gives them."""
     (facet,) = _words(connection, CIRCUMSTANCE, [], numbers, CIRCUMSTANCE_WORDS, whole=False)
-    return [facet.model_copy(update={"note": "asked for among tags"})] if facet.counts else []
+    return [facet.model_copy(update={"note": "searched with tags"})] if facet.counts else []
 
 
 def _road_net(
@@ -108,7 +106,7 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in none")
+    note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in no scenario")
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)
@@ -120,10 +118,10 @@ def _road_net(
 
 
 def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterator[str]:
-    """Yield what the numbers by limit are of: they need not add up to the number of scenarios with a limit."""
+    """Yield notes on what the counts by limit count: they may add up to more than the scenarios with a limit."""
     yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
     if sum(posted.values()) > scenarios:
-        yield "several count each"
+        yield "each of several limits counts"
     if len(posted) > shown:
         yield f"{counted(len(posted) - shown, 'more limit')} with facet road_net"
 
@@ -138,7 +136,7 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with any" + (f"; {len(none)} types in none" if none and not whole else "")
+    note = "scenarios with at least one" + (f"; {len(none)} types in no scenario" if none and not whole else "")
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 
@@ -152,5 +150,5 @@ def _speeds(speeds: list[float]) -> list[FacetCounts]:
 
 
 def _counted(words: list[str]) -> dict[str, int]:
-    """The number of each word, the most frequent first, equal ones alphabetically."""
+    """Return the number of each word, the most frequent first, equal ones alphabetically."""
     return dict(sorted(Counter(words).items(), key=lambda item: (-item[1], item[0])))

@@ -1,8 +1,8 @@
-"""The strict filter: stage after stage, what is left, which condition emptied it, and what giving it up would give.
+"""The strict filter: the matches left after each stage, the condition that left nothing, and the gain without it.
 
-Where nothing is left, the nearest entries are weighed by the user's own words too: a condition that they name was asked
-for, while others may be a model's guess. The paper's models hardly miss a slot that was asked for; they add some that
-were not (Results, Slot-level extraction).
+If nothing is left, the weights of the nearest entries include the user's own words: a condition that they contain was
+requested, while others may be a model's guess. The paper's models rarely miss a requested slot, but add some that were
+not requested (Results, Slot-level extraction).
 """
 
 import math
@@ -18,13 +18,13 @@ from .constraints import Constraint
 from .entry_sets import EntrySet, Postings
 
 FEW = 500
-"""Up to this number of entries, a condition is looked up for each of them, not for all that hold it (chosen)."""
-_LOOKED_AT_ALONE = 1_000
-"""Up to this number, entries are looked at one by one, as an operation on all bits takes as long (chosen)."""
+"""Up to this many entries, a condition is looked up for each one rather than for all that satisfy it (chosen)."""
+_CHECKED_ONE_BY_ONE = 1_000
+"""Up to this many entries are checked one by one, since an operation on all bits takes as long (chosen)."""
 WEIGHTS: dict[Stage, float] = {"location": 8.0, "obstacles": 4.0, "road_net": 3.0, "velocity": 1.5, "tags": 1.0}
-"""What a satisfied condition counts for in a fallback, before its rarity is added (chosen)."""
+"""The weight of a satisfied condition in a fallback, before its rarity is added (chosen)."""
 MENTIONED = 3.0
-"""What a condition counts for more where the user's own words name it; with it, a tag counts as much as a count."""
+"""The additional weight of a condition in the user's own words; with it, a tag weighs as much as a count."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class _StageLeft:
 
 @dataclass(frozen=True)
 class EmptiedBy:
-    """The stage that left nothing, and those of its conditions that no candidate of it satisfied.
+    """The stage that left nothing, and those of its conditions that no candidate satisfied.
 
-    Where each alone is satisfied by some candidate, all conditions of the stage are named.
+    ``together``: some candidate satisfies each condition alone; then all conditions of the stage are included.
     """
 
     stage: Stage
@@ -50,7 +50,7 @@ class EmptiedBy:
 
 @dataclass(frozen=True)
 class _Dropped:
-    """Conditions given up, and the entries that satisfy all others."""
+    """Dropped conditions, and the entries that satisfy all others."""
 
     constraints: tuple[Constraint, ...]
     numbers: EntrySet
@@ -59,8 +59,8 @@ class _Dropped:
 class Funnel:
     """The conditions of a search against a catalogue.
 
-    Stage after stage, a condition is looked up only for what the stages before left, where that is little; the whole of
-    what holds it is looked up once, and only where it is needed.
+    If earlier stages left few entries, a condition is looked up only for those. All entries that satisfy it are looked
+    up once, and only if they are needed.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Funnel:
 
     @cached_property
     def size(self) -> int:
-        """How many entries are searched."""
+        """The number of searched entries."""
         return len(self.everything)
 
     @property
@@ -98,7 +98,7 @@ class Funnel:
             own = tuple(constraint for constraint in self.constraints if constraint.stage == stage)
             if not own:
                 continue
-            for constraint in reversed(own):  # the city before its country: the less is left, the less is looked up
+            for constraint in reversed(own):  # the city before its country: fewer look-ups
                 left = self._among(constraint, left)
             stages.append(_StageLeft(stage, own, left))
             if not left:
@@ -106,22 +106,22 @@ class Funnel:
         return tuple(stages)
 
     def holds(self, constraint: Constraint) -> EntrySet:
-        """All entries that satisfy the condition."""
+        """Return all entries that satisfy the condition."""
         if constraint not in self._held:
             found = self.holding(constraint.query, constraint.values)
             self._held[constraint] = self.everything - found if constraint.negated else self.everything & found
         return self._held[constraint]
 
     def holding(self, query: str, values: Sequence[str | float]) -> EntrySet:
-        """The entries of the catalogue whose numbers a query selects."""
+        """Return the catalogue's entries with a number that the query selects."""
         return self.postings.holding(self._connection, self.entries, query, values)
 
     def entering(self) -> EntrySet:
-        """What the stages before the last one left."""
+        """Return the entries that the stages before the last one left."""
         return self.stages[-2].numbers if len(self.stages) > 1 else self.everything
 
     def emptied_by(self) -> EmptiedBy | None:
-        """Why nothing matches; None where something does."""
+        """Return why nothing matches, or None if something does."""
         if not self.stages or self.stages[-1].numbers:
             return None
         entering, last = self.entering(), self.stages[-1]
@@ -130,15 +130,15 @@ class Funnel:
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
     def relaxations(self) -> tuple[_Dropped, ...]:
-        """The fewest conditions whose loss leaves something, most matches first; none where all would have to go.
+        """Return the fewest conditions to drop for matches, most matches first; empty if all must be dropped.
 
-        Exact for any number of them: what can be kept together is what some entry satisfies. A country that is given up
-        takes its city with it and counts once: the city lies in it.
+        Exact for any number of conditions: those that can be kept together are those that some entry satisfies. A
+        dropped country also drops its city and counts once, since the city is in it.
         """
         failed = {self._with_city(chosen) for chosen in self._failed_together()}
         possible = [dropped for dropped in failed if 0 < len(dropped) < len(self.constraints)]
-        fewest = min((self._given_up(dropped) for dropped in possible), default=0)
-        fewest_dropped = [dropped for dropped in possible if self._given_up(dropped) == fewest]
+        fewest = min((self._count_dropped(dropped) for dropped in possible), default=0)
+        fewest_dropped = [dropped for dropped in possible if self._count_dropped(dropped) == fewest]
         relaxed = [
             _Dropped(one, self._all_of([constraint for constraint in self.constraints if constraint not in one]))
             for one in fewest_dropped
@@ -147,7 +147,7 @@ class Funnel:
         return tuple(sorted(relaxed, key=lambda one: (-len(one.numbers), [each.label for each in one.constraints])))
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
-        """The conditions that this entry satisfies, in their order."""
+        """Return the conditions that this entry satisfies, in their order."""
         return tuple(constraint for constraint in self.constraints if self._is_held_by(constraint, number))
 
     def _is_held_by(self, constraint: Constraint, number: int) -> bool:
@@ -156,15 +156,15 @@ class Funnel:
         return any(constraint.found_among(self._connection, [number])) != constraint.negated
 
     def nearness(self, number: int) -> float:
-        """The weight of the conditions that this entry satisfies."""
+        """Return the weight of the conditions that this entry satisfies."""
         return round(sum(self._weight(constraint) for constraint in self.satisfied_by(number)), 6)
 
     def nearest(self, limit: int) -> list[int]:
-        """Entries that satisfy some conditions and not all, nearest first.
+        """Return entries that satisfy some conditions but not all, nearest first.
 
-        What is nearest is weighed by stage, since requests name places and counts deliberately and over-predict tags
-        (Results, Slot-level extraction), by rarity, since what few entries have is seldom met by chance, and by the
-        user's own words, where they are known. Ties: the older.
+        Nearness is weighted by stage, since requests contain places and counts deliberately and over-predict tags
+        (Results, Slot-level extraction); by rarity, since what few entries have is rarely met by chance; and by the
+        user's own words, if known. In a tie, the older entry is first.
         """
         near: dict[float, list[tuple[Constraint, ...]]] = {}
         for failed in self._failed_together():
@@ -180,7 +180,7 @@ class Funnel:
         return nearest
 
     def _weight(self, constraint: Constraint) -> float:
-        """The weight of a condition: its stage's, the tenth logarithm of how rare it is, and that it was asked for."""
+        """Return a condition's weight: its stage's, log10 of its rarity, and a bonus if the user's words contain it."""
         if constraint not in self._weights:
             held = len(self.holds(constraint))
             mentioned = constraint.stage != "location" and constraint.is_mentioned(self._text)
@@ -198,14 +198,14 @@ class Funnel:
         return reduce(and_, map(self.holds, constraints), self.everything)
 
     def _failed_together(self) -> set[tuple[Constraint, ...]]:
-        """Every set of conditions that some entry fails while it satisfies all others."""
+        """Return every set of conditions that some entry fails while it satisfies all others."""
         found: set[tuple[Constraint, ...]] = set()
 
         def split(failed: tuple[Constraint, ...], numbers: EntrySet, rest: tuple[Constraint, ...]) -> None:
             if not numbers or not rest:
                 found.update([failed] if numbers else [])
                 return
-            if len(numbers) <= _LOOKED_AT_ALONE:
+            if len(numbers) <= _CHECKED_ONE_BY_ONE:
                 held_by = [(one, self.holds(one)) for one in rest]
                 found.update((*failed, *(one for one, held in held_by if number not in held)) for number in numbers)
                 return
@@ -217,13 +217,13 @@ class Funnel:
         return found
 
     def _failing(self, failed: tuple[Constraint, ...]) -> EntrySet:
-        """The entries that fail some conditions and satisfy all others."""
+        """Return the entries that fail some conditions and satisfy all others."""
         kept = self._all_of([constraint for constraint in self.constraints if constraint not in failed])
         return reduce(lambda numbers, constraint: numbers - self.holds(constraint), failed, kept)
 
     @staticmethod
-    def _given_up(dropped: tuple[Constraint, ...]) -> int:
-        """How many conditions count as given up."""
+    def _count_dropped(dropped: tuple[Constraint, ...]) -> int:
+        """Return how many conditions count as dropped."""
         country = any(constraint.subject == "country" for constraint in dropped)
         return sum(not (country and constraint.subject == "city") for constraint in dropped)
 

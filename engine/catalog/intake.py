@@ -1,9 +1,8 @@
-"""Taking scenarios into the workspace and the catalogue: made ones as they are, imported files as new, known, or a new
-version of a scenario.
+"""Store scenarios in the workspace and the catalogue, and decide whether imported files are new, known or versions.
 
-A file is known by the SHA-256 of its content, so that an import that was cut off goes on where it ended. A file with a
-known id and another content is a *version*: it is stored under an id of its own, which stands in the stored copy, and
-the catalogue lists it in place of the one before. Several servers may import into one workspace at the same time.
+A file is identified by the SHA-256 of its content, so that an interrupted import continues where it ended. A file with
+a known id and different content is a *version*. It is stored under its own id, which is also written into the stored
+copy, and the catalogue lists it instead of the earlier one. Several servers may import into one workspace at once.
 """
 
 import hashlib
@@ -23,7 +22,7 @@ from .tables import family, list_again, listed_version, refresh
 from .words import summary
 
 ID_TAKEN = "id_taken"
-"""Reason of the refusal of a scenario whose id another one has."""
+"""Reason of the refusal of a scenario with an id that another one has."""
 
 
 def put_scenario(
@@ -36,14 +35,14 @@ def put_scenario(
     origin: Origin,
     beside: Mapping[str, Path] | None = None,
 ) -> Artifact:
-    """Store a scenario whose facts are known, and enter it in the catalogue.
+    """Store a scenario with known facts, and enter it in the catalogue.
 
     Args:
-        net: the SUMO network that the file came from, where there is one.
-        beside: further files of the artifact by name, such as the report of how it was made.
+        net: the SUMO network that the file came from, if there is one.
+        beside: further files of the artifact by name, such as the report on its generation.
 
     Raises:
-        NotPossible: another scenario has this id already, or this recipe made another file before.
+        NotPossible: another scenario already has this id, or this recipe created another file before.
     """
     content = content_digest(xml)
     stored = workspace.find("scenario", facts.scenario_id)
@@ -57,20 +56,20 @@ def put_scenario(
 
 
 def _id_taken(stored: Artifact, recipe: Recipe) -> NotPossible:
-    """A recipe holds the versions of programs: two builds of one version, or two machines, may make different files."""
+    """Return the refusal; recipes contain program versions, but two builds of a version, or machines, may differ."""
     if stored.recipe.digest != recipe.digest:
         return _other_content(stored.artifact_id)
     return NotPossible(
-        f"{stored.artifact_id} was stored by the same call with other content: by another build of this version, or on "
+        f"{stored.artifact_id} was stored by the same call with other content, by another build of this version or on "
         "another machine",
         valid=[stored.artifact_id],
-        next_step=f"use the stored one, or make a new one with another seed than {recipe.seed}",
+        next_step=f"use the stored one, or generate one with a seed other than {recipe.seed}",
     )
 
 
 def _other_content(scenario_id: str) -> NotPossible:
     return NotPossible(
-        f"another scenario with other content has the id {scenario_id} already",
+        f"another scenario with other content already has the id {scenario_id}",
         next_step="give the file another benchmarkID",
         reason=ID_TAKEN,
     )
@@ -78,7 +77,7 @@ def _other_content(scenario_id: str) -> NotPossible:
 
 @dataclass(frozen=True)
 class ReadFile:
-    """A file, its SHA-256, and its facts; None where a file with this content was imported before."""
+    """A file, its SHA-256, and its facts; None if a file with this content was imported before."""
 
     path: Path
     content: str
@@ -92,13 +91,13 @@ class ReadFile:
             NotPossible: they were not read, because the content was known then.
         """
         if self.facts is None:
-            raise NotPossible(f"{shown_name(self.path.name)} was imported before, and is not there any more")
+            raise NotPossible(f"{shown_name(self.path.name)} was imported before, but is no longer stored")
         return self.facts
 
 
 @dataclass(frozen=True)
 class _New:
-    """What is to be stored for a file; ``version_of`` is the scenario whose id the file has."""
+    """What to store for a file; ``version_of`` is the scenario with the file's id."""
 
     file: ReadFile
     artifact: NewArtifact
@@ -117,18 +116,20 @@ class ScenarioIntake:
         self._first_with_id: dict[str, Path] = {}
 
     def knows(self, content: str) -> bool:
-        """Whether a file with this SHA-256 was imported before."""
+        """Return whether a file with this SHA-256 was imported before."""
         return self._workspace.find_by_recipe("scenario", _import_recipe(content)) is not None
 
     async def store(self, batch: Sequence[ReadFile | PlannerForgeError]) -> list[ImportedItem | PlannerForgeError]:
-        """Store what is new among these files in one transaction; returns what became of each."""
+        """Store the new ones of these files in one transaction, and return the result for each."""
         with self._workspace.scratch() as folder:
             decided = await self._put([self._first_decision(file, folder) for file in batch], folder)
-            if any(isinstance(decision, _New) for decision in decided):  # another server was faster with the same id
+            if any(isinstance(decision, _New) for decision in decided):  # another server took the same id first
                 again = [self._decide(new.file, folder) if isinstance(new, _New) else new for new in decided]
                 decided = await self._put(again, folder)
         return [
-            NotPossible(f"{shown_name(new.file.path.name)} lost its id") if isinstance(new, _New) else new
+            NotPossible(f"{shown_name(new.file.path.name)} lost its id to another import")
+            if isinstance(new, _New)
+            else new
             for new in decided
         ]
 
@@ -144,13 +145,13 @@ class ScenarioIntake:
     def _refuse_duplicates(self, file: ReadFile) -> None:
         first = self._first_with_content.setdefault(file.content, file.path)
         if first != file.path:
-            raise NotPossible(f"a duplicate: the same content as {shown_name(first.name)}")
+            raise NotPossible(f"duplicate: same content as {shown_name(first.name)}")
         known = self._known(file)
         declared = self._versions(known.artifact_id)[0] if known else file.known_facts.scenario_id
         first = self._first_with_id.setdefault(declared, file.path)
         if first != file.path:
             raise NotPossible(
-                f"a duplicate: {shown_name(first.name)} has the id {declared} too",
+                f"duplicate: {shown_name(first.name)} also has the id {declared}",
                 next_step="give one of them another benchmarkID",
             )
 
@@ -168,7 +169,7 @@ class ScenarioIntake:
         return _New(file, _artifact(file, record, {"scenario.xml": renamed} | beside), facts.scenario_id)
 
     def _known(self, file: ReadFile) -> Artifact | None:
-        """What is stored with this content, however it came in."""
+        """Return the stored scenario with this content, imported or not."""
         imported = self._workspace.find_by_recipe("scenario", _import_recipe(file.content))
         if imported is None and file.facts is not None:
             same_id = self._workspace.find("scenario", file.facts.scenario_id)
@@ -181,13 +182,13 @@ class ScenarioIntake:
         if listed == known.artifact_id:
             return _item(file, known, reused=True)
         list_again(self._workspace.database, known.artifact_id)
-        return _item(file, known, reused=True, note=f"listed again in place of {listed}")
+        return _item(file, known, reused=True, note=f"listed again instead of {listed}")
 
     def _versions(self, scenario_id: str) -> tuple[str, ...]:
         return family(self._workspace.database.connection(), scenario_id)
 
     async def _put(self, decided: Sequence[_Decision], folder: Path) -> list[_Decision]:
-        """Store what is new; what stays new has lost its id to another server."""
+        """Store what is new; a file that is still new lost its id to another server."""
         new = [decision for decision in decided if isinstance(decision, _New)]
         failures: dict[str, PlannerForgeError] = {}
         if new:
@@ -209,12 +210,12 @@ class ScenarioIntake:
 
 
 def _import_recipe(content: str) -> Recipe:
-    """The recipe of an imported scenario file by the SHA-256 of its content."""
+    """Return the recipe of an imported scenario file by the SHA-256 of its content."""
     return Recipe(tool="import_files", arguments={"content": content})
 
 
 def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], dict[str, PlannerForgeError]]:
-    """Copy the files; of those that cannot be copied, the reason by content."""
+    """Copy the files, and return the errors by content for those that cannot be copied."""
     staged: list[NewArtifact] = []
     failures: dict[str, PlannerForgeError] = {}
     for new in all_new:
@@ -226,10 +227,10 @@ def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], d
 
 
 def _renamed(file: ReadFile, target: Path) -> ScenarioRecord:
-    """Write a copy of a changed file under an id of its own, which stands in the copy; the file itself stays.
+    """Write a copy of a changed file with a new id in its text; the file itself is unchanged.
 
     Raises:
-        NotPossible: the id does not stand in the file as it was read.
+        NotPossible: the text of the file does not contain the id.
     """
     facts = file.known_facts
     new_id = derived_benchmark_id(facts.scenario_id, file.content[:12])
@@ -255,7 +256,7 @@ def _artifact(file: ReadFile, record: ScenarioRecord, files: dict[str, Path]) ->
 def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str = "") -> ImportedItem:
     text = summary(artifact.read(ScenarioRecord).facts)
     if not follows_naming(artifact.artifact_id):
-        text = f"{text}; its id does not follow CommonRoad's naming (COUNTRY_Place-1_1_T-1) and is kept as it is"
+        text = f"{text}; its id does not follow CommonRoad's naming (COUNTRY_Place-1_1_T-1) and is kept unchanged"
     return ImportedItem(
         file=one_line(file.path.name),
         kind="scenario",
@@ -266,6 +267,6 @@ def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str
 
 
 def net_beside(path: Path) -> Path | None:
-    """SUMO's network that was exported with a scenario file, where it lies beside it; it is read with the facts."""
+    """Return the SUMO network exported with a scenario file, if it is next to it; it is read with the facts."""
     net = path.with_suffix(".net.xml")
     return net if net.is_file() and not net.is_symlink() else None

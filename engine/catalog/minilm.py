@@ -1,10 +1,10 @@
-"""The packaged MiniLM, computed with numpy: a text becomes a vector within milliseconds, a second after the start.
+"""The packaged MiniLM, computed with numpy: it embeds a text within milliseconds, a second after the start.
 
 The model is ``sentence-transformers/all-MiniLM-L6-v2``: BERT (Devlin et al. 2019) with 6 layers, 12 heads and a width
-of 384 (Wang et al. 2020, MiniLM), the mean of its tokens, normalised. Its weights are stored as 8-bit integers with a
-scale for each row (``scripts/pack_minilm.py``) and are computed with as 32-bit floats, whose products do not depend on
-the instructions of a processor for integers. sentence-transformers computes the same in PyTorch, whose import alone
-takes longer than a whole search does; a test holds both together.
+of 384 (Wang et al. 2020, MiniLM); the mean of its tokens, normalised. Its weights are stored as 8-bit integers with a
+scale for each row (``scripts/pack_minilm.py``). The computation uses 32-bit floats, so that products do not depend on
+the processor's integer instructions. sentence-transformers computes the same in PyTorch, but the import alone takes
+longer than a whole search; a test compares both.
 """
 
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ Array = NDArray[np.float32]
 WEIGHTS = Path(__file__).parent / "weights"
 """The folder of ``minilm.npz`` and ``minilm_tokenizer.json``, which ``scripts/pack_minilm.py`` writes."""
 WEIGHTS_SHA256 = "8d33f224d15358d40dd3de39c7397d14c13b0ac9012e8a206610d6b7a83d4264"
-"""Of ``minilm.npz``; part of the model's identity, so that other weights give a new index."""
+"""The digest of ``minilm.npz``; part of the model's identity, so that other weights give a new index."""
 _LAYERS, _HEADS = 6, 12
 _MOST_TOKENS = 256
-"""What the model was trained on; the rest of a longer text does not count."""
+"""The length that the model was trained on; the rest of a longer text is ignored."""
 _EPSILON = 1e-12
 
 
@@ -37,7 +37,7 @@ class MiniLM:
         self._tokenizer.no_padding()
 
     def embed(self, texts: Sequence[str]) -> Array:
-        """Unit vectors of the texts, shape (n, 384); each one by itself, so that none depends on those beside it."""
+        """Return unit vectors of the texts, shape (n, 384); each is computed alone and depends on no other text."""
         return np.stack([self._vector(encoding.ids) for encoding in self._tokenizer.encode_batch(list(texts))])
 
     def _vector(self, tokens: Sequence[int]) -> Array:
@@ -79,7 +79,7 @@ class MiniLM:
 
 
 def _weights(file: Path) -> dict[str, Array]:
-    """All parameters by name; a matrix of integers is multiplied by the scales of its rows."""
+    """Return all parameters by name; a matrix of integers is multiplied by the scales of its rows."""
     weights: dict[str, Array] = {}
     with np.load(file, allow_pickle=False) as stored:
         for name in stored.files:

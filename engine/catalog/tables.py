@@ -1,13 +1,13 @@
 """The catalogue's tables in SQLite: filled from the facts of scenarios, and rebuilt from them at any time.
 
-A row is an entry: a scenario with one of its planning problems. Its number is made of the sequence of the scenario's
-artifact. The stored artifacts are the truth: what another server stored, or what a crash left uncatalogued, is entered
-by the next search. Each entry holds its description in words, which is embedded and searched, beside its facts.
+A row is an entry: a scenario with one of its planning problems. Its number is based on the sequence number of the
+scenario's artifact. The stored artifacts are the truth: the next search enters what another server stored or a crash
+left uncatalogued. Each entry has, in addition to its facts, its description in words, which is embedded and searched.
 
-A file that was changed and imported again is a *version*, which names the one that it supersedes; all that hang
-together are a family. The catalogue lists the member that was added last, or an earlier one that was imported again
-since. The latter is kept in a table of its own: artifacts are never changed, and what a user listed again must stay
-listed when the catalogue is rebuilt.
+A file that was changed and imported again is a *version*, which refers to the one that it supersedes; all connected
+versions are a family. The catalogue lists the member that was added last, or an earlier one that was imported again
+since. A separate table records the latter: artifacts are never changed, and what a user listed again must stay listed
+when the catalogue is rebuilt.
 """
 
 import sqlite3
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 _VERSION = 6
 """Raised when tables or descriptions change: older tables are dropped and filled again."""
 MOST_ENTRIES = 1024
-"""Planning problems of one file that are entered, and the step of the numbers between two artifacts."""
+"""The most planning problems entered per file, and the step of the numbers between two artifacts."""
 NEVER_S = 1e9
-"""Stands in the column ``ttc_s``, the time to conflict, where the ego never meets the recording."""
+"""The value of ``ttc_s``, the time to conflict, if the ego never meets the recording."""
 _TABLES = ("catalog_scenarios", "catalog_words", "catalog_counts", "catalog_limits", "catalog_version")
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS catalog_scenarios (
@@ -55,7 +55,7 @@ CREATE TRIGGER IF NOT EXISTS catalog_entered AFTER INSERT ON catalog_scenarios B
 CREATE TRIGGER IF NOT EXISTS catalog_taken_out AFTER DELETE ON catalog_scenarios BEGIN
     UPDATE catalog_version SET changes = changes + 1 ; END;
 """
-"""``changes`` counts entries that came and went: what is kept of the catalogue in memory is kept for one count."""
+"""``changes`` counts entries added and removed: data kept in memory is valid for one count."""
 
 _FAMILY = """
 WITH RECURSIVE
@@ -72,11 +72,11 @@ SELECT artifact_id FROM artifacts JOIN family ON artifact_id = family.id WHERE k
 _LISTED_AGAIN = """
 CREATE TABLE IF NOT EXISTS versions_listed_again (newest TEXT PRIMARY KEY, listed TEXT NOT NULL) WITHOUT ROWID
 """
-"""Counts as long as nothing newer than ``newest`` was added to its family."""
+"""Valid until a version newer than ``newest`` is added to the family."""
 
 
 def is_ready(connection: sqlite3.Connection) -> bool:
-    """Whether the tables exist in this version."""
+    """Return whether the tables exist in this version."""
     if connection.execute("SELECT name FROM sqlite_master WHERE name = 'catalog_version'").fetchone() is None:
         return False
     row = connection.execute("SELECT max(version) FROM catalog_version").fetchone()
@@ -84,7 +84,7 @@ def is_ready(connection: sqlite3.Connection) -> bool:
 
 
 def prepare(connection: sqlite3.Connection) -> None:
-    """Make the tables; tables of another version are dropped and made anew, empty."""
+    """Create the tables; tables of another version are dropped and created again, empty."""
     if is_ready(connection):
         return
     for table in _TABLES:
@@ -95,7 +95,7 @@ def prepare(connection: sqlite3.Connection) -> None:
 
 
 def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts) -> None:
-    """Enter one entry; one that is there already stays as it is."""
+    """Enter one entry; an existing one is unchanged."""
     ego = facts.ego
     entered = connection.execute(
         "INSERT OR IGNORE INTO catalog_scenarios VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -131,14 +131,14 @@ def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts)
 
 
 def facts_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, ScenarioFacts]:
-    """The facts of these scenarios; ids that are not in the catalogue are left out."""
+    """Return the facts of these scenarios, without ids that are not in the catalogue."""
     query = "SELECT facts FROM catalog_scenarios WHERE scenario_id = ?"
     rows = ((scenario_id, connection.execute(query, (scenario_id,)).fetchone()) for scenario_id in scenario_ids)
     return {scenario_id: ScenarioFacts.model_validate_json(row[0]) for scenario_id, row in rows if row is not None}
 
 
 def descriptions(connection: sqlite3.Connection) -> dict[str, str]:
-    """The readable description of every scenario, by id in alphabetical order."""
+    """Return the readable description of every scenario, by id in alphabetical order."""
     return dict(connection.execute("SELECT scenario_id, description FROM catalog_scenarios ORDER BY scenario_id"))
 
 
@@ -158,7 +158,7 @@ def _words(facts: ScenarioFacts) -> list[tuple[str, str]]:
 
 
 def refresh(database: "Database") -> int:
-    """Enter the scenarios that are stored but not yet in the tables; returns their number.
+    """Enter the scenarios that are stored but not yet in the tables, and return their number.
 
     Raises:
         ResourceFailure: the database cannot be written.
@@ -171,7 +171,7 @@ def refresh(database: "Database") -> int:
 
 
 def _enter_missing(connection: sqlite3.Connection) -> int:
-    """As ``refresh``, within a writing transaction and with tables that exist."""
+    """Do what ``refresh`` does, within a writing transaction and with tables that exist."""
     rows = _missing(connection)
     changed = []
     for sequence, artifact_id, record in rows:
@@ -186,7 +186,7 @@ def _enter_missing(connection: sqlite3.Connection) -> int:
 
 
 def list_again(database: "Database", scenario_id: str) -> None:
-    """List an earlier version in place of the later ones.
+    """List an earlier version instead of the later ones.
 
     Raises:
         ResourceFailure: the database cannot be written.
@@ -201,7 +201,7 @@ def list_again(database: "Database", scenario_id: str) -> None:
 
 
 def _list_one_of_each(connection: sqlite3.Connection, changed: Iterable[str]) -> None:
-    """Of every family with a changed member, enter the version that is listed and take out the others."""
+    """For every family with a changed member, enter the listed version and remove the others."""
     done: set[str] = set()
     for artifact_id in changed:
         if artifact_id in done:
@@ -228,7 +228,7 @@ def _add_scenario(connection: sqlite3.Connection, sequence: int, facts: Scenario
 
 
 def _missing(connection: sqlite3.Connection) -> list[tuple[int, str, str]]:
-    """Sequence, id and record of the stored scenarios that are not entered yet."""
+    """Return the sequence, id and record of the stored scenarios that are not entered yet."""
     rows = connection.execute(
         "SELECT sequence, artifact_id, record FROM artifacts WHERE kind = 'scenario' "
         "AND sequence > (SELECT last_entered FROM catalog_version) ORDER BY sequence"
@@ -237,12 +237,12 @@ def _missing(connection: sqlite3.Connection) -> list[tuple[int, str, str]]:
 
 
 def family(connection: sqlite3.Connection, scenario_id: str) -> tuple[str, ...]:
-    """All versions that hang together with this stored one, in the order in which they were added."""
+    """Return all versions connected with this stored one, in the order in which they were added."""
     return tuple(str(row[0]) for row in connection.execute(_FAMILY, (scenario_id,)))
 
 
 def listed_version(connection: sqlite3.Connection, scenario_id: str) -> str:
-    """The version of this scenario that the catalogue lists."""
+    """Return the version of this scenario that the catalogue lists."""
     newest = family(connection, scenario_id)[-1]
     query = "SELECT 1 FROM sqlite_master WHERE name = 'versions_listed_again'"
     if connection.execute(query).fetchone() is None:

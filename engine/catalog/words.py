@@ -1,4 +1,4 @@
-"""A scenario in words, from its facts: the description that is embedded and searched, and a line for lists."""
+"""Describe a scenario in words from its facts: the description to embed and search, and one line for lists."""
 
 import re
 
@@ -29,24 +29,24 @@ _DONE = {
     "crossing": "crosses the ego's lane",
     "oncoming_turns": "comes towards the ego and turns across its lane",
 }
-"""What a road user does, in words."""
+"""Manoeuvres of road users, as text."""
 
 _RECORDINGS = re.compile(
     r"ngsim|next generation simulation|\b(?:high|in|round|exi|uni)d\b|interaction|sind\b|argoverse|nuplan|nuscenes"
     r"|waymo|opendd|pneuma|mona\b|lyft|kitti|recorded|recording|drone",
     re.IGNORECASE,
 )
-"""Names of data sets of observed traffic, as CommonRoad's files state their source."""
+"""Names of data sets of observed traffic, as CommonRoad files give their source."""
 _SIMULATORS = re.compile(r"\bsumo\b|\bots\b|opentrafficsim|carla\b|simulated", re.IGNORECASE)
 _BY_HAND = re.compile(r"hand[- ]?(?:crafted|made)|synthesis|synthetic|scenario designer|unittest", re.IGNORECASE)
 
 
 _MANOEUVRES_SHOWN = 2
-"""Manoeuvres of others in a line for lists, at most (chosen)."""
+"""The most manoeuvres of others in a line for lists (chosen)."""
 
 
 def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
-    """Where a scenario's roads and traffic come from, by its tags, country and stated source; none where none says."""
+    """Return where a scenario's roads and traffic come from, by its tags, country and stated source; may be empty."""
     origins: list[Origin] = []
     if "simulated" in facts.tags or _SIMULATORS.search(facts.source):
         origins.append("simulated")
@@ -58,7 +58,7 @@ def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
 
 
 def description_of(facts: ScenarioFacts) -> str:
-    """A few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
+    """Return a few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
     where = f"{facts.location.place}, {facts.location.country}"
     parts = [f"Traffic scenario in {where}."]
     if facts.tags:
@@ -78,7 +78,7 @@ def description_of(facts: ScenarioFacts) -> str:
 
 
 def summary(facts: ScenarioFacts) -> str:
-    """A scenario in one line: traffic, lanes, ego speed, manoeuvre."""
+    """Return a scenario in one line: traffic, lanes, ego speed, manoeuvre."""
     counts = ", ".join(_counted(kind, count) for kind, count in _by_number(facts.participants.counts)) or "no traffic"
     ego = facts.ego
     parts = [counts]
@@ -88,12 +88,12 @@ def summary(facts: ScenarioFacts) -> str:
         parts += [found.replace(":", " by ") for found in ego.manoeuvres or ()][:_MANOEUVRES_SHOWN]
     if len(facts.egos) > 1:
         others = ", ".join(f"#{other.problem_id}" for other in facts.egos[1:_PROBLEMS_SHOWN])
-        parts.append(f"{len(facts.egos)} planning problems: the first is meant, the others by ID{others}")
+        parts.append(f"{len(facts.egos)} planning problems: this is the first, the others are ID{others}")
     return ", ".join(parts)
 
 
 _PROBLEMS_SHOWN = 6
-"""Planning problems that a line names (chosen)."""
+"""The most planning problems in a line (chosen)."""
 
 
 def _road_sentence(facts: ScenarioFacts) -> str:
@@ -128,7 +128,7 @@ def _ego_sentence(facts: ScenarioFacts, ego: EgoFacts) -> str:
 
 
 def _ego_does(facts: ScenarioFacts) -> list[str]:
-    """What the ego's way asks of it, in words."""
+    """Return the manoeuvres that the ego's route requires, as text."""
     does = [words for feature, words in _MANOEUVRES.items() if feature in facts.features]
     unprotected = "unprotected_left" in facts.features
     return ["turns left across oncoming lanes" if unprotected and one == "turns left" else one for one in does]

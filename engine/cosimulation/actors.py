@@ -1,7 +1,7 @@
 """The road users of a re-simulation: which are replayed, which SUMO drives, and from which step on.
 
-To a lane-based driver only those are on a lane that drive along it. A pedestrian who walks across lanes is shown to
-SUMO's drivers by proxies: for as long as he is on a lane, and a little before, an obstacle stands in its middle.
+For a lane-based driver, only road users that drive along a lane are on it. Therefore a pedestrian that crosses lanes is
+shown to SUMO's drivers by proxies: while it is on a lane, and a little before, an obstacle stands in the lane's centre.
 """
 
 import itertools
@@ -23,27 +23,26 @@ from .manoeuvres import Halt, Manoeuvre
 from .plans import DrivePlan, Replay, class_of, shown_track
 
 LATERAL_SHARE = 0.25
-"""Speed across a lane to speed along it, at most (chosen): a car steers over at 14°, and not while it stands."""
+"""Largest lateral speed per speed along the lane (chosen): a car changes lanes at 14°, and not while it stands."""
 NO_LIMIT_MPS = 70.0
-"""Replayed vehicles are put where they were, however fast that is (SUMO's default maximum is 55.6 m/s)."""
+"""Replayed vehicles are put at their recorded places, however fast that is (SUMO's default maximum is 55.6 m/s)."""
 SHORTEST_M, NARROWEST_M = 0.5, 0.3
-"""Least length and width of a vehicle type (chosen): SUMO takes no vehicle without a size."""
+"""Least length and width of a vehicle type (chosen): SUMO rejects a vehicle without a size."""
 
 
 @dataclass(frozen=True)
 class Actor:
     """A road user of the re-simulation.
 
-    ``drive_from``: the step whose pose is still the recorded one and after which SUMO drives; None: replayed to the
-    end. ``target``, ``through``: lanes that a driven vehicle changes to when on their edge. ``keep_to_route``: its
-    poses are put onto its route's lanes, because SUMO took the recorded ones for another road. ``manoeuvres``: its
-    orders while it is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a change of lane; the
-    vehicle waits for a gap into one of them instead of driving past it (none: it does not). ``is_sent``: an edit sends
-    it another way than recorded. ``branch``: the lane behind a junction that tells the way through it to the target
-    from others that leave the target's lane for the same edge. ``maximum_speed_mps``: what a driven vehicle never
-    exceeds, that of its class or of its recording. ``halts``: where it must stop. ``ignores_lights``: it
-    stops at no red light and yields to nobody at a junction. ``friction``: the road's coefficient of friction, which
-    limits how hard it brakes; None if nothing states it.
+    ``drive_from``: the last step with a recorded pose, after which SUMO drives; None: replayed to the end. ``target``,
+    ``through``: lanes that a driven vehicle changes to when it is on their edge. ``keep_to_route``: its poses are put
+    onto its route's lanes, because SUMO matched the recorded ones to another road. ``manoeuvres``: its orders while it
+    is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a lane change; the vehicle waits for a
+    gap into one of them instead of driving past it (empty: it does not wait). ``is_sent``: an edit reroutes it.
+    ``branch``: the lane behind a junction that distinguishes the path to the target from others that lead to the same
+    edge. ``maximum_speed_mps``: what a driven vehicle never exceeds, that of its class or of its recording. ``halts``:
+    where it must stop. ``ignores_lights``: it does not stop at red lights or yield at junctions. ``friction``: the
+    road's coefficient of friction, which limits its braking; None if it is not stated.
     """
 
     track: Track
@@ -67,7 +66,7 @@ class Actor:
 
     @property
     def hardest_braking_mps2(self) -> float:
-        """How hard it can brake at most."""
+        """Its hardest braking."""
         return hardest_braking_mps2(self.friction)
 
     @cached_property
@@ -86,12 +85,12 @@ class Actor:
         return f"t{self.key}"
 
     def pose_at(self, index: int) -> tuple[float, float, float]:
-        """The front bumper and SUMO's angle at a state of the track, as :meth:`Sumo.move_to` takes them."""
+        """Return the front bumper and SUMO's angle at a state of the track, as :meth:`Sumo.move_to` takes them."""
         x, y = self.track.positions[index].tolist()
         return sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
 
     def stands_at(self, index: int) -> bool:
-        """Whether the vehicle stands at a state and the one before it, at the same pose."""
+        """Return True if the vehicle stands at a state and the one before it, at the same pose."""
         return bool(self._stands[index])
 
     @cached_property
@@ -113,11 +112,11 @@ class Actor:
         return (self.drive_from or 0) - self.track.first_step
 
     def drives_at(self, step: int) -> bool:
-        """Whether the state after a step is SUMO's and not a recorded one."""
+        """Return True if the state after a step is SUMO's, not a recorded one."""
         return self.drive_from is not None and step > self.drive_from
 
     def vehicle_type(self) -> str:
-        """The ``vType`` element with the vehicle's own size and driver."""
+        """Return the ``vType`` element with the vehicle's own size and driver."""
         driver = self.behaviour.values
         return vehicle_type(
             self.type_id,
@@ -137,13 +136,13 @@ class Actor:
 def all_actors(
     scene: Scene, plans: Mapping[int, DrivePlan], removed: Collection[int] = (), replays: Iterable[Replay] = ()
 ) -> tuple[Actor, ...]:
-    """All road users near a lane, by ascending id.
+    """Return all road users near a lane, by ascending id.
 
     Args:
         scene: the scene with recordings as they are replayed.
-        plans: the driven ones by id, handed over ones included.
+        plans: the driven ones by id, including handed-over ones.
         removed: ids of those that are left out.
-        replays: tracks that are given; of them, pedestrians that were added are shown to SUMO's drivers.
+        replays: given tracks; added pedestrians among them are shown to SUMO's drivers.
     """
     actors = [driven_actor(scene, plan) for plan in plans.values()]
     for key, track in (scene.tracks | scene.standing).items():
@@ -161,7 +160,7 @@ def all_actors(
 
 
 def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
-    """A road user that SUMO drives by a plan."""
+    """Return a road user that SUMO drives by a plan."""
     match = scene.matches.get(plan.start.obstacle_id)
     if plan.cause == "added" or match is None or plan.lanelets[0] != match.lanelets[0]:
         match = LaneMatch((0,), plan.lanelets[:1])
@@ -191,7 +190,7 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
 
 
 def _aims(scene: Scene, plan: DrivePlan) -> frozenset[int]:
-    """The targets; where all lie inside a junction, the lanelet before it: lanes are kept inside."""
+    """Return the targets; if all are inside a junction, the lanelet before it, because lanes are kept inside."""
     outside = scene.layout.lane_of
     if not plan.targets or not plan.targets.isdisjoint(outside):
         return plan.targets
@@ -199,7 +198,7 @@ def _aims(scene: Scene, plan: DrivePlan) -> frozenset[int]:
 
 
 def _branch(scene: Scene, plan: DrivePlan) -> LaneHint | None:
-    """The exit of the way through a junction to a target inside it; None where the route leaves no other way."""
+    """Return the exit of the path through a junction to a target inside it; None if the route has no alternative."""
     layout = scene.layout
     inside = (key for key in plan.lanelets if key in plan.targets and key not in layout.lane_of)
     through = next((layout.paths[index] for key in inside for index in layout.paths_through.get(key, ())), None)
@@ -212,7 +211,7 @@ def _branch(scene: Scene, plan: DrivePlan) -> LaneHint | None:
 
 
 def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: LaneHint | None) -> frozenset[str]:
-    """SUMO's lanes on the route that lead to an aim without a change of lane; none where all lanes of its edge do."""
+    """Return SUMO's lanes on the route that lead to an aim without a lane change; empty if all lanes of its edge do."""
     if target is None or target[0] not in plan.edges or aims.issuperset(scene.layout.edges[target[0]]):
         return frozenset()
     lanes = aims.intersection(scene.layout.edges[target[0]])
@@ -228,7 +227,7 @@ def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: LaneH
 
 
 def replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
-    """A road user that moves by its track and that the driven ones see."""
+    """Return a road user that moves by its track and that the driven ones see."""
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
     behaviour = usual_behaviour(class_of(track.kind)).on_road(scene.friction)
@@ -241,7 +240,7 @@ def _hints(scene: Scene, track: Track, match: LaneMatch, edges: tuple[str, ...])
 
 
 def lane_hint(scene: Scene, lanelet_id: int, edges: tuple[str, ...] = ()) -> LaneHint:
-    """SUMO's lane for a lanelet: inside a junction, that of the path that fits a route best."""
+    """Return SUMO's lane for a lanelet: inside a junction, that of the path that fits a route best."""
     if lanelet_id in scene.layout.lane_of:
         return scene.layout.lane_of[lanelet_id]
     path = scene.edge_graph.path_for(lanelet_id, edges)
@@ -249,13 +248,13 @@ def lane_hint(scene: Scene, lanelet_id: int, edges: tuple[str, ...] = ()) -> Lan
 
 
 FORESIGHT_S = 2.0
-"""A driver sees this long before that a pedestrian is about to step onto the lane (chosen)."""
+"""How long before a pedestrian steps onto the lane a driver sees it (chosen)."""
 PROXIES_PER_PEDESTRIAN = 1000
-"""Ids of proxies are negative: -(1000 × the pedestrian's + a number); no walk crosses as many lanelets."""
+"""Ids of proxies are negative: -(1000 × the pedestrian's + a number); no walk crosses that many lanelets."""
 
 
 def _pedestrian_proxies(scene: Scene, pedestrian: Track) -> list[Actor]:
-    """An actor for each lanelet that a pedestrian is on (in their order), which stands there for as long."""
+    """Return an actor for each lanelet that a pedestrian is on (in order), which stands there for that time."""
     indices_on: dict[int, list[int]] = {}
     for index, lanelets in enumerate(scene.network.find_lanelet_by_position(list(pedestrian.positions))):
         for key in sorted(int(lanelet) for lanelet in lanelets):
@@ -286,5 +285,5 @@ def _proxy_track(scene: Scene, pedestrian: Track, lanelet_id: int, span: tuple[i
 
 
 def pedestrian_of(proxy_id: int) -> int:
-    """The id of the pedestrian that a proxy stands for."""
+    """Return the id of the pedestrian that a proxy represents."""
     return -proxy_id // PROXIES_PER_PEDESTRIAN

@@ -1,9 +1,9 @@
-"""Speed controllers: what slows driven vehicles down beyond what SUMO's driver model does.
+"""Speed controllers: slow driven vehicles down for reasons that SUMO's driver model does not cover.
 
-Each looks after one thing that SUMO does not: a gap to wait for beside the lane of the target, a curve that is nearer
-than the driver's own deceleration takes, curves of a long lane, halts that give way. After every step each names the
-highest speed of a vehicle for the next step, and the lowest of them holds. They brake with the driver's own
-deceleration, and harder only where that comes too late (:func:`next_speed_mps`). Speeds in m/s.
+Each handles one case that SUMO does not: waiting for a gap next to the target's lane, a curve that is nearer than the
+driver's own deceleration allows, curves of a long lane, halts that give way. After every step each returns the highest
+speed of a vehicle for the next step, and the lowest of them applies. They brake with the driver's own deceleration, and
+harder only if that comes too late (:func:`next_speed_mps`). Speeds in m/s.
 """
 
 import math
@@ -20,21 +20,21 @@ from .manoeuvres import LANE_CHANGE_S
 
 
 class _SpeedController(ABC):
-    """Slows down the driven vehicles of one simulation; made with the simulation."""
+    """Slows down the driven vehicles of one simulation; created with the simulation."""
 
     def __init__(self, sumo: Sumo) -> None:
         self._sumo = sumo
 
     @abstractmethod
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """The speed to brake to in the next step; None while a vehicle may drive as it likes.
+        """Return the speed to brake to in the next step, or None if the vehicle is not limited.
 
-        Called once a step for every driven vehicle, from its hand-over on; ``lane``: SUMO's lane that it is on.
+        Called once per step for every driven vehicle, from its hand-over on; ``lane``: its SUMO lane.
         """
 
 
 STOPPED_WITHIN_M = 0.5
-"""Room that a vehicle that has to stop counts on at least (chosen): with less, rounding would brake without bound."""
+"""Least distance that a stopping vehicle assumes (chosen): with less, rounding would brake without bound."""
 
 
 def next_speed_mps(
@@ -46,11 +46,11 @@ def next_speed_mps(
     final_mps: float | Values = 0.0,
     hardest_mps2: float = HARDEST_BRAKING_MPS2,
 ) -> float | None:
-    """The speed after the next step of a vehicle that shall be slow within some room and has to be within the rest.
+    """Return the speed after the next step of a vehicle that must slow down, or None if it is not limited.
 
-    None while it may drive as it likes. ``usual_mps2``: the driver's own deceleration. ``final_mps``: how slow; it
-    stands by default. There may be several places (n,) with the room up to each and the speed there. ``hardest_mps2``:
-    how hard it brakes at most.
+    It should slow down within a distance, and must within the rest. ``usual_mps2``: the driver's own deceleration.
+    ``final_mps``: the speed to reach, by default 0. There may be several places (n,) with the distance to each and the
+    speed there. ``hardest_mps2``: the hardest braking.
     """
     room_m = np.maximum(room_m - speed_mps * step_s, 0.0)
     allowed = math.sqrt(float(np.min(final_mps**2 + 2 * usual_mps2 * room_m)))
@@ -64,25 +64,26 @@ def next_speed_mps(
 
 
 LANE_END_M = 0.5
-"""This far before its end a lane counts as over (chosen); on a shorter one, half of it."""
+"""A lane counts as over this far before its end (chosen); on a shorter one, at half of it."""
 TO_STEER_OVER_M = 15.0
-"""The road that a slow vehicle needs to get into the lane beside (chosen); it waits that far before the end of its own.
+"""Length of road that a slow vehicle needs to change into the adjacent lane (chosen); it waits that far before the end
+of its own.
 
-One that needs several changes of lane waits as far for each of them.
+A vehicle that needs several lane changes waits this distance for each of them.
 """
 STEERING_OVER_MPS = 5.0
-"""Speed at which a vehicle with a gap beside it rolls on there (chosen): SUMO begins no change while it brakes hard."""
+"""Speed at which a vehicle with a gap next to it rolls on (chosen): SUMO starts no change while it brakes hard."""
 STEERING_OVER_M = 0.3
-"""A vehicle that is farther beside the middle of its lane is not yet wholly in it (chosen)."""
+"""A vehicle farther from the centre of its lane is not yet entirely in it (chosen)."""
 SLOWER_MPS = 1.0
 """A speed limit lower by no more than this hardly changes a drive (chosen)."""
 
 
 class GapWaitController(_SpeedController):
-    """Vehicles that find no gap into the lane of their target wait beside it for one, instead of driving past it.
+    """Makes vehicles without a gap into their target's lane wait next to it, instead of driving past it.
 
-    A vehicle looks for a gap until it has to brake with the driver's own deceleration, and stands where there is still
-    road to steer over. One that comes too fast for that brakes as hard as it has to.
+    A vehicle looks for a gap until it must brake with the driver's own deceleration, and stops while there is still
+    road to change lanes. A vehicle that is too fast for that brakes as hard as it must.
     """
 
     def __init__(self, sumo: Sumo) -> None:
@@ -93,7 +94,7 @@ class GapWaitController(_SpeedController):
         self._branched: set[str] = set()
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """See the base class."""
+        """Return the speed to brake to, as in the base class."""
         self._take_branch(actor, lane)
         if actor.target is None or not actor.lanes_to_target or actor.key in self._arrived:
             return None
@@ -108,14 +109,14 @@ class GapWaitController(_SpeedController):
         if left_m < -LANE_END_M:
             return None
         index, wanted = int(lane_index), _nearest_lane(actor, edge, int(lane_index))
-        goes_on = wanted != index and self._steers_over(actor.key, lane, 1 if wanted > index else -1)
-        highest_mps = self._braked(actor, left_m, abs(wanted - index), goes_on=goes_on)
+        rolls_on = wanted != index and self._steers_over(actor.key, lane, 1 if wanted > index else -1)
+        highest_mps = self._braked(actor, left_m, abs(wanted - index), rolls_on=rolls_on)
         if highest_mps is not None and wanted != index:
             self._sumo.change_lane(actor.key, wanted, LANE_CHANGE_S)
         return highest_mps
 
     def _take_branch(self, actor: Actor, lane: str) -> None:
-        """Have SUMO take the one way through the junction that leads to the target, by a stop behind it."""
+        """Have SUMO take the path through the junction that leads to the target, by a stop behind it."""
         if actor.branch is None or actor.target is None or actor.key in self._branched:
             return
         if lane == "{}_{}".format(*actor.target):
@@ -123,26 +124,26 @@ class GapWaitController(_SpeedController):
             self._pass_by_end(actor.key, actor.branch)
 
     def _pass_by_end(self, key: str, lane: LaneHint) -> None:
-        """Have SUMO look for a way to the end of a lane, by a stop there that is passed."""
+        """Have SUMO look for a route to the end of a lane, by a stop there that is passed."""
         station_m = self._sumo.lane_length_m("{}_{}".format(*lane)) - LANE_END_M
         self._sumo.pass_by(key, lane, max(station_m, LANE_END_M))
 
     def _left_m(self, key: str, target: LaneHint) -> float:
-        """The distance in m to the end of the target; far below 0 for a vehicle that is past it."""
+        """Return the distance in m to the end of the target; far below 0 if the vehicle is past it."""
         end_m = self._sumo.lane_length_m("{}_{}".format(*target))
         return self._sumo.driving_distance_m(key, target, end_m) - min(LANE_END_M, end_m / 2)
 
     def _steers_over(self, key: str, lane: str, direction: int) -> bool:
-        """Whether a vehicle has a gap beside it, or is not yet wholly over: it needs the rest of the road then."""
+        """Return True if a vehicle has a gap next to it, or is not yet entirely over: it then needs the whole road."""
         comes_over = self._first_lane.setdefault(key, lane) != lane
-        beside_m = abs(self._sumo.offset_m(key))
-        return (comes_over and beside_m > STEERING_OVER_M) or self._sumo.could_change_lane(key, direction)
+        offset_m = abs(self._sumo.offset_m(key))
+        return (comes_over and offset_m > STEERING_OVER_M) or self._sumo.could_change_lane(key, direction)
 
-    def _braked(self, actor: Actor, left_m: float, changes: int, *, goes_on: bool) -> float | None:
-        """The next speed of a vehicle with some road left for its changes of lane; if it goes on, one begins now."""
+    def _braked(self, actor: Actor, left_m: float, changes: int, *, rolls_on: bool) -> float | None:
+        """Return the next speed of a vehicle with some road left for its lane changes; ``rolls_on``: one starts."""
         speed, step_s, hardest = self._sumo.speed_mps(actor.key), self._sumo.step_s(), actor.hardest_braking_mps2
         usual, wait_m = actor.behaviour.values["decel"], left_m - changes * TO_STEER_OVER_M
-        if not goes_on:
+        if not rolls_on:
             return next_speed_mps(speed, usual, step_s, wait_m, left_m, hardest_mps2=hardest)
         over_m = wait_m + TO_STEER_OVER_M
         if over_m > LANE_END_M:
@@ -150,10 +151,10 @@ class GapWaitController(_SpeedController):
         return next_speed_mps(speed, usual, step_s, over_m, left_m, hardest_mps2=hardest)
 
     def _give_stop(self, actor: Actor, target: LaneHint, present_edge: str) -> None:
-        """Have SUMO look for gaps into the target's lane from far on, by a stop there that is passed.
+        """Have SUMO look for gaps into the target's lane early, by a stop there that is passed.
 
-        The speed limit of a stop's lane holds on the whole route there, so that a much slower one has its stop only
-        when the vehicle is beside it, and one that may take several lanes has none.
+        The speed limit of a stop's lane holds on the whole route there. Therefore a much slower lane gets its stop only
+        when the vehicle is next to it, and a vehicle that may take several lanes has no stop.
         """
         if actor.key in self._stop_given:
             return
@@ -168,20 +169,20 @@ class GapWaitController(_SpeedController):
 
 
 def _nearest_lane(actor: Actor, edge: str, index: int) -> int:
-    """The nearest lane of an edge that leads to the target; the one named where none does."""
+    """Return the nearest lane of an edge that leads to the target, or the given one if there is none."""
     lanes = [int(key.rpartition("_")[2]) for key in actor.lanes_to_target if key.rpartition("_")[0] == edge]
     return min(lanes, key=lambda other: (abs(other - index), other), default=index)
 
 
 CURVE_REACHED_M = 0.1
-"""A lane that begins nearer than this has been reached (chosen): the deceleration for it stays finite."""
+"""A lane that starts nearer than this has been reached (chosen): the deceleration for it stays finite."""
 
 
 class AnticipatoryBraking(_SpeedController):
-    """Vehicles that are sent another way brake for lanes for which the driver's own deceleration comes too late.
+    """Makes rerouted vehicles brake for lanes if the driver's own deceleration comes too late.
 
-    SUMO plans with that deceleration: a vehicle that is handed over nearer to a curve than it takes comes to the curve
-    too fast, and gets slow in it within a step or two.
+    SUMO plans with that deceleration: a vehicle that is handed over too near to a curve enters it too fast, and slows
+    down in it within a step or two.
     """
 
     def __init__(self, sumo: Sumo) -> None:
@@ -189,7 +190,7 @@ class AnticipatoryBraking(_SpeedController):
         self._done: set[str] = set()
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """See the base class."""
+        """Return the speed to brake to, as in the base class."""
         if actor.key in self._done or not actor.is_sent or not lane:
             return None
         speed, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
@@ -200,7 +201,7 @@ class AnticipatoryBraking(_SpeedController):
         return max(speed - min(needed, actor.hardest_braking_mps2) * step_s, 0.0)
 
     def _needed_mps2(self, key: str, lane: str, speed_mps: float) -> float:
-        """The deceleration that brings a vehicle to the limit of every lane ahead where that begins."""
+        """Return the deceleration that brings a vehicle to the limit of every lane ahead at its start."""
         ahead_m = self._sumo.lane_length_m(lane) - self._sumo.station_m(key)
         needed = 0.0
         for next_lane in self._sumo.lanes_ahead(key):
@@ -210,18 +211,18 @@ class AnticipatoryBraking(_SpeedController):
         return needed
 
 
-BESIDE_M = 1.0
+BEHIND_M = 1.0
 """A place no farther behind the bumper still counts: the spacing of the places."""
 
 
 class CurveSpeedController(_SpeedController):
-    """Vehicles on a long lane, whose limit is that of its straights, slow down where it bends.
+    """Slows vehicles on a long lane, which has the limit of its straights, where it curves.
 
-    SUMO has one limit for all of a lane. That of its sharpest curve would slow the vehicles all along it.
+    SUMO has one limit per lane. That of the sharpest curve would slow the vehicles along the whole lane.
     """
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
-        """See the base class."""
+        """Return the speed to brake to, as in the base class."""
         if not actor.slow_places or not lane:
             return None
         speed, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
@@ -233,9 +234,9 @@ class CurveSpeedController(_SpeedController):
         return next_speed_mps(speed, usual, step_s, away_m, away_m, allowed_mps, actor.hardest_braking_mps2)
 
     def _places_ahead(self, actor: Actor, lane: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
-        """Distances in m to the curves within reach on the route, and the speeds for them, lane by lane.
+        """Yield distances in m to the curves within reach on the route, and the speeds for them, lane by lane.
 
-        A driver who is faster than others is so in curves too, as far as tyres hold.
+        A driver that is faster than others is faster in curves too, as far as tyres allow.
         """
         factor = actor.behaviour.values["speedFactor"]
         begin_m = -self._sumo.station_m(actor.key)
@@ -245,14 +246,14 @@ class CurveSpeedController(_SpeedController):
             if key in actor.slow_places:
                 places = actor.slow_places[key]
                 away_m = places.stations_m + begin_m
-                near = away_m >= -BESIDE_M
+                near = away_m >= -BEHIND_M
                 if near.any():
                     yield away_m[near], np.minimum(places.speeds_mps * factor, places.hardest_mps)[near]
             begin_m += self._sumo.lane_length_m(key)
 
 
 class StopController(_SpeedController):
-    """Vehicles that an edit halts stop where their orders say so."""
+    """Makes vehicles that an edit halts stop where their orders say."""
 
     def __init__(self, sumo: Sumo) -> None:
         super().__init__(sumo)
@@ -260,7 +261,7 @@ class StopController(_SpeedController):
         self._rolled_m: dict[str, float] = {}
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:  # noqa: ARG002 - halts are on any lane
-        """See the base class."""
+        """Return the speed to brake to, as in the base class."""
         if not actor.halts or actor.drive_from is None:
             return None
         speed_mps, step_s = self._sumo.speed_mps(actor.key), self._sumo.step_s()
@@ -281,4 +282,4 @@ SPEED_CONTROLLERS: tuple[type[_SpeedController], ...] = (
     CurveSpeedController,
     StopController,
 )
-"""All of them, in the order in which they are asked; the first one gives orders to change lanes besides."""
+"""All controllers, in the order in which they are called; the first one also orders lane changes."""

@@ -1,7 +1,7 @@
 """Whether a vehicle can slow down enough for the curves of a lanelet route, and how fast it may enter one.
 
-A curve is a piece of 20 m of a lanelet whose centre line bends; it counts from the beginning of the piece on, because a
-long lanelet may bend at its far end only. Speeds in m/s, arc lengths in m, curvatures in 1/m.
+A curve is a piece of 20 m of a lanelet with a curved centre line; it counts from the start of the piece, because a long
+lanelet may curve only at its far end. Speeds in m/s, arc lengths in m, curvatures in 1/m.
 """
 
 import math
@@ -14,21 +14,21 @@ from ..scene import Scene
 from ..vehicles import comfortable_mps2, hardest_braking_mps2
 
 SMOOTHING_M = 4.0
-"""Curvatures are those of a centre line that is smoothed over this length: vertices of a map are corners (chosen)."""
+"""Curvatures are those of a centre line smoothed over this length (chosen): vertices of a map are corners."""
 SHORTEST_REST_M = 0.1
-"""What is left of a first lanelet at least, so that it is still a line (chosen)."""
+"""Least remainder of a first lanelet, so that it is still a line (chosen)."""
 _LOOK_M = 700.0
-"""A driver at 50 m/s brakes with ease within this (chosen): curves farther on slow no entry."""
+"""A driver at 50 m/s brakes comfortably within this distance (chosen): farther curves do not slow an entry."""
 PIECE_M = 20.0
-"""Length of the pieces (chosen): long enough for a curvature, short enough to tell where a long lanelet bends."""
+"""Length of the pieces (chosen): long enough for a curvature, short enough to locate a curve on a long lanelet."""
 
 
 def first_curve_too_tight(
     scene: Scene, route: tuple[int, ...], position: Points, speed_mps: float, known: Collection[int] = ()
 ) -> str | None:
-    """What is wrong with the first curve of a route that a vehicle at a position (2,) cannot brake enough for, or None.
+    """Return why a vehicle at a position (2,) cannot brake enough for the first too tight curve of a route, or None.
 
-    ``known``: lanelets whose curves are not asked about.
+    ``known``: lanelets with curves that are not checked.
     """
     hardest = hardest_braking_mps2(scene.friction)
     speed_mps, here_m = max(speed_mps, 0.0), project(scene.layout.table.lanes[route[0]].center, position)[0]
@@ -38,16 +38,16 @@ def first_curve_too_tight(
         if key not in known and at_best > highest:
             where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "in"
             return (
-                f"drives {speed_mps:.1f} m/s {where} a bend of lanelet {key} that takes at most {highest:.1f} m/s: "
-                "it cannot brake enough"
+                f"drives {speed_mps:.1f} m/s {where} a curve of lanelet {key} that allows {highest:.1f} m/s "
+                "at most: it cannot brake enough"
             )
     return None
 
 
 def highest_entry_speed(scene: Scene, route: tuple[int, ...], station_m: float) -> float:
-    """Speed from which a driver at an arc length of a route's first lanelet brakes with ease for all curves ahead.
+    """Return the speed from which a driver at a station of a route's first lanelet brakes comfortably for all curves.
 
-    Where the route ends, it is followed as a drive is led on, straight ahead. Infinite where nothing bends.
+    After the route's end, it continues straight ahead as a drive does. Infinite if there are no curves.
     """
     onwards = list(route)
     while sum(scene.layout.table.lanes[key].length_m for key in onwards) < station_m + _LOOK_M:
@@ -63,10 +63,10 @@ def highest_entry_speed(scene: Scene, route: tuple[int, ...], station_m: float) 
 
 
 def _curves_ahead(scene: Scene, route: Sequence[int], here_m: float) -> Iterator[tuple[int, float, float]]:
-    """Every piece of a route that bends: its lanelet, how far ahead it begins, and its largest curvature.
+    """Yield every curved piece of a route: its lanelet, how far ahead it starts, and its largest curvature.
 
-    ``here_m``: the arc length of the first lanelet from which on they count. Lanelets beside each other begin equally
-    far ahead; a piece that has begun is 0 m ahead.
+    ``here_m``: the arc length of the first lanelet from which they count. Adjacent lanelets start equally far ahead; a
+    piece that has started is 0 m ahead.
     """
     lanes, successors, ahead_m = scene.layout.table.lanes, scene.layout.table.successors, -here_m
     for before, key in zip((None, *route), route, strict=False):
@@ -80,7 +80,7 @@ def _curves_ahead(scene: Scene, route: Sequence[int], here_m: float) -> Iterator
 
 
 def _curves_of(line: Points) -> Iterator[tuple[float, float]]:
-    """Where on a line each piece that bends begins, and its largest curvature."""
+    """Yield the start on a line of each curved piece, and its largest curvature."""
     stations, curvature = curvatures(line, SMOOTHING_M)
     if len(stations):
         begins = np.arange(0.0, float(stations[-1]), PIECE_M)
@@ -89,7 +89,7 @@ def _curves_of(line: Points) -> Iterator[tuple[float, float]]:
 
 
 def _from(line: Points, station_m: float) -> Points:
-    """The part of a line beyond an arc length, or its end where no more is left."""
+    """Return the part of a line beyond an arc length, or its end if no more is left."""
     stations = arc_length(line)
     begin = min(station_m, float(stations[-1]) - SHORTEST_REST_M)
     return interpolate(line, stations, np.array([begin, *stations[stations > begin]]))

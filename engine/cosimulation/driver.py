@@ -1,4 +1,4 @@
-"""How a driver behaves: the six presets of the paper and the eleven parameters of SUMO that they set.
+"""Driver behaviour: the six presets of the paper and the eleven parameters of SUMO that they set.
 
 Values of the presets: the paper's published modification code. Meaning and units: SUMO's vehicle type attributes
 (https://sumo.dlr.de/docs/Definition_of_Vehicles%2C_Vehicle_Types%2C_and_Routes.html).
@@ -16,7 +16,7 @@ from ..vehicles import GRAVITY_MPS2, VehicleClass, vehicle_classes
 
 @dataclass(frozen=True)
 class _ParameterRange:
-    """What a parameter means and which values it takes; ``low`` itself is allowed unless ``above``."""
+    """The meaning of a parameter and its valid values; ``low`` itself is allowed unless ``above``."""
 
     meaning: str
     low: float
@@ -24,17 +24,17 @@ class _ParameterRange:
     above: bool = False
 
     def contains(self, value: float) -> bool:
-        """Whether the value is allowed."""
+        """Return True if the value is allowed."""
         return (value > self.low if self.above else value >= self.low) and value <= self.high
 
     def nearest(self, value: float) -> float:
-        """The allowed value that is nearest to one outside; a hundredth of the range above an end that is not."""
+        """Return the allowed value nearest to one outside; a hundredth of the range above an excluded lower end."""
         if value > self.high:
             return self.high
         return self.low + (self.high - self.low) / 100 if self.above else self.low
 
     def __str__(self) -> str:
-        """The range in interval notation."""
+        """Return the range in interval notation."""
         return f"{'(' if self.above else '['}{self.low:g}, {self.high:g}]"
 
 
@@ -64,27 +64,27 @@ _PRESET_VALUES = {
 
 @dataclass(frozen=True)
 class Behaviour:
-    """All eleven parameters of one driver, by SUMO's names, and the preset that they began with (or "")."""
+    """All eleven parameters of one driver, by SUMO's names, and the preset that they started from (or "")."""
 
     preset: str
     values: Mapping[str, float]
 
     def on_road(self, friction: float | None) -> "Behaviour":
-        """Return the driver on a road of some friction, who neither accelerates nor brakes harder than tyres hold."""
+        """Return the driver on a road of some friction, with acceleration and braking limited by the tyres."""
         if friction is None:
             return self
         most = friction * GRAVITY_MPS2
-        held = {name: min(self.values[name], most) for name in ("accel", "decel")}
-        return replace(self, values={**self.values, **held})
+        limited = {name: min(self.values[name], most) for name in ("accel", "decel")}
+        return replace(self, values={**self.values, **limited})
 
 
 def presets() -> dict[str, dict[str, float]]:
-    """The six presets: name → parameter → value."""
+    """Return the six presets: name → parameter → value."""
     return {name: dict(zip(_NAMES, values, strict=True)) for name, values in _PRESET_VALUES.items()}
 
 
 def usual_behaviour(vehicle_class: VehicleClass) -> Behaviour:
-    """An ordinary driver of a class: SUMO's defaults with little imperfection, the class's own power and brakes."""
+    """Return an ordinary driver of a class: SUMO's defaults with little imperfection and the class's own limits."""
     values = dict.fromkeys(_NAMES, 1.0) | {
         "accel": vehicle_class.acceleration_mps2,
         "decel": vehicle_class.deceleration_mps2,
@@ -96,7 +96,7 @@ def usual_behaviour(vehicle_class: VehicleClass) -> Behaviour:
 
 
 def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
-    """The gap in m that a class keeps by its nature, whatever the preset; None for classes that stand like cars."""
+    """Return the gap in m that a class keeps regardless of the preset; None for classes that stand like cars."""
     usual = vehicle_classes()["car"].minimum_gap_m
     return None if vehicle_class.minimum_gap_m == usual else vehicle_class.minimum_gap_m
 
@@ -104,11 +104,11 @@ def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
 def behaviour_from(
     base: Behaviour, preset: str | None, params: Sequence[str], own_gap_m: float | None = None
 ) -> Behaviour:
-    """A preset (replacing all parameters but a class's own gap) and then single parameters on top.
+    """Return a preset (replacing all parameters except a class's own gap) with single parameters applied on top.
 
     Raises:
         UnknownName: no such preset or parameter.
-        InvalidRequest: a value outside its range, or the same parameter twice.
+        InvalidRequest: a value is outside its range, or a parameter is given twice.
     """
     values, name = dict(base.values), base.preset
     if preset is not None:
@@ -117,7 +117,7 @@ def behaviour_from(
             raise UnknownName(
                 f"there is no behaviour preset '{preset}'",
                 valid=closest(preset, _PRESET_VALUES),
-                next_step="name one of these, or set single parameters with 'params'",
+                next_step="give one of these, or set single parameters with 'params'",
                 complete=True,
             )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})
@@ -125,37 +125,37 @@ def behaviour_from(
     assigned = [assignment.name for assignment in assignments]
     twice = sorted({parameter for parameter in assigned if assigned.count(parameter) > 1})
     if twice:
-        raise InvalidRequest(f"{', '.join(twice)} is set twice in params", next_step="name every parameter once")
+        raise InvalidRequest(f"{', '.join(twice)} is set twice in params", next_step="give every parameter once")
     for assignment, text in zip(assignments, params, strict=True):
         values[assignment.name] = _assigned(values, assignment, text)
     return Behaviour(name, values)
 
 
 def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]:
-    """The parameters that a preset and single parameters set, each with whether whatever it was before."""
+    """Return the parameters that are set, each with whether its new value is independent of the old one."""
     assignments = [parse_assignment(text) for text in params]
     return dict.fromkeys(_NAMES if preset else (), True) | {
         assignment.name: preset is not None or assignment.operator == "=" for assignment in assignments
     }
 
 
-def values_set(params: Sequence[str], made: Sequence[Behaviour]) -> list[str]:
-    """Single parameters as given, relative ones with the value that acts, or the smallest and largest of several."""
+def values_set(params: Sequence[str], resulting: Sequence[Behaviour]) -> list[str]:
+    """Return single parameters as given, relative ones with the result, or the smallest and largest of several."""
     notes = []
     for text in params:
         assignment = parse_assignment(text)
         relative = assignment.operator != "="
-        values = sorted({behaviour.values[assignment.name] for behaviour in made}) if relative else []
+        values = sorted({behaviour.values[assignment.name] for behaviour in resulting}) if relative else []
         acting = " … ".join(f"{value:g}" for value in (values if len(values) < 3 else (values[0], values[-1])))
         notes.append(f"{text} ({acting})" if acting else text)
     return notes
 
 
 def _read(text: str, values: Mapping[str, float]) -> Assignment:
-    """The assignment that a text is.
+    """Parse the assignment in a text.
 
     Raises:
-        InvalidRequest: it is none; a parameter without a value is proposed with the value that it has.
+        InvalidRequest: it is not an assignment; for a parameter without a value, its current value is proposed.
     """
     name = text.strip()
     if name in PARAMETERS:

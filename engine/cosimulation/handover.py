@@ -1,12 +1,12 @@
-"""From SUMO's track of a driven vehicle to a motion that begins exactly at its recorded state.
+"""Convert SUMO's track of a driven vehicle into a motion that starts exactly at its recorded state.
 
-SUMO moves the front bumper, on the middle of a lane and with speeds that step. The written motion is the centre's: the
-recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and what is left of the
-difference to the recorded state fades out (:func:`taken_over_track`).
+SUMO moves the front bumper, on the centre of a lane and with stepwise speeds. The written motion is the centre's: the
+recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and the remaining difference to
+the recorded state fades out (:func:`taken_over_track`).
 
-The bumper is led along the lane. Where a long vehicle cannot be driven so (in turns of a few metres' radius: a bumper
-12 m before the rear axle turns within 13 m at best), its centre is led along the lane, as in generated traffic, and the
-front swings out.
+The bumper is led along the lane. If a long vehicle cannot be driven so (in turns with a radius of a few metres: a
+bumper 12 m before the rear axle turns within 13 m at best), its centre is led along the lane, as in generated traffic,
+and the front swings out.
 """
 
 import math
@@ -32,25 +32,25 @@ from .plans import lane_change_track
 from .replay import DrivenTrack
 
 HISTORY_STEPS = 15
-"""Recorded states before the hand-over that smoothing looks at (chosen: five standard deviations of 3 steps)."""
+"""Recorded states before the hand-over that smoothing uses (chosen: five standard deviations of 3 steps)."""
 FEWEST_STATES = 5
-"""States that a motion has at least where the scenario lasts long enough (chosen): speeds need some steps."""
+"""Least number of states of a motion if the scenario lasts long enough (chosen): speeds need some steps."""
 POSE_DECAY_S = 1.5
-"""Time in which a difference in place falls to 37 % (chosen)."""
+"""Time in which a difference in position falls to 37 % (chosen)."""
 SPEED_DECAYS_S = (0.8, 1.6, 3.2)
 """Times in which a difference in speed falls to 37 % (chosen).
 
-Tried in this order, each time made up for what is over, until the first step changes the speed by no more than
+Tried in this order, each time compensated for the excess, until the first step changes the speed by no more than
 ``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more.
 """
 LARGEST_SPEED_STEP_MPS = 0.95
-"""A step of 0.1 s may change the speed by this: 9.5 m/s², within the 11.5 m/s² that CommonRoad's vehicles can do."""
+"""Largest change of speed in a step of 0.1 s: 9.5 m/s², within the 11.5 m/s² of CommonRoad's vehicles."""
 LANE_S = 3.0
-"""A vehicle recorded beside its lane is led into it in this time, as in a lane change; SUMO puts it there at once."""
+"""A vehicle recorded next to its lane is led into it in this time, as in a lane change; SUMO puts it there at once."""
 LONG_M = 6.0
-"""A longer vehicle may swing its front out in bends (chosen): all classes but cars, taxis and two-wheelers."""
+"""A longer vehicle may swing its front out in curves (chosen): all classes except cars, taxis and two-wheelers."""
 LEAST_SMOOTHING = (1.5, 0.8)
-"""In steps and in m, of a prescribed motion (chosen): its lanes have few kinks, and its values are to come out."""
+"""Smoothing in steps and in m of a prescribed motion (chosen): it has few kinks, and its values must be kept."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class TakenOverTrack(Track):
         return self.positions + self.length_m / 2 * _directions(self.headings_rad)
 
     def whole(self, start: Track) -> Track:
-        """The recorded track up to the hand-over, and this one from there on."""
+        """Return the recorded track up to the hand-over, and this one from there on."""
         index = self.first_step - start.first_step
         return replace(
             start,
@@ -91,11 +91,11 @@ def taken_over_track(
 ) -> TakenOverTrack | None:
     """Smooth a driven track and join it to its recorded start without a jump.
 
-    A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where
-    the map does. None if the scenario ends within two steps of the hand-over.
+    A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where the
+    map does. None if the scenario ends within two steps of the hand-over.
 
-    ``over_m``: the distance along its lane in which it steers over to the one beside, on which SUMO drives it; it is on
-    no lane before it is across. None: it is on the lane that SUMO drives it on.
+    ``over_m``: the distance along its lane in which it changes to the adjacent one, on which SUMO drives it; it is not
+    on a lane before it is across. None means that it is on the lane that SUMO drives it on.
     """
     index = driven.first_step - start.first_step
     wanted = min(FEWEST_STATES, last_step - driven.first_step + 1)
@@ -128,10 +128,10 @@ def taken_over_track(
 def led_track(
     start: Track, first_step: int, centers: Points, step_s: float, last_step: int, *, leaves: bool = False
 ) -> TakenOverTrack | None:
-    """A given track (n, 2) of the centre as a motion that can be driven, joined to a recorded start without a jump.
+    """Return a given track (n, 2) of the centre as a drivable motion, joined to a recorded start without a jump.
 
-    The first point is the place at ``first_step``. Of several smoothings the least is taken with which every step can
-    be driven, else the one with which most can. None if the scenario ends within two steps.
+    The first point is the place at ``first_step``. The weakest smoothing is chosen with which every step can be driven,
+    else the one with which most can. None if the scenario ends within two steps.
     """
     index, chassis = first_step - start.first_step, nearest_class(start.kind, start.length_m)
     centers = centers[: last_step - first_step + 1]
@@ -158,9 +158,9 @@ def led_track(
 
 
 def _driven_motion(start: Track, index: int, onward: Points, step_s: float) -> Motion:
-    """The motion from the hand-over on, for the front's track after it: with the bumper on that track if it can be.
+    """Return the motion from the hand-over on for the front's track: with the bumper on that track if possible.
 
-    Of those that are tried, the first that can be driven, or the one of which most can.
+    Of the motions that are tried, the first drivable one or the most drivable one is chosen.
     """
     chassis, front = nearest_class(start.kind, start.length_m), np.vstack([start.front_at(index), onward])
     led = _led_motion(start, index, front, start.length_m / 2, SMOOTHINGS[0], step_s, chassis)
@@ -176,7 +176,7 @@ def _driven_motion(start: Track, index: int, onward: Points, step_s: float) -> M
 
 
 def _most_drivable(motions: Iterable[Motion], step_s: float, chassis: VehicleClass) -> Motion:
-    """Return the first motion that can be driven, or the most drivable one; motions after the first are not made."""
+    """Return the first drivable motion, or the most drivable one; motions after the first are not computed."""
     best: Motion | None = None
     most = -1.0
     for motion in motions:
@@ -191,7 +191,7 @@ def _most_drivable(motions: Iterable[Motion], step_s: float, chassis: VehicleCla
 
 
 def _drivable_share(motion: Motion, step_s: float, chassis: VehicleClass) -> float:
-    """The share of a motion's steps that a chassis can drive."""
+    """Return the share of a motion's steps that a chassis can drive."""
     return check_kinematics(
         motion, step_s, wheelbase_m=chassis.wheelbase_m, rear_axle_m=chassis.rear_axle_m
     ).share_of_steps
@@ -206,7 +206,7 @@ def _led_motion(
     step_s: float,
     chassis: VehicleClass,
 ) -> Motion:
-    """The motion from the hand-over on of a vehicle that is led by the point so far ahead of its centre.
+    """Return the motion from the hand-over on of a vehicle led by a point ``ahead_m`` ahead of its centre.
 
     ``led``: that point's track from the hand-over on; ``smoothing``: in steps and in m.
     """
@@ -225,7 +225,7 @@ def _led_motion(
 
 
 def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: float) -> Points:
-    """The front track after the hand-over with at least ``count`` points, led straight on at the recorded speed."""
+    """Return the front track after the hand-over with at least ``count`` points, continued at the recorded speed."""
     forward = _step_ahead(start, index, step_s)
     last = onward[-1] if len(onward) else start.front_at(index)
     more = [last + forward * step for step in range(1, count - len(onward) + 1)]
@@ -233,7 +233,7 @@ def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: flo
 
 
 def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
-    """The front track after the hand-over without SUMO's leap to the middle of the lane, which fades in instead.
+    """Return the front track after the hand-over with SUMO's jump to the centre of the lane faded in.
 
     ``expected``: where the front is after the first step if it rolls straight on, shape (2,).
     """
@@ -243,15 +243,15 @@ def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
 
 
 def _led_at(start: Track, index: int, ahead_m: float) -> Points:
-    """The recorded place (2,) of the point so far ahead of the centre."""
+    """Return the recorded place (2,) of the point ``ahead_m`` ahead of the centre."""
     angle = float(start.headings_rad[index])
     return np.asarray(start.positions[index] + ahead_m * np.array([math.cos(angle), math.sin(angle)]))
 
 
 def _history(start: Track, index: int, ahead_m: float, step_s: float) -> Points:
-    """The recorded track of the point so far ahead of the centre, up to the hand-over: (15, 2).
+    """Return the recorded track of the point ``ahead_m`` ahead of the centre, up to the hand-over: (15, 2).
 
-    It is led straight back where the recording is too short.
+    It is extended straight backwards if the recording is too short.
     """
     first = max(0, index - HISTORY_STEPS)
     recorded = [_led_at(start, past, ahead_m) for past in range(first, index)]
@@ -261,7 +261,7 @@ def _history(start: Track, index: int, ahead_m: float, step_s: float) -> Points:
 
 
 def _step_ahead(start: Track, index: int, step_s: float) -> Points:
-    """How far (2,) in m a vehicle rolls straight on within a step from a recorded state."""
+    """Return how far (2,) in m a vehicle rolls straight on within a step from a recorded state."""
     angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
     return np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
 
@@ -269,9 +269,9 @@ def _step_ahead(start: Track, index: int, step_s: float) -> Points:
 def _joined(
     smooth: Motion, skip: int, start: Track, index: int, ahead_m: float, step_s: float, rear_axle_m: float
 ) -> Motion:
-    """The smoothed motion from the hand-over on; differences to the recorded state fade out instead of jumping.
+    """Return the smoothed motion from the hand-over on; differences to the recorded state fade out.
 
-    Only the track of the point that leads, ``ahead_m`` ahead of the centre, is corrected; the heading follows it as a
+    Only the track of the leading point, ``ahead_m`` ahead of the centre, is corrected; the heading follows it as a
     tractrix from the recorded heading on, so that the rear axle never slips sideways.
     """
     headings = smooth.headings_rad[skip:]
@@ -297,14 +297,14 @@ def _joined(
 
 
 def _never_back(led: Points, forward: Points) -> Points:
-    """A track (n, 2) that stands where it would go back, as fading differences do under one that stops.
+    """Return a track (n, 2) that stands where it would go back, as fading differences do under a stopping one.
 
     ``forward``: the unit vectors (n, 2) along which it drives.
     """
     ahead_m = np.concatenate([[0.0], np.cumsum((np.diff(led, axis=0) * forward[1:]).sum(axis=1))])
-    held_m = np.maximum.accumulate(ahead_m)
-    held: Points = led + forward * (held_m - ahead_m)[:, None]
-    return held
+    monotone_m = np.maximum.accumulate(ahead_m)
+    monotone: Points = led + forward * (monotone_m - ahead_m)[:, None]
+    return monotone
 
 
 def _directions(headings_rad: Values) -> Points:
@@ -312,7 +312,7 @@ def _directions(headings_rad: Values) -> Points:
 
 
 def _rear_axle_speeds(rear: Points, headings: Values, first_mps: float, step_s: float) -> Values:
-    """Speeds along the heading of the rear axle, which a kinematic single-track model steers, shape (n,)."""
+    """Return speeds along the heading of the rear axle, which a kinematic single-track model steers, shape (n,)."""
     forward = _directions(headings)
     moved = np.diff(rear, axis=0)
     along = np.maximum((moved * forward[:-1]).sum(axis=1) / step_s, 0.0)

@@ -1,11 +1,11 @@
-"""Manoeuvres of driven vehicles: a speed that is kept, changes to the lane beside, and a halt.
+"""Manoeuvres of driven vehicles: a speed that is kept, lane changes, and a halt.
 
 :class:`ManoeuvreExecutor` gives the orders of all driven vehicles to one simulation, step by step, and brakes those
 that a speed controller slows down.
 
-SUMO's own drivers change lanes where the vehicle behind keeps a second's headway and could brake with ease for a leader
-that stops: on a motorway 30 m behind a car that is as fast. An edit that asks for a cut-in means less than that: there
-is room where the vehicle behind can still brake for it (:func:`required_gap_m`).
+SUMO's own drivers change lanes if the vehicle behind keeps a second's headway and could brake comfortably for a leader
+that stops: on a motorway, 30 m ahead of an equally fast car. An edit that requests a cut-in needs less: there is room
+if the vehicle behind can still brake for it (:func:`required_gap_m`).
 """
 
 from collections import Counter
@@ -16,13 +16,13 @@ from ..traffic import LaneChanges, Sumo
 from ..vehicles import CUT_IN_REACTION_S
 
 LANE_CHANGE_S = 2.5
-"""How long a change of lane takes, and for how long an order to change lanes holds (chosen)."""
+"""Duration of a lane change, and how long an order to change lanes holds (chosen)."""
 INTO_LANE_S = 0.8
-"""Time from the beginning of a lane change until the vehicle is over the line (chosen): others brake for it then."""
+"""Time from the start of a lane change until the vehicle is over the line (chosen): others then brake for it."""
 HARD_BRAKING_MPS2 = 6.0
-"""What is asked of a vehicle that is cut in on: UN Regulation 157 (automated lane keeping), 5.2.5.2."""
+"""Deceleration required of a vehicle that is cut in on: UN Regulation 157 (automated lane keeping), 5.2.5.2."""
 ROUNDING_MPS = 1e-6
-"""Differences of speed below this are rounding."""
+"""Differences of speed below this are rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class Manoeuvre:
     profile_mps: tuple[float, ...] = ()
 
     def speed_at(self, step: int) -> float | None:
-        """The speed that is ordered for a step."""
+        """Return the speed that is ordered for a step."""
         since = step - self.from_step
         return self.profile_mps[since] if 0 <= since < len(self.profile_mps) else self.speed_mps
 
 
 @dataclass(frozen=True)
 class Halt:
-    """An order from ``from_step`` to before ``until_step``: to roll at most ``rolled_m`` from where SUMO takes over."""
+    """An order from ``from_step`` to before ``until_step``: roll at most ``rolled_m`` from where SUMO takes over."""
 
     from_step: int
     until_step: int
@@ -53,21 +53,21 @@ class Halt:
 
 
 def required_gap_m(closing_mps: float) -> float:
-    """The gap in m, beyond that kept when standing, that a driver needs who comes closer at a speed in m/s."""
+    """Return the gap in m, beyond the standstill gap, that a driver needs at a closing speed in m/s."""
     closing = max(closing_mps, 0.0)
     return closing * (INTO_LANE_S + CUT_IN_REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)
 
 
 _Order = tuple[str, int]
-"""A vehicle and the place of one of its orders among all of them: two orders may be alike and are still two."""
+"""A vehicle and the index of one of its orders: two orders may be equal and are still two."""
 
 
 class ManoeuvreExecutor:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 
-    A change of lane goes on until it is done: it waits for room, to which SUMO adapts the speed, and where the lane
-    beside is not there yet (inside a junction, say) it is asked for on the next edge. Of several changes the next one
-    begins when the one before is done.
+    A lane change continues until it is done: it waits for room, to which SUMO adapts the speed, and if the adjacent
+    lane does not exist yet (such as inside a junction) it is requested on the next edge. Of several changes, the next
+    one starts when the previous one is done.
     """
 
     def __init__(self, sumo: Sumo) -> None:
@@ -80,7 +80,7 @@ class ManoeuvreExecutor:
     def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int, highest_mps: float | None = None) -> None:
         """Give the orders that hold at a step to a vehicle on the road; of several speeds, the latest holds.
 
-        ``highest_mps``: the speed that it has to brake to in the next step, however hard that is.
+        ``highest_mps``: the speed that it must brake to in the next step, however hard that is.
         """
         if highest_mps is None and key in self._braking:
             self._release(key)
@@ -99,7 +99,7 @@ class ManoeuvreExecutor:
             self._sumo.slow_down(key, highest_mps)
 
     def blocking(self, key: str) -> tuple[str, ...]:
-        """The vehicles that left one no room for a change of lane that is not done, SUMO's ids, the longest first."""
+        """Return SUMO's ids of the vehicles that left no room for an unfinished lane change, the longest first."""
         steps = sum((waited for (waiting, _), waited in self._waited_for.items() if waiting == key), Counter[str]())
         return tuple(sorted(steps, key=lambda other: (-steps[other], other)))
 
@@ -108,9 +108,10 @@ class ManoeuvreExecutor:
         self._sumo.release_speed(key)
 
     def _keep_speed(self, key: str, speed_mps: float) -> None:
-        """Keep a speed, above the limit too, but no faster through a curve than its lane says.
+        """Keep a speed, even above the limit, but no faster through a curve than its lane allows.
 
-        A speed that is kept keeps SUMO from braking harder than the driver likes: it is let go where that is too soft.
+        A kept speed prevents SUMO from braking harder than the driver's deceleration: it is released if that is too
+        soft.
         """
         if self._needs_hard_braking(key):
             self._release(key)
@@ -119,7 +120,7 @@ class ManoeuvreExecutor:
         self._sumo.keep_speed(key, min(speed_mps, limit) if limit < USUAL_SPEED_MPS else speed_mps)
 
     def _needs_hard_braking(self, key: str) -> bool:
-        """Whether the driver's own deceleration does not keep a vehicle off the one ahead."""
+        """Return True if the driver's own deceleration does not keep a vehicle off the one ahead."""
         leader = self._sumo.leader(key)
         if leader is None:
             return False
@@ -142,13 +143,13 @@ class ManoeuvreExecutor:
             self._waited_for.pop(order, None)
             self._sumo.allow_lane_changes(key, LaneChanges.FOR_THE_ROUTE)
             return
-        blocking = self._too_near_beside(key, left=wanted > int(index))
+        blocking = self._too_near_in_next_lane(key, left=wanted > int(index))
         self._waited_for.setdefault(order, Counter()).update(blocking)
         self._sumo.allow_lane_changes(key, LaneChanges.DRIVERS_OWN if blocking else LaneChanges.INTO_ANY_ROOM)
         self._sumo.change_lane(key, wanted, LANE_CHANGE_S)
 
-    def _too_near_beside(self, key: str, *, left: bool) -> tuple[str, ...]:
-        """The vehicles in the lane beside that leave less than the required gap, followers first."""
+    def _too_near_in_next_lane(self, key: str, *, left: bool) -> tuple[str, ...]:
+        """Return the vehicles in the adjacent lane that leave less than the required gap, followers first."""
         speed_mps = self._sumo.speed_mps(key)
         return tuple(
             str(other)

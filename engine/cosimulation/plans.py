@@ -1,11 +1,10 @@
-"""What SUMO is to drive or to replay, before anything is simulated: immutable values that each edit makes anew.
+"""What SUMO drives or replays, before anything is simulated: immutable values, new for each edit.
 
-A :class:`DrivePlan` stands for a vehicle that SUMO drives from a step on, a :class:`Replay` for one that moves by a
-given track.
+A :class:`DrivePlan` is a vehicle that SUMO drives from a step on, a :class:`Replay` one that moves by a given track.
 
-SUMO's vehicles keep their lanes inside junctions. One that changes lanes inside a junction from the hand-over on
-(:class:`JunctionLaneChange`) is driven on the lanelet beside from its first step on (:func:`shown_track`), and the
-motion that is written steers over from its recorded place: as far aside as it rolls, never standing
+SUMO's vehicles keep their lanes inside junctions. A vehicle that changes lanes inside a junction from the hand-over on
+(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step on (:func:`shown_track`), and the
+written motion changes over from its recorded place: as far to the side as it rolls, never while standing
 (:func:`lane_change_track`).
 """
 
@@ -29,7 +28,7 @@ Cause = Literal["edited", "added", "handed_over"]
 
 @dataclass(frozen=True)
 class JunctionLaneChange:
-    """A change of lane inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
+    """A lane change inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
 
     ``within_m``: along the lane, from the hand-over on.
     """
@@ -42,12 +41,11 @@ class JunctionLaneChange:
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: the route it is meant to
-    drive; ``edges``: SUMO's route for it; ``targets``: lanelets any of which the edit sends it to (none: no target);
-    ``through``: lanelets of the route that it has to use; ``manoeuvres``: its orders, by their steps;
-    ``junction_lane_change``: how it changes lanes where it is handed over inside a junction (None: it does not);
-    ``halts``: where it waits; ``gives_way``: it waits for others that it would hit; ``ignores_lights``: it stops at no
-    red light and yields to nobody.
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route;
+    ``edges``: SUMO's route for it; ``targets``: lanelets, any of them a target of the edit (empty: no target);
+    ``through``: lanelets of the route that it must use; ``manoeuvres``: its orders, by step; ``junction_lane_change``:
+    how it changes lanes if it is handed over inside a junction (None: it does not); ``halts``: where it waits;
+    ``gives_way``: it waits for others that it would hit; ``ignores_lights``: it does not stop at red lights or yield.
     """
 
     start: Track
@@ -68,13 +66,13 @@ class DrivePlan:
 
 @dataclass(frozen=True)
 class Replay:
-    """A road user that moves by a given track and not by SUMO.
+    """A road user that moves by a given track, not by SUMO.
 
-    A recording moved in time, an added pedestrian, or one that an edit prescribes the motion of. ``recording``: what
-    was there before, moved by ``shifted_steps`` (later positive); None for an added one. ``is_scripted``: the motion is
-    prescribed; it is kept whatever the others do, and each change of it is the track's. ``is_parked``: an added vehicle
-    that stands and is no traffic. ``from_step``: the first step at which it differs from its recording.
-    ``script``: what it does in reactive traffic, if that depends on the ego; None: it follows the track there too.
+    It is a recording moved in time, an added pedestrian, or a vehicle with a motion that an edit prescribes.
+    ``recording``: the original, moved by ``shifted_steps`` (later positive); None for an added one. ``is_scripted``:
+    the motion is prescribed and kept regardless of the others. ``is_parked``: an added vehicle that stands and is not
+    traffic. ``from_step``: the first step at which it differs from its recording. ``script``: what it does in reactive
+    traffic, if that depends on the ego; None means that it follows the track there too.
     """
 
     track: Track
@@ -88,7 +86,7 @@ class Replay:
 
 
 def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:
-    """A plan that drives a recorded vehicle along its recorded route from a step on.
+    """Return a plan that drives a recorded vehicle along its recorded route from a step on.
 
     Raises:
         NotPossible: the vehicle cannot be driven.
@@ -99,7 +97,7 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
         raise NotPossible(
             why,
             valid=[key for key in _by_distance(scene, vehicle_id) if not not_drivable(scene, key)],
-            next_step="remove_vehicle works for it, driving it does not; the valid ones can be driven, nearest first",
+            next_step="remove it with remove_vehicle, or choose a valid one (nearest first), which can be driven",
         )
     track, lanelets = scene.tracks[vehicle_id], scene.matches[vehicle_id].sequence
     vehicle_class = class_of(track.kind)
@@ -116,16 +114,16 @@ def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -
 
 
 def sent_on(plan: DrivePlan) -> DrivePlan:
-    """The plan of a vehicle that an edit sends somewhere: one that was put in to stand does not stand any more."""
+    """Return the plan of a vehicle that an edit sends somewhere: a vehicle added to stand starts to move."""
     if plan.cause != "added" or plan.manoeuvres != (Manoeuvre(plan.from_step, speed_mps=0.0),):
         return plan
     return replace(plan, manoeuvres=())
 
 
 def not_drivable(scene: Scene, vehicle_id: int) -> str:
-    """Why a recorded vehicle cannot be driven by SUMO; empty if it can."""
+    """Return why a recorded vehicle cannot be driven by SUMO; empty if it can."""
     if vehicle_id not in scene.tracks:
-        return f"obstacle {vehicle_id} has no trajectory that a vehicle could take over"
+        return f"obstacle {vehicle_id} has no trajectory to take over"
     track = scene.tracks[vehicle_id]
     if track.kind in NOT_DRIVEN:
         return f"{track.kind} {vehicle_id} cannot be driven as a vehicle"
@@ -134,13 +132,13 @@ def not_drivable(scene: Scene, vehicle_id: int) -> str:
     gap = scene.edge_graph.first_gap(scene.matches[vehicle_id].sequence)
     if gap is not None:
         before, after = gap
-        way = f"the recorded way of {track.kind} {vehicle_id}"
-        return f"{way} leaves the lanelet graph: no lane joins {before} and {after}"
+        route = f"the recorded route of {track.kind} {vehicle_id}"
+        return f"{route} leaves the lanelet graph: no lane joins {before} and {after}"
     return ""
 
 
 def _by_distance(scene: Scene, vehicle_id: int) -> list[int]:
-    """The other recorded vehicles by how near they are when both are first there."""
+    """Return the other recorded vehicles by their distance when both are first there."""
     if vehicle_id not in scene.tracks:
         return list(scene.tracks)
     own = scene.tracks[vehicle_id]
@@ -156,21 +154,21 @@ def _by_distance(scene: Scene, vehicle_id: int) -> list[int]:
 
 
 def class_of(kind: str) -> VehicleClass:
-    """The class that stands for a CommonRoad obstacle type; a car for types without a class."""
+    """Return the class for a CommonRoad obstacle type; a car for types without a class."""
     classes = vehicle_classes()
-    return next((made for made in classes.values() if made.commonroad_type == kind), classes["car"])
+    return next((known for known in classes.values() if known.commonroad_type == kind), classes["car"])
 
 
 ACROSS_SHARE = 0.6
-"""A vehicle is on the other lanelet, whichever of the two is wider, after this share of the offset (chosen)."""
+"""A vehicle is on the other lanelet after this share of the offset, whichever of the two is wider (chosen)."""
 PROGRESS_ACROSS = 0.5 - math.sin(math.asin(1.0 - 2.0 * ACROSS_SHARE) / 3.0)
-"""The share of the way along the lane after which it is across: there 3p² - 2p³ comes to ``ACROSS_SHARE``."""
+"""The share of the distance along the lane after which it is across: there 3p² - 2p³ reaches ``ACROSS_SHARE``."""
 MOVED_M = 1e-3
-"""A step shorter than this has no direction of its own (chosen)."""
+"""A step shorter than this has no direction (chosen)."""
 
 
 def shown_track(scene: Scene, plan: DrivePlan) -> Track:
-    """The track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it changes to in a junction."""
+    """Return the track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it changes to."""
     start, change = plan.start, plan.junction_lane_change
     if change is None:
         return start
@@ -181,7 +179,7 @@ def shown_track(scene: Scene, plan: DrivePlan) -> Track:
 
 
 def lane_change_track(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
-    """The front track (n, 2) of a vehicle that steers over to SUMO's, and whether it is across at each step.
+    """Return the front track (n, 2) of a vehicle that changes over to SUMO's, and whether it is across at each step.
 
     Args:
         front: the recorded place of the front at the hand-over, shape (2,), in metres.
@@ -199,7 +197,7 @@ def lane_change_track(front: Points, expected: Points, onward: Points, within_m:
 
 
 def _directions_along(track: Points) -> Points:
-    """The unit vectors (n, 2) along a track (n, 2); where it stands, those before, and at first those after."""
+    """Return the unit vectors (n, 2) along a track (n, 2); while it stands, those before, and at first those after."""
     moved = np.diff(track, axis=0, append=track[-1:])
     length_m = np.linalg.norm(moved, axis=1)
     rolls = length_m > MOVED_M

@@ -1,10 +1,10 @@
 """Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
 
-Replayed vehicles are put at their recorded pose before every step, with the pose of the step after; their speed is set
-after the step, so that others see it. A driven vehicle is put like that until its hand-over.
+Before every step, replayed vehicles are put at their recorded pose of the step after; their speed is set after the
+step, so that others see it. A driven vehicle is treated like that until its hand-over.
 
-A replayed vehicle that no driven one can come to in time to matter is left out: most of the time of a re-simulation
-would go into finding the lanes of such vehicles.
+A replayed vehicle that is too far from every driven one to matter is left out: most of the time of a re-simulation
+would be spent on finding the lanes of such vehicles.
 """
 
 from collections.abc import Iterable
@@ -22,32 +22,32 @@ from .controllers import SPEED_CONTROLLERS
 from .manoeuvres import LANE_CHANGE_S, ManoeuvreExecutor
 
 TYPES_FILE = "types.add.xml"
-"""Name of the file of the vehicle types that SUMO read."""
+"""Name of the file with the vehicle types that SUMO reads."""
 ROUTES_FILE = "driven.rou.xml"
-"""Name of the file of the routes that the vehicles drove, by which vehicle type."""
+"""Name of the file with the routes that the vehicles drove, and their vehicle types."""
 LANE_CHANGES_LAST = ("--lanechange.duration", LANE_CHANGE_S)
-"""SUMO's usual lane change is a leap; the alternative to a duration is to divide the lanes into sublanes."""
+"""SUMO's usual lane change is instantaneous; the alternative to a duration is to divide the lanes into sublanes."""
 SEEN_BEFORE_S = 2.0
-"""What is around a recorded vehicle is there from this long before its hand-over on (chosen)."""
+"""The surroundings of a recorded vehicle are simulated from this long before its hand-over (chosen)."""
 LOOKS_AHEAD_S = 1.5
-"""SUMO's drivers plan for as far as they get in a step and then need to stop; this is many steps (chosen)."""
+"""SUMO's drivers plan for the distance of one step and a stop; this is many steps (chosen)."""
 SOFT_BRAKING_MPS2 = 4.0
-"""What the way to stop is reckoned with, for how far a vehicle looks ahead, where its own is not softer (chosen)."""
+"""Deceleration for the stopping distance that a vehicle looks ahead, unless its own is softer (chosen)."""
 AROUND_M = 45.0
 """Added to how far two vehicles look ahead (chosen): a junction between them, and their own lengths.
 
-Without imperfection of the drivers (sigma 0) the driven tracks are bit for bit those with every vehicle there down to
-30 m, 1 s and 4.5 m/s² on all of 140 vehicles of 35 generated scenarios; with 10 m, 0.5 s and 6 m/s² on 136.
+Without imperfection of the drivers (sigma 0), the driven tracks are bit for bit those with every vehicle present down
+to 30 m, 1 s and 4.5 m/s² for all of 140 vehicles of 35 generated scenarios; with 10 m, 0.5 s and 6 m/s² for 136.
 """
 STEPS_AT_ONCE = 256
-"""Steps whose places are held at once (chosen): 6 kB for each replayed road user."""
+"""Number of steps with places in memory at once (chosen): 6 kB for each replayed road user."""
 STAYS_FACTOR = 1.2
-"""A vehicle that is there stays until it is farther away than it was when it came, by this factor (chosen)."""
+"""A vehicle that is present stays until it is farther away than when it appeared, by this factor (chosen)."""
 
 
 @dataclass(frozen=True)
 class SimulationSetup:
-    """Where the network is, and how long and how finely is simulated; ``folder`` takes the vehicle types.
+    """The network, the number of steps and the time step of a simulation; ``folder`` receives the vehicle types.
 
     ``keeps_routes``: SUMO writes ``ROUTES_FILE`` there too.
     """
@@ -62,11 +62,10 @@ class SimulationSetup:
 
 @dataclass(frozen=True)
 class DrivenTrack:
-    """What SUMO made of a driven vehicle: its front bumper (n, 2) in m at every step from ``first_step`` on.
+    """SUMO's track of a driven vehicle: its front bumper (n, 2) in m at every step from ``first_step`` on.
 
     The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: it left the network.
-    ``blocked_by``: ids of those that left it no room for an ordered change of lane that it did not do, the longest
-    first.
+    ``blocked_by``: ids of vehicles that left no room for an ordered lane change that it did not do, the longest first.
     """
 
     first_step: int
@@ -88,12 +87,12 @@ class ShownState:
 def open_simulation(
     setup: SimulationSetup, vehicle_types: Iterable[str], lateral_motion: tuple[str, float] = LANE_CHANGES_LAST
 ) -> AbstractContextManager[Sumo]:
-    """A simulation that ends with the block.
+    """Open a simulation that ends with the block.
 
     Args:
         setup: the network and the steps.
         vehicle_types: ``vType`` elements.
-        lateral_motion: SUMO's option for motion across lanes.
+        lateral_motion: SUMO's option for lateral motion.
 
     Raises:
         WorkerFailure: SUMO refused the network, a vehicle type or an option, or stopped inside the block.
@@ -104,7 +103,7 @@ def open_simulation(
         "--collision.check-junctions": "false",
         lateral_motion[0]: lateral_motion[1],
     }
-    if setup.keeps_routes:  # as they are at last, of vehicles that are still there too
+    if setup.keeps_routes:  # final routes, also of vehicles that are still there
         options |= {
             "--vehroute-output": setup.folder / ROUTES_FILE,
             "--vehroute-output.write-unfinished": "true",
@@ -116,10 +115,10 @@ def open_simulation(
 
 
 def resimulate(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[int, DrivenTrack]:
-    """Simulate as long as any vehicle is driven; the driven vehicles' tracks by id.
+    """Simulate as long as any vehicle is driven; return the driven vehicles' tracks by id.
 
-    Where a recorded pose lies or points off its lane, SUMO may take it for the road beside, and the vehicle would
-    drive away there: such vehicles are kept to their route in a second run.
+    If a recorded pose is or points off its lane, SUMO may match it to the adjacent road, and the vehicle would drive
+    away there: such vehicles are kept to their route in a second run.
 
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
@@ -134,7 +133,7 @@ def resimulate(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[int, D
 
 
 def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[tuple[str, int], ShownState]:
-    """What SUMO shows of all actors after every step, by SUMO's id and step; one that is not there has no entry.
+    """Return what SUMO shows of all actors after every step, by SUMO's id and step; absent actors have no entry.
 
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
@@ -152,9 +151,9 @@ def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[t
 def _simulate(
     setup: SimulationSetup, actors: tuple[Actor, ...], *, until_astray: bool = False
 ) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
-    """One simulation: the tracks, and the vehicles that were on another route when they were handed over.
+    """Run one simulation; return the tracks, and the vehicles that were on another route at their hand-over.
 
-    ``until_astray``: it ends once all such vehicles are known, because its tracks are not used then.
+    ``until_astray``: stop once all such vehicles are known, because the tracks are then not used.
     """
     with open_simulation(setup, [actor.vehicle_type() for actor in actors]) as sumo:
         run = _Run(sumo, actors, _Surroundings(actors, setup))
@@ -167,22 +166,22 @@ def _simulate(
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the front of a vehicle is (2,) in m, and how far ahead of it others matter to it, in m."""
+    """The front of a vehicle (2,) in m, and the distance ahead of it in m within which others matter."""
 
     front: Points
     reach_m: float
 
     @classmethod
     def of(cls, actor: Actor, front: Points, speed_mps: float) -> "_Place":
-        """That of an actor with its front there."""
+        """Return the place of an actor with its front there."""
         return cls(front, float(_reach_m(actor, np.array(speed_mps))))
 
 
 class _Surroundings:
-    """Which replayed actors may matter to those that SUMO drives, step by step.
+    """The replayed actors that may matter to those that SUMO drives, step by step.
 
-    Two vehicles may matter to each other (as leader, as follower in the lane beside, at a junction) where they are
-    nearer than both of them look ahead, and a margin.
+    Two vehicles may matter to each other (as leader, as follower in the adjacent lane, at a junction) if they are
+    nearer than both of them look ahead, plus a margin.
     """
 
     def __init__(self, actors: Iterable[Actor], setup: SimulationSetup, *, everywhere: bool = False) -> None:
@@ -196,9 +195,9 @@ class _Surroundings:
         self._there = np.zeros(len(self._replayed), dtype=bool)
 
     def _seen_from(self, begin: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Places (n, steps, 2) in m and reaches (n, steps) in m of some steps, NaN where one is not there.
+        """Return places (n, steps, 2) in m and reaches (n, steps) in m of some steps, NaN if an actor is not there.
 
-        Some at a time: what is parked is there at every step, and takes no room in its track.
+        Only some steps at a time, because a parked vehicle is there at every step but takes no room in its track.
         """
         shape = (len(self._replayed), STEPS_AT_ONCE)
         places, reach_m = np.full((*shape, 2), np.nan), np.zeros(shape)
@@ -211,9 +210,9 @@ class _Surroundings:
         return places, reach_m
 
     def at(self, step: int, driven: Iterable[_Place]) -> set[str]:
-        """SUMO's ids of the replayed actors that are there after a step; ``driven``: those that drive, before it.
+        """Return SUMO's ids of the replayed actors present after a step; ``driven``: the driven ones before it.
 
-        Asked for step after step.
+        Called for consecutive steps.
         """
         if step >= self._first_looked_at + STEPS_AT_ONCE:
             self._first_looked_at = step
@@ -228,7 +227,7 @@ class _Surroundings:
         return {self._replayed[row].key for row in np.flatnonzero(self._there)}
 
     def _about_to_drive(self, step: int) -> Iterable[_Place]:
-        """Where those are recorded that are handed over soon or now."""
+        """Yield the recorded places of vehicles that are handed over soon or now."""
         for actor in self._driven:
             index = actor.track.index_at(step)
             if index is not None and not actor.drives_at(step) and step >= (actor.drive_from or 0) - self._before:
@@ -236,11 +235,11 @@ class _Surroundings:
 
 
 def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
-    """How far ahead of a vehicle others may matter to it, in m: its way to stop and the gap it keeps."""
+    """Return how far ahead of a vehicle others may matter, in m: its stopping distance and the gap that it keeps."""
     driver = actor.behaviour.values
     braking_mps2 = min(driver["decel"], SOFT_BRAKING_MPS2)
-    way_m = max(driver["tau"], LOOKS_AHEAD_S) * speeds_mps + speeds_mps**2 / (2 * braking_mps2)
-    return np.asarray(driver["minGap"] + way_m)
+    stopping_m = max(driver["tau"], LOOKS_AHEAD_S) * speeds_mps + speeds_mps**2 / (2 * braking_mps2)
+    return np.asarray(driver["minGap"] + stopping_m)
 
 
 class _Run:
@@ -280,16 +279,16 @@ class _Run:
                 self._drive(actor, step)
 
     def all_are_driven(self, step: int) -> bool:
-        """Whether the last hand-over is past."""
+        """Return True if the last hand-over is past."""
         return step >= self._last_handover
 
     def all_have_left(self) -> bool:
-        """Whether every driven vehicle reached the end of its route, so that nothing more is seen of any."""
+        """Return True if every driven vehicle reached the end of its route."""
         self._under_way.difference_update(self._sumo.arrived())
         return not self._under_way
 
     def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
-        """The driven tracks up to the present step."""
+        """Return the driven tracks up to the present step."""
         tracks = {}
         for key, rows in sorted(self._seen.items()):
             front = np.array([(x, y) for _, x, y, _ in rows])
@@ -299,7 +298,7 @@ class _Run:
         return tracks
 
     def _place_replayed(self, step: int) -> None:
-        """Insert, place and remove, so that all replayed vehicles that matter stand right after the step."""
+        """Insert, place and remove vehicles, so that all replayed ones that matter are in place after the step."""
         near = self._surroundings.at(step, self._driving)
         for actor in self._in_order(near | self._present | self._driven):
             index = actor.track.index_at(step)
@@ -316,9 +315,9 @@ class _Run:
         self._sumo.remove(key)
 
     def _take_out_those_off_road(self, step: int) -> None:
-        """Take out the placed vehicles that left the road in the step; SUMO crashes on what it still knows of them.
+        """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data about them.
 
-        Such a vehicle is placed as a new one before the next step, and comes back where its recording meets a lane.
+        Such a vehicle is placed as a new one before the next step, and returns where its recording meets a lane.
         """
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):
@@ -330,7 +329,7 @@ class _Run:
                 self._take_out(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
-        """Some actors in the order of all: SUMO's results depend on who is placed first."""
+        """Return actors in the order of all: SUMO's results depend on the order of placement."""
         return [self._actors[key] for key in sorted(keys, key=self._order.__getitem__)]
 
     def _place(self, actor: Actor, index: int) -> None:
@@ -345,7 +344,7 @@ class _Run:
         self._sumo.move_to(actor.key, actor.pose_at(index), actor.hints[index], keep_to_route=actor.keep_to_route)
 
     def _is_left_standing(self, actor: Actor, index: int) -> bool:
-        """Whether a placed vehicle stays where it is, without the search for its lane that placing it again costs."""
+        """Return True if a placed vehicle stays where it is, without the lane search that placing it again costs."""
         if not actor.stands_at(index) or actor.key not in self._held:
             if actor.key in self._standing:
                 self._standing.discard(actor.key)
@@ -359,7 +358,7 @@ class _Run:
         return True
 
     def _show_speeds(self, shown: list[Actor], step: int) -> None:
-        """Set the speeds of all that were placed before the step, before any driven vehicle looks at them."""
+        """Set the speeds of all vehicles placed before the step, before any driven vehicle sees them."""
         for actor in shown:
             index = actor.track.index_at(step)
             if index is not None and not actor.drives_at(step):
@@ -389,7 +388,7 @@ class _Run:
         self._driving.append(_Place.of(actor, np.array(front), self._sumo.speed_mps(key)))
 
     def _keep_to_light(self, actor: Actor, lane: str) -> None:
-        """Keep one that runs a light in the lanes that lead to it, and leave its lanes to the driver behind it."""
+        """Keep a vehicle that runs a light in the lanes to it, and release its lane changes after the light."""
         if not actor.ignores_lights:
             return
         leads_there = lane in {"{}_{}".format(*hint) for hint in actor.through}
@@ -401,7 +400,7 @@ class _Run:
             self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
     def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
-        """Send a vehicle to the lane of its edge that it has to use and has not used yet, or to that of its target."""
+        """Send a vehicle to the lane of its edge that it must still use, or to that of its target."""
         through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
         here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]
         if here and lane != "{}_{}".format(*here[0]):

@@ -1,11 +1,11 @@
-"""Scripted motion: a road user moves as prescribed, whatever the others do.
+"""Scripted motion: a road user moves as prescribed, regardless of the others.
 
-A script changes a track that is there already: its speed from a step on, by a prescribed acceleration, and its place
-across the road, in a prescribed time. Acts follow one another: each is applied to what those before it made. The
-result is smoothed and joined to the track before it like a motion that SUMO drove, so that it can be driven.
+A script changes an existing track: its speed from a step on, by a prescribed acceleration, and its lateral position, in
+a prescribed time. Acts apply in sequence: each changes the result of those before it. The result is smoothed and joined
+to the track before it like a motion that SUMO drove, so that it can be driven.
 
-Across the road a vehicle moves at one speed for most of the prescribed time, as in the cut-ins of UN Regulation 157,
-and comes to it and back to none in a sixth of the time each.
+The lateral speed is constant for most of the prescribed time, as in the cut-ins of UN Regulation 157, with a sixth of
+the time each to reach it and to return to zero.
 """
 
 from collections.abc import Sequence
@@ -22,9 +22,9 @@ from .handover import led_track
 from .triggers import Act, LateralAct, SpeedAct
 
 _TANGENT_M = 1.5
-"""The direction of a path is that between two points this far before and behind a place (chosen)."""
+"""The direction of a path is that between two points this far before and after a place (chosen)."""
 _REPEATED_M = 0.02
-"""Points of a path nearer to each other are one: a vehicle that stands is recorded many times at one place."""
+"""Points of a path nearer to each other are merged: a standing vehicle is recorded many times at one place."""
 
 _LOOK_M = 250.0
 """A path extends at least this far beyond a motion (chosen)."""
@@ -32,16 +32,16 @@ _JOIN_M = 30.0
 """Beyond its recording a vehicle returns to the centre of its lane within this distance (chosen)."""
 
 RAMP_SHARE = 1.0 / 6.0
-"""The share of a lateral motion in which it gets to its speed, and that in which it comes to rest again (chosen)."""
+"""The share of a lateral motion in which it reaches its speed, and in which it comes to rest again (chosen)."""
 
 
 def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: int, step_s: float) -> Track | None:
-    """The track as the acts change it; it is as before up to the step of the first act.
+    """Return the track as the acts change it; it is unchanged up to the step of the first act.
 
     Args:
         base: the track that the acts change.
         acts: what is prescribed.
-        beyond: where the centre goes on behind the end of the track, (n, 2) in m.
+        beyond: where the centre continues after the end of the track, (n, 2) in m.
         last_step: the last step of the scenario.
         step_s: duration of a time step in s.
 
@@ -85,9 +85,9 @@ def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: 
 
 
 def joined_track(base: Track, from_step: int, centers: Points, last_step: int, step_s: float) -> Track | None:
-    """A track up to a step, and from there on the motion along a track (n, 2) of the centre, smoothed and drivable.
+    """Return a track up to a step, continued by a smoothed, drivable motion along a track (n, 2) of the centre.
 
-    ``centers``: one place a step, the first one that of the track at the step. None with fewer than two new states.
+    ``centers``: one place per step, the first one that of the track at the step. None with fewer than two new states.
     """
     taken = led_track(base, from_step, centers, step_s, last_step)
     if taken is None:
@@ -96,7 +96,7 @@ def joined_track(base: Track, from_step: int, centers: Points, last_step: int, s
 
 
 def smooth_step(share: Values) -> Values:
-    """How far aside, from 0 to 1, a vehicle is after shares (n,) of the time that it takes."""
+    """Return the lateral progress, from 0 to 1, after shares (n,) of the manoeuvre's time."""
     p = np.clip(share, 0.0, 1.0)
     ramp, speed = RAMP_SHARE, 1.0 / (1.0 - RAMP_SHARE)
     ends = speed / (2.0 * ramp) * np.minimum(p, 1.0 - p) ** 2
@@ -106,7 +106,7 @@ def smooth_step(share: Values) -> Values:
 
 
 def _path(points: Points, base: Track) -> tuple[Points, NDArray[np.intp]]:
-    """The points without repeats, and the place among them of each; two at least, the second one straight ahead."""
+    """Return the points without repeats, and the index of each in them; at least two, the second one straight ahead."""
     kept, places = [points[0]], [0]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) > _REPEATED_M:
@@ -119,7 +119,7 @@ def _path(points: Points, base: Track) -> tuple[Points, NDArray[np.intp]]:
 
 
 def _left_of(line: Points, along: Values, stations: Values) -> Points:
-    """Unit vectors (n, 2) to the left of a line at stations."""
+    """Return unit vectors (n, 2) to the left of a line at stations."""
     low, high = np.clip(stations - _TANGENT_M, 0.0, along[-1]), np.clip(stations + _TANGENT_M, 0.0, along[-1])
     ahead = interpolate(line, along, high) - interpolate(line, along, low)
     ahead = ahead / np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
@@ -127,7 +127,7 @@ def _left_of(line: Points, along: Values, stations: Values) -> Points:
 
 
 def resized(track: Track, kind: str, length_m: float, width_m: float) -> Track:
-    """The same motion of the centre with another body."""
+    """Return the same motion of the centre with another body."""
     return replace(track, kind=kind, length_m=length_m, width_m=width_m)
 
 
@@ -166,7 +166,7 @@ def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
 
 
 def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
-    """Join the centre lines of consecutive lanelets; after a lane change only the part that lies ahead is used."""
+    """Join the centre lines of consecutive lanelets; after a lane change only the part ahead is used."""
     lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
     parts = [lanes[chain[0]].center]
     for before, key in pairwise(chain):

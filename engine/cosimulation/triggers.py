@@ -1,8 +1,8 @@
-"""Scripts that go on while a run is driven: what a road user does once the ego has passed a place or comes near.
+"""Scripts that depend on the ego: what a road user does once the ego has passed a place or comes near.
 
-An edit writes a motion for the ego of an ordinary driver. Besides, a file keeps what the road user does without the
-edit, what is prescribed, and what it waits for, as a ``Script``. In reactive traffic the script is followed anew, and
-its triggers hold for the ego as the planner drives it.
+An edit writes a motion for the ego of an ordinary driver. In addition, a file stores what the road user does without
+the edit, what is prescribed, and what it waits for, as a ``Script``. In reactive traffic the script is executed again,
+and its triggers apply to the ego as the planner drives it.
 """
 
 import math
@@ -19,7 +19,7 @@ from ..commonroad import Track
 from ..geometry import Points, project
 
 _REACH_M = 4.0
-"""The ego passes a place on a lanelet if it is no farther from its middle line (chosen): over half a wide lane."""
+"""The ego passes a place on a lanelet if it is no farther from its centre line (chosen): over half a wide lane."""
 _DECIMALS = 5
 """Stored states are rounded to a hundredth of a millimetre (chosen)."""
 _MOST_STATES, _MOST_PARTS, _MOST_ACTS = 20_000, 50, 10
@@ -28,7 +28,7 @@ _MOST_STATES, _MOST_PARTS, _MOST_ACTS = 20_000, 50, 10
 
 @dataclass(frozen=True)
 class SpeedAct:
-    """From a step on, speed up or slow down by ``rate_mps2`` to ``speed_mps``, which is kept then."""
+    """From a step on, accelerate or brake by ``rate_mps2`` to ``speed_mps``, which is then kept."""
 
     from_step: int
     speed_mps: float
@@ -37,7 +37,7 @@ class SpeedAct:
 
 @dataclass(frozen=True)
 class LateralAct:
-    """From a step on, move aside by ``aside_m`` (left positive) within ``duration_s``."""
+    """From a step on, move to the side by ``aside_m`` (left positive) within ``duration_s``."""
 
     from_step: int
     aside_m: float
@@ -49,10 +49,10 @@ Act = SpeedAct | LateralAct
 
 @dataclass(frozen=True)
 class Trigger:
-    """What the ego has to do before a part of a script begins.
+    """What the ego must do before a part of a script starts.
 
-    With ``gap_s`` it has to come near: behind the road user, it would be there in that time at its speed. Without, its
-    centre has to pass a place: ``station_m`` along a lanelet.
+    With ``gap_s`` it must come near: behind the road user, it would be there in that time at its speed. Without it, its
+    centre must pass a place: ``station_m`` along a lanelet.
     """
 
     lanelet_id: int = 0
@@ -60,19 +60,19 @@ class Trigger:
     gap_s: float | None = None
 
     def in_words(self) -> str:
-        """``the ego comes within 2 s of it``, or ``the ego passes 35 m of lanelet 5``."""
+        """Return ``the ego comes within 2 s of it``, or ``the ego passes 35 m of lanelet 5``."""
         if self.gap_s is not None:
             return f"the ego comes within {self.gap_s:g} s of it"
         return f"the ego passes {self.station_m:.0f} m of lanelet {self.lanelet_id}"
 
     def holds(self, ego: Track, index: int, place: Points | None, center_of: Callable[[int], Points | None]) -> bool:
-        """Return whether the trigger holds at a state of the ego.
+        """Return True if the trigger holds at a state of the ego.
 
         Args:
             ego: the motion of the ego.
-            index: the state of it that is looked at.
+            index: the examined state.
             place: where the road user is then, (2,) in m; None if it is not there.
-            center_of: gives the centre line (n, 2) of a lanelet, or None if there is no such lanelet.
+            center_of: returns the centre line (n, 2) of a lanelet, or None if there is no such lanelet.
         """
         if self.gap_s is not None:
             return place is not None and _is_within(ego, index, place, self.gap_s)
@@ -91,9 +91,9 @@ def _is_within(ego: Track, index: int, place: Points, seconds: float) -> bool:
 
 @dataclass(frozen=True)
 class ScriptPart:
-    """Acts, with the step at which they begin for an ordinary ego and with their trigger, None for a time.
+    """Acts, with the step at which they start for an ordinary ego and with their trigger, None for a time.
 
-    A part without acts lets a road user begin to move that stands at its first place until then.
+    A part without acts starts the motion of a road user that stands at its first place before.
     """
 
     step: int
@@ -101,15 +101,15 @@ class ScriptPart:
     trigger: Trigger | None = None
 
     def acts_from(self, step: int) -> tuple[Act, ...]:
-        """Return the acts as they are if the part begins at another step."""
+        """Return the acts shifted for a part that starts at another step."""
         return tuple(replace(act, from_step=act.from_step + step - self.step) for act in self.acts)
 
 
 @dataclass(frozen=True)
 class Script:
-    """A road user's motion without what is prescribed, and the parts of its script in the order of the edits.
+    """A road user's motion without the prescribed acts, and the parts of its script in the order of the edits.
 
-    ``dodges``: it brakes on its way before it would hit the ego; the others do not.
+    ``dodges``: it brakes before it would hit the ego; the others do not.
     """
 
     base: Track
@@ -118,11 +118,11 @@ class Script:
 
     @property
     def depends_on_ego(self) -> bool:
-        """Whether a run may move the road user otherwise than its file says."""
+        """Whether a run may move the road user differently from its file."""
         return self.dodges or any(part.trigger is not None for part in self.parts)
 
     def text(self) -> str:
-        """Return the script as JSON, which a file can keep; class and size are the road user's own in the file."""
+        """Return the script as JSON, which a file can store; class and size are the road user's own in the file."""
         base = self.base
         stored = _StoredScript(
             id=base.obstacle_id,
@@ -138,10 +138,10 @@ class Script:
 
     @classmethod
     def read(cls, text: str, tracks: "dict[int, Track]") -> "Script | None":
-        """Return the script of one of the tracks of a file, or None if it is that of another road user.
+        """Return the script of one of the tracks of a file, or None if it belongs to another road user.
 
         Raises:
-            UnsafeInput: the text is no script.
+            UnsafeInput: the text is not a script.
         """
         try:
             stored = _StoredScript.model_validate_json(text)
@@ -149,8 +149,8 @@ class Script:
             stored = None
         if stored is None or not len(stored.x) == len(stored.y) == len(stored.heading) == len(stored.speed):
             raise UnsafeInput(
-                "the file holds a script of a road user's motion that cannot be read",
-                next_step="make the edit with 'when' or 'dodge' again, from the scenario before it",
+                "the file contains an unreadable script of a road user's motion",
+                next_step="apply the edit with 'when' or 'dodge' again, to the scenario before it",
             )
         own = tracks.get(stored.id)
         if own is None:

@@ -1,10 +1,10 @@
 """Edits of a scenario: resolved, simulated in SUMO among the recorded traffic, checked, written.
 
 ``SCENARIO_FILE``: the name of an edited scenario's file.
-``apply_edits``: carries out all edits of a request, or none, in one re-simulation; returns files and reports.
-``Changes``: all that a list of edits asks for, before anything is simulated; immutable.
-``select``: the ids of the vehicles that selectors mean together, ascending.
-``scene_of``: the scene of a file with its lanes and SUMO network, kept for the next request.
+``apply_edits``: applies all edits of a request, or no edit, in one re-simulation; returns files and reports.
+``Changes``: everything that a list of edits requests, before anything is simulated; immutable.
+``select``: returns the ids of the vehicles that selectors match together, ascending.
+``scene_of``: returns the scene of a file with its lanes and SUMO network, cached for the next request.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
 """The operation behind ``modify_scenario``: edits in, a new scenario file out.
 
-An edit is a function ``(edit, scene, changes) -> EditStep``: it gets the scene as the edits before it leave it, and
-what they ask for. It simulates and writes nothing. A new edit is such a function in one of the modules of
-``OPERATIONS``, and its row in the table of the tool's schema (``EDITS``), which says what arguments it takes.
+An edit is a function ``(edit, scene, changes) -> EditStep``: it receives the scene and the changes after the edits
+before it. It simulates and writes nothing. A new edit is such a function in one of the modules of ``OPERATIONS``, and
+its row in the table of the tool's schema (``EDITS``), which lists its arguments.
 """
 
 import itertools
@@ -38,7 +38,7 @@ from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past, is_red
 from .moving import crossing_step
 from .placement import first_place
-from .references import select, target_lanelets, whom_words_meant
+from .references import describe_matches, select, target_lanelets
 from .report import outcome_of
 from .scene_cache import KeptScene, scene_of
 from .simulation import Simulation
@@ -48,7 +48,7 @@ from .writing import write_edits
 SCENARIO_FILE, NET_FILE = "scenario.xml", "scenario.net.xml"
 _MODULES = (rerouting, trajectory, scripted, population, moving, ego)
 _FUNCTIONS: Mapping[str, str] = {"replace": "replace_vehicle"}
-"""Functions of edits with another name than the edit's, which is that of a function that many modules import."""
+"""Edits with a function of another name, because many modules import a function with the edit's name."""
 EditFunction = Callable[[Edit, Scene, Changes], EditStep]
 OPERATIONS: Mapping[EditOperation, EditFunction] = {
     op: next(getattr(module, _FUNCTIONS.get(op, op)) for module in _MODULES if hasattr(module, _FUNCTIONS.get(op, op)))
@@ -56,18 +56,19 @@ OPERATIONS: Mapping[EditOperation, EditFunction] = {
     if op not in TRANSFORMS
 }
 """The edits by their operation: each is the function of this name in one of these modules. Those that change a whole
-file are in ``world.TRANSFORMS``."""
+file are in ``world.TRANSFORMS``.
+"""
 
 
 def apply_edits(request: ModificationRequest, report: ProgressReporter) -> ModificationOutcome:
-    """Carry out all edits, or none, in one re-simulation from the base scenario.
+    """Apply all edits, or no edit, in one re-simulation from the base scenario.
 
-    Edits that change the scene itself (its lights, its extent) part the list: those before one of them are carried out
-    first, and those after it begin from what it makes.
+    Edits that change the scene itself (its lights, its extent) split the list: the edits before one are applied first,
+    and the edits after it start from its result.
 
     Raises:
-        InvalidRequest: an edit that cannot be meant, or that the scenario does not allow.
-        NotPossible: an entry onto a taken place; collisions are left and the request refuses them.
+        InvalidRequest: an edit is not valid, or the scenario does not allow it.
+        NotPossible: an entry onto an occupied place, or collisions remain and the request refuses them.
         UnsafeInput: the file is not readable.
     """
     if not any(edit.op in TRANSFORMS for edit in request.edits):
@@ -78,10 +79,10 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
 
 @dataclass(frozen=True)
 class _Stage:
-    """What edits before leave to those of a stage.
+    """What earlier edits pass on to the edits of a stage.
 
-    ``added``: the ids that each edit before added; ``yielding_to``: the lanelets whose lights were changed, at which
-    vehicles that would cross at red are driven; ``first``: the number in the call of the first edit that is new.
+    ``added``: the ids that each earlier edit added; ``yielding_to``: the lanelets with changed lights, at which
+    vehicles that would cross at red are driven; ``first``: the number in the call of the first new edit.
     """
 
     added: tuple[tuple[int, ...], ...] = ()
@@ -90,7 +91,7 @@ class _Stage:
 
 
 def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, folder: Path) -> ModificationOutcome:
-    """Carry out the edits up to the next one that changes the scene itself, then that one, and so on."""
+    """Apply the edits up to the next one that changes the scene itself, then that one, and so on."""
     xml, stage, outcomes = request.xml, _Stage(), list[ModificationOutcome]()
     pending = list(enumerate(request.edits))
     while True:
@@ -130,7 +131,7 @@ def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, fol
 
 
 def _transformed(edit: Edit, xml: Path, request: ModificationRequest, output: Path) -> str:
-    """Change a file by an edit of the scene, and say what was done."""
+    """Change a file by an edit of the scene, and return what was done."""
     kept = scene_of(xml, request.problem_id)
     with tempfile.TemporaryDirectory() as name:
         net = Path(name) / NET_FILE
@@ -145,13 +146,13 @@ def _lanelets_of_lights(edit: Edit, xml: Path) -> tuple[int, ...]:
 
 
 def _transform_outcome(index: int, edit: Edit, what: str) -> ModificationOutcome:
-    """The outcome of an edit of the scene itself."""
+    """Return the outcome of an edit of the scene itself."""
     report = EditReport(index=index, op=edit.op, letter=EDITS[edit.op].letter, done=True, what=what)
     return ModificationOutcome(xml=None, net=None, edits=(report,) if index >= 0 else ())
 
 
 def _joined_outcome(request: ModificationRequest, outcomes: list[ModificationOutcome]) -> ModificationOutcome:
-    """The outcome of all stages: files and figures of the last one, and what each of them did."""
+    """Return the outcome of all stages: files and figures of the last one, and what each of them did."""
     last = outcomes[-1]
     reports = [report for outcome in outcomes for report in outcome.edits]
     touched = {vehicle.vehicle_id: vehicle for outcome in outcomes for vehicle in outcome.touched}
@@ -175,7 +176,7 @@ def _joined_outcome(request: ModificationRequest, outcomes: list[ModificationOut
 def _apply_stage(
     request: ModificationRequest, report: ProgressReporter, stage: _Stage
 ) -> tuple[ModificationOutcome, tuple[tuple[int, ...], ...]]:
-    """Carry out edits in one re-simulation; the outcome, and the ids that each of them added."""
+    """Apply edits in one re-simulation; return the outcome, and the ids that each of them added."""
     report(0.0, "reading the scenario")
     kept = scene_of(request.xml, request.problem_id)
     document = ScenarioDocument.read(request.xml)
@@ -202,7 +203,7 @@ def _apply_stage(
         notes = write_edits(document, simulated)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
         if request.keep_simulation and not request.dry_run and simulated.result.tracks:
-            # What the last simulation left, which is the one whose motion was written.
+            # The files of the last simulation, which produced the written motion.
             for name in (TYPES_FILE, ROUTES_FILE):
                 shutil.copyfile(setup.folder / name, request.output / name)
     outcome = outcome_of(request, simulated, None if before is None else before.danger, files, notes)
@@ -210,7 +211,7 @@ def _apply_stage(
 
 
 def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:
-    """Plans for the recorded vehicles that would cross the end of lanelets at red: they are driven and obey."""
+    """Return plans for the recorded vehicles that would cross the end of lanelets at red: they are driven and obey."""
     plans = {}
     for key, track in scene.tracks.items():
         for lanelet in lanelets.intersection(scene.matches[key].sequence) if key in scene.matches else ():
@@ -231,7 +232,7 @@ class _ResolvedEdits:
 
 
 def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
-    """The ego as an ordinary driver drives it in the base scenario; None without one."""
+    """Return the ego as an ordinary driver drives it in the base scenario; None without an ego."""
     drive = kept.ego_before(setup)
     return None if drive is None else drive.track
 
@@ -239,17 +240,17 @@ def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
 def _resolved_edits(
     edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0, first: int = 0
 ) -> _ResolvedEdits:
-    """Apply edits in order; any refusal refuses them all. Every edit sees the scene as those before it leave it.
+    """Apply edits in order; any refusal refuses them all. Every edit sees the scene after those before it.
 
-    ``start``: what is changed before the first of them. ``earlier``: how many edits come from earlier calls; the others
-    are counted in errors from ``first`` on.
+    ``start``: the changes before the first edit. ``earlier``: how many edits come from earlier calls; the others are
+    counted in errors from ``first`` on.
 
     Raises:
-        InvalidRequest: edits that cannot be meant, or that the scenario does not allow; all that are wrong at once.
+        InvalidRequest: edits that are not valid or that the scenario does not allow; all of them are reported at once.
     """
     changes, scene, steps, faults = start, base, list[EditStep](), Faults()
     for index, edit in enumerate(edits):
-        if faults and edit.names_added:  # whom it is about may be what a refused edit was to add
+        if faults and edit.names_added:  # its vehicles may be those that a refused edit should add
             continue
         step = None
         number = index - earlier + first
@@ -263,7 +264,7 @@ def _resolved_edits(
                 _other_faults(edit, scene, changes).raise_all()
             changes = replace(changes, added_by_edit=(*changes.added_by_edit, ()))
             continue
-        meant = whom_words_meant(edit.vehicles, step.vehicles, scene, changes)
+        meant = describe_matches(edit.vehicles, step.vehicles, scene, changes)
         changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
         scene = _scene_after(base, changes)
         steps.append(replace(step, changes=changes, meant=meant))
@@ -273,9 +274,9 @@ def _resolved_edits(
 
 
 def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
-    """What else is wrong with an edit that is refused: each of its words is looked at by itself.
+    """Return what else is wrong with a refused edit: each of its arguments is checked separately.
 
-    A word that is there, but means nothing that the edit could be carried out with, is none: the edit itself says so.
+    An argument that is valid but cannot be applied is not a fault here: the edit itself reports it.
     """
     looks: list[Callable[[], object]] = [
         *(partial(select, [text.strip().removeprefix("!")], scene, changes) for text in edit.vehicles),
@@ -294,22 +295,22 @@ def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
 
 
 def _check_arguments(edit: Edit) -> None:
-    """Refuse arguments that do not belong to the operation, so that nothing asked for is silently left out."""
+    """Refuse arguments that do not belong to the operation, so that no argument is silently ignored."""
     allowed = EDITS[edit.op].arguments
     foreign = [name for name in edit.given if name not in allowed]
     if foreign:
         raise InvalidRequest(
-            f"{', '.join(foreign)} does not belong to op {edit.op}",
+            f"{', '.join(foreign)} is not an argument of op {edit.op}",
             valid=allowed,
-            next_step="leave it out, or make it an edit of its own",
+            next_step="remove it, or put it into a separate edit",
             remedies=[with_values(**dict.fromkeys(foreign))],
         )
 
 
 def _scene_after(base: Scene, changes: Changes) -> Scene:
-    """The base scene with recordings moved in time, with added pedestrians, and with another start of the ego.
+    """Return the base scene with recordings moved in time, with added pedestrians, and with another start of the ego.
 
-    Vehicles that SUMO is to drive are in it as recorded. Edits and the simulation see this scene.
+    Vehicles that SUMO will drive are in it as recorded. Edits and the simulation use this scene.
     """
     if not changes.replays and changes.ego is None:
         return base
@@ -323,9 +324,9 @@ def _scene_after(base: Scene, changes: Changes) -> Scene:
 
 @dataclass(frozen=True)
 class _Run:
-    """What all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, None without one.
+    """What all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, or None.
 
-    ``start``: what is changed before the first edit.
+    ``start``: the changes before the first edit.
     """
 
     request: ModificationRequest
@@ -335,10 +336,9 @@ class _Run:
     start: Changes
 
     def simulate(self, resolved: _ResolvedEdits) -> SimulatedEdits:
-        """The edits as they were resolved, simulated.
+        """Simulate the edits as they were resolved.
 
-        An added vehicle that collides as it enters although the request left its speed open enters slower, where that
-        leaves fewer collisions.
+        An added vehicle with an open speed that collides on entry enters slower, if that leaves fewer collisions.
         """
         usual = self._simulate_once(resolved)
         slower = slower_entries(usual)
@@ -347,11 +347,11 @@ class _Run:
         edits, notes = slower
         try:
             other = self._simulate_once(_resolved_edits(edits, self.base, self.start, self.request.earlier))
-        except InvalidRequest:  # an edit that goes by speeds ("fastest") may mean no vehicle then
+        except InvalidRequest:  # an edit that selects by speed ("fastest") may match no vehicle then
             other = usual
         if len(other.result.overlaps) < len(usual.result.overlaps):
             return replace(other, notes=notes)
-        # The last simulation leaves its files behind; they have to be those of the motion that is written.
+        # The last simulation leaves its files behind; they must be those of the written motion.
         return self._simulate_once(resolved)
 
     def _simulate_once(self, resolved: _ResolvedEdits) -> SimulatedEdits:
@@ -360,7 +360,7 @@ class _Run:
         all_react = self.request.traffic == "reactive"
         if changes.driven or changes.replays or all_react:
             result = Simulation(scene, changes, self.setup).until_clear(shown_ego(scene, drive), all_react=all_react)
-        else:  # removals and goals alone leave all recordings as they are
+        else:  # removals and goals alone leave all recordings unchanged
             result = SimulationResult({}, {}, (), ())
         return SimulatedEdits(scene, changes, result, drive, resolved.edits, resolved.steps)
 
@@ -370,7 +370,7 @@ def _check(request: ModificationRequest, simulated: SimulatedEdits) -> None:
     lost = [key for key in result.missing if key in simulated.changes.driven]
     if lost:
         raise NotPossible(
-            f"vehicle {', '.join(map(str, lost))} cannot be driven: SUMO did not take, or the scenario ends",
+            f"vehicle {', '.join(map(str, lost))} cannot be driven: SUMO did not insert it, or the scenario ends",
             valid=[key for key in simulated.scene.tracks if key not in lost],
             next_step="choose another vehicle or place",
         )

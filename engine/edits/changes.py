@@ -1,6 +1,6 @@
-"""What a list of edits asks for, before anything is simulated, and the scene that it makes for the edits that follow.
+"""What a list of edits requests, before anything is simulated, and the scene that it creates for later edits.
 
-``Changes`` is an immutable value: each edit makes a new one. Lengths are in m, steps are time steps of the scenario,
+``Changes`` is an immutable value: each edit returns a new one. Lengths are in m, steps are time steps of the scenario,
 counted from its start.
 """
 
@@ -21,14 +21,14 @@ from ..scene import Ego, LaneMatch, Scene
 from ..vehicles import vehicle_classes
 
 FEWEST_STATES = 3
-"""A recording moved in time needs as many states for a motion with an acceleration (chosen)."""
+"""States that a recording moved in time needs for a motion with an acceleration (chosen)."""
 MOST_NAMED = 8
-"""Vehicles that a sentence names before it is cut short."""
+"""Number of vehicles that a sentence lists before it is cut short."""
 
 
 @dataclass(frozen=True)
 class GoalChange:
-    """A goal region: rectangle (length, width) around a centre (2,) on a lanelet; intervals None stay as they are."""
+    """A goal region: rectangle (length, width) around a centre (2,) on a lanelet; None leaves an interval unchanged."""
 
     problem_id: int
     lanelet_id: int
@@ -41,12 +41,12 @@ class GoalChange:
 
 @dataclass(frozen=True)
 class Changes:
-    """All that the edits up to one of them ask for.
+    """Everything that the edits up to one of them request.
 
     ``added_by_edit``: ids that each edit added, by its index. ``next_id``: the id that the next added vehicle gets.
-    ``replays``: tracks that stand for the recorded ones, and added road users that SUMO does not drive. ``ego``:
-    another start of the ego. ``ego_drive``: gives the ego as an ordinary driver drives it in the base scenario, None
-    without one; edits that depend on where the ego is ask for it.
+    ``replays``: tracks that replace the recorded ones, and added road users that SUMO does not drive. ``ego``: another
+    start of the ego. ``ego_drive``: returns the ego as an ordinary driver drives it in the base scenario, None without
+    one; edits that depend on the ego's position call it.
     """
 
     next_id: int
@@ -59,19 +59,19 @@ class Changes:
     ego_drive: Callable[[], Track | None] = field(default=lambda: None, compare=False)
 
     def with_plan(self, plan: DrivePlan) -> "Changes":
-        """The changes with one more driven vehicle, or another plan for it; ids stay in ascending order."""
+        """Return the changes with one more driven vehicle, or another plan for it; ids stay in ascending order."""
         driven = {**self.driven, plan.start.obstacle_id: plan}
         return replace(self, driven=dict(sorted(driven.items())))
 
     def without(self, vehicle_id: int) -> "Changes":
-        """The changes after a vehicle was removed; an added one is simply not there any more."""
+        """Return the changes after a vehicle was removed; an added vehicle simply disappears."""
         driven = {key: plan for key, plan in self.driven.items() if key != vehicle_id}
         replays = {key: replay for key, replay in self.replays.items() if key != vehicle_id}
         removed = self.removed if self.is_added(vehicle_id) else self.removed | {vehicle_id}
         return replace(self, driven=driven, replays=replays, removed=removed)
 
     def with_replay(self, replay: Replay) -> "Changes":
-        """The changes with one more given track; ids stay in ascending order."""
+        """Return the changes with one more given track; ids stay in ascending order."""
         key = replay.track.obstacle_id
         driven = {other: plan for other, plan in self.driven.items() if other != key}
         return replace(self, driven=driven, replays=dict(sorted({**self.replays, key: replay}.items())))
@@ -83,24 +83,24 @@ class Changes:
 
     @property
     def scripted(self) -> frozenset[int]:
-        """The road users that move as prescribed, or stand parked: they do not react to anybody."""
+        """The road users that move as prescribed, or stand parked: they do not react to others."""
         return frozenset(key for key, replay in self.replays.items() if replay.is_scripted or replay.is_parked)
 
     def is_added(self, vehicle_id: int) -> bool:
-        """Whether an edit put the road user in."""
+        """Return True if an edit added the road user."""
         plan, replay = self.driven.get(vehicle_id), self.replays.get(vehicle_id)
         return (plan is not None and plan.cause == "added") or (replay is not None and replay.recording is None)
 
 
 @dataclass(frozen=True)
 class EditStep:
-    """The changes after one edit, the vehicles that it is about, and the sentence for its report.
+    """The changes after one edit, its vehicles, and the sentence for its report.
 
-    ``added``: those of the vehicles that it put in. ``aims``: by vehicle, sets of lanelets; the vehicle is to get onto
-    any lanelet of each set. ``since``: the step from which on aims count. ``speeds``: the speed in m/s that a vehicle
-    is to reach, and from which step on. ``measure``: gives what came out of the values that it asks for, of the
-    ``EditedScene`` after the simulation. ``parameters``: those of a driver's behaviour that it sets, each with whether
-    the new value is independent of the one before. ``meant``: whom its words for vehicles meant, "" for plain ids.
+    ``added``: the vehicles that it added. ``aims``: by vehicle, sets of lanelets; the vehicle should reach any lanelet
+    of each set. ``since``: the step from which aims count. ``speeds``: the speed in m/s that a vehicle should reach,
+    and from which step on. ``measure``: returns the results for the requested values, from the ``EditedScene`` after
+    the simulation. ``parameters``: the driver parameters that it sets, each with whether the new value is independent
+    of the old one. ``meant``: the vehicles that its selectors match, "" for plain ids.
     """
 
     changes: Changes
@@ -116,16 +116,16 @@ class EditStep:
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
-    """The plan of a vehicle as it stands, or a new one that drives its recorded route from its first step on.
+    """Return the current plan of a vehicle, or a new one that drives its recorded route from its first step on.
 
     Raises:
         NotPossible: the vehicle cannot be driven (a pedestrian, an obstacle off the lanes, or an occupancy set).
     """
     if vehicle_id in changes.scripted:
         raise NotPossible(
-            f"the motion of vehicle {vehicle_id} is prescribed by an edit before",
+            f"an earlier edit prescribes the motion of vehicle {vehicle_id}",
             valid=["set_speed", "change_lane", "swerve", "cut_in", "remove_vehicle"],
-            next_step="use one of these, or make this edit without the one that prescribes the motion",
+            next_step="use one of these, or drop the edit that prescribes the motion",
         )
     first = scene.tracks[vehicle_id].first_step if vehicle_id in scene.tracks else 0
     if vehicle_id in changes.driven:
@@ -135,9 +135,9 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
 
 
 def scene_for_references(scene: Scene, changes: Changes) -> Scene:
-    """A scene of ``scene_after`` with the vehicles that edits put in, where they enter, without those taken out.
+    """Return a scene of ``scene_after`` with added vehicles at their entries and without removed vehicles.
 
-    It resolves words for vehicles and occupied places, as a description of the edited scenario would. It is not for a
+    It resolves selectors and occupied places, as a description of the edited scenario would. It is not for a
     simulation, which drives the added vehicles and has no recording of them.
     """
     added = {key: plan for key, plan in changes.driven.items() if plan.cause == "added"}
@@ -152,9 +152,9 @@ def scene_for_references(scene: Scene, changes: Changes) -> Scene:
 
 
 def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
-    """The track moved by a number of steps, without what lies before step 0 or after the scenario's last step.
+    """Return the track moved by a number of steps, cut to the steps from 0 to the scenario's last.
 
-    None where fewer than three states are left.
+    None if fewer than three states are left.
     """
     later = replace(track, first_step=track.first_step + steps)
     begin, end = max(-later.first_step, 0), min(len(track.positions), scene.last_step + 1 - later.first_step)
@@ -162,7 +162,7 @@ def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
 
 
 def car_at_start(ego: Ego, key: int) -> Track:
-    """The ego where and as fast as it starts, as a track of one state with an id."""
+    """Return the ego at its start, as a track of one state with an id."""
     length_m, width_m = ego.size_m
     return Track(
         obstacle_id=key,
@@ -194,10 +194,10 @@ def car_plan(
 
 
 def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: str) -> None:
-    """Refuse a speed that is below 0 or above the largest one.
+    """Refuse a speed below 0 or above the largest one.
 
     Raises:
-        InvalidRequest: the refusal, with the speeds that are valid.
+        InvalidRequest: the refusal, with the valid speeds.
     """
     if not 0.0 <= speed_mps <= largest_mps:
         nearest_mps = math.floor(10 * largest_mps) / 10 if speed_mps > 0.0 else 0.0
@@ -209,11 +209,11 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
         )
 
 
-def asked_speed(text: str, largest_mps: float) -> float:
-    """Return the speed in m/s that a text states; ``check_speed`` tells whether it is within the range.
+def parse_speed(text: str, largest_mps: float) -> float:
+    """Return the speed in m/s that a text states; ``check_speed`` checks its range.
 
     Raises:
-        InvalidRequest: the text is no speed; the range is told with the form.
+        InvalidRequest: the text is not a speed; the error states form and range.
     """
     try:
         return parse_quantity(text, "m/s")
@@ -222,21 +222,21 @@ def asked_speed(text: str, largest_mps: float) -> float:
 
 
 _TIMES_TRIED = (0.0, 0.2, 0.5)
-"""Shares of the time in which something is possible, from its nearer end, at which a refusal proposes it (chosen)."""
+"""Positions within the possible time span, from its nearer end, that a refusal proposes (chosen)."""
 
 
 def within_time(asked: int, first: int, last: int, scene: Scene) -> list[Remedy]:
-    """Times between two steps that a refusal of another one proposes, those near the step that was asked for first."""
+    """Return times between two steps that a refusal proposes, those nearest to the requested step first."""
     nearer, farther = (first, last) if asked < first else (last, first)
     steps = [round(nearer + share * (farther - nearer)) for share in _TIMES_TRIED]
     return [with_values(time_s=round(step * scene.step_s, 3)) for step in steps if last >= first]
 
 
 def named_vehicles(vehicles: tuple[int, ...]) -> str:
-    """Vehicles for a sentence, many of them cut short."""
+    """Return vehicles as text, cut short if there are many."""
     return f"vehicle{'s' if len(vehicles) > 1 else ''} {listed(vehicles)}"
 
 
 def listed(vehicles: tuple[int, ...], most: int = MOST_NAMED) -> str:
-    """The first of some ids for a sentence."""
+    """Return the first of some ids as text."""
     return ", ".join(map(str, vehicles[:most])) + (" …" if len(vehicles) > most else "")

@@ -1,6 +1,6 @@
 """A scene after its edits: every road user as the edits leave it, as tracks.
 
-``EditedScene`` is what the checks, the explanations, the report and the ego's risk look at; it hides which tracks come
+``EditedScene`` is the input of the checks, the explanations, the report and the ego's risk; it hides which tracks come
 from the recording, from SUMO or from an edit. Collisions are overlaps of rectangles that are not in the recording.
 Lengths are in m, steps are time steps of the scenario.
 """
@@ -22,16 +22,16 @@ from ..scene import Scene
 from .changes import Changes, EditStep, car_at_start
 
 _TOUCH_M = 0.05
-"""Rectangles that overlap by less are not colliding: recorded positions are not better than that."""
+"""Rectangles that overlap by less do not collide: recorded positions are not more precise."""
 _NEAR_STEPS = 10
-"""An overlap that begins so few steps before or after a recorded one of the same two is the recorded one (chosen)."""
+"""An overlap that starts within this many steps of a recorded one of the same pair is the recorded one (chosen)."""
 EGO = 0
-"""Stands for the ego's id among road users; obstacles have positive ones."""
+"""The ego's id among road users; obstacles have positive ones."""
 
 
 @dataclass(frozen=True)
 class Overlap:
-    """The step from which on two road users overlap; ``first`` is a touched one."""
+    """The step from which two road users overlap; ``first`` is a touched one."""
 
     first: int
     second: int
@@ -40,9 +40,9 @@ class Overlap:
 
 @dataclass(frozen=True)
 class SimulationResult:
-    """The outcome of all rounds: plans and new tracks of the driven vehicles, and the overlaps that are left.
+    """The outcome of all rounds: plans and new tracks of the driven vehicles, and the remaining overlaps.
 
-    ``missing``: ids of the vehicles that have a plan and that SUMO did not drive.
+    ``missing``: ids of vehicles with a plan that SUMO did not drive.
     """
 
     plans: Mapping[int, DrivePlan]
@@ -67,7 +67,7 @@ class EditedScene:
 
     @cached_property
     def after(self) -> Scene:
-        """The scene with simulated tracks in place of recorded ones, and without those that edits removed."""
+        """The scene with simulated tracks in place of recorded ones, and without removed road users."""
         scene, removed = self.scene, self.changes.removed
         driven = {key: track.whole(self.result.plans[key].start) for key, track in self.result.tracks.items()}
         return replace(
@@ -89,13 +89,13 @@ class EditedScene:
         return {track.obstacle_id: track for track in (*self.tracks, *(() if self.ego is None else (self.ego,)))}
 
     def simulated(self, key: int) -> Track:
-        """The track of a road user: of a driven one from its hand-over on, of any other as recorded."""
+        """Return the track of a road user: from its hand-over on if it is driven, else as recorded."""
         regions = {region.obstacle_id: region.track for region in self.scene.regions}
         return (regions | self.scene.tracks | self.scene.standing | dict(self.result.tracks))[key]
 
     @cached_property
     def requested(self) -> dict[int, Track]:
-        """The tracks by id without any hand-over: only what the edits ask for is new; and the ego where it starts."""
+        """The tracks by id without any hand-over: only what the edits request is new; and the ego at its start."""
         tracks = {key: track for key, track in self.result.tracks.items() if key not in self.handed_over}
         asked = EditedScene(self.scene, self.changes, replace(self.result, tracks=tracks)).road_users
         return asked if self.scene.ego is None else asked | {EGO: car_at_start(self.scene.ego, EGO)}
@@ -113,7 +113,7 @@ class EditedScene:
 
     @cached_property
     def told_speeds(self) -> frozenset[int]:
-        """The driven vehicles that an edit tells how fast to drive."""
+        """The driven vehicles that an edit orders a speed for."""
         plans = self.result.plans.items()
         return frozenset(key for key, plan in plans if any(order.speed_mps is not None for order in plan.manoeuvres))
 
@@ -124,7 +124,7 @@ class EditedScene:
 
     @property
     def collisions(self) -> tuple[EditCollision, ...]:
-        """The overlaps that are left, in time order."""
+        """The remaining overlaps, in time order."""
         return tuple(
             EditCollision(vehicles=(hit.first, hit.second), time_s=round(hit.step * self.scene.step_s, 3))
             for hit in self.result.overlaps
@@ -132,7 +132,7 @@ class EditedScene:
 
     @cached_property
     def entries(self) -> dict[int, Track]:
-        """Where and when each road user enters that edits add, by ascending id."""
+        """The entry of each road user that edits add, by ascending id."""
         driven = {key: plan.start for key, plan in self.changes.driven.items() if plan.cause == "added"}
         walking = {key: replay.track for key, replay in self.changes.replays.items() if replay.recording is None}
         return dict(sorted((driven | walking).items()))
@@ -140,9 +140,9 @@ class EditedScene:
 
 @dataclass(frozen=True)
 class SimulatedEdits(EditedScene):
-    """An edited scene with the edits that made it.
+    """An edited scene with its edits.
 
-    ``steps``: what each of the edits did. ``notes``: sentences on what was done besides.
+    ``steps``: what each of the edits did. ``notes``: sentences on what else was done.
     """
 
     edits: tuple[Edit, ...] = ()
@@ -156,11 +156,11 @@ def new_overlaps(
     recorded: Mapping[int, Track],
     shifts: Mapping[int, int] = MappingProxyType({}),
 ) -> tuple[Overlap, ...]:
-    """First overlaps of touched road users with all others and with one another, ordered by step.
+    """Return the first overlaps of touched road users with all others and with one another, ordered by step.
 
-    An overlap that begins where the same two overlap in the recording is left out: no edit caused it. The recordings
-    of two that are moved in time alike count as recorded, those of two that are moved otherwise do not. Several of the
-    others may have one id: they stand for one obstacle.
+    An overlap that starts when the same two overlap in the recording is left out: no edit caused it. Two recordings
+    moved in time by the same steps count as recorded, those moved differently do not. Several of the others may have
+    one id: they are one obstacle.
 
     ``shifts``: by how many steps recordings are moved in time.
     """
@@ -180,7 +180,7 @@ def new_overlaps(
 
 
 def _first_new(first: Track, second: Track, first_before: Track | None, second_before: Track | None) -> int | None:
-    """The first step at which two begin to overlap and did not about then as they were before; or None."""
+    """Return the first step at which two start to overlap and did not in the recording at about that time, or None."""
     steps = overlap_steps(first, second)
     step = next(steps, None)
     if step is None or first_before is None or second_before is None:
@@ -195,16 +195,16 @@ def _first_new(first: Track, second: Track, first_before: Track | None, second_b
 
 
 def overlap_steps(first: Track, second: Track) -> Iterator[int]:
-    """The steps at which two road users overlap, ascending."""
+    """Yield the steps at which two road users overlap, ascending."""
     begin, end = max(first.first_step, second.first_step), min(first.last_step, second.last_step) + 1
     if begin >= end:
         return
     at_first, at_second = begin - first.first_step, begin - second.first_step
     count = end - begin
-    apart = np.linalg.norm(
+    distances_m = np.linalg.norm(
         first.positions[at_first : at_first + count] - second.positions[at_second : at_second + count], axis=1
     )
     reach = (math.hypot(*first.size_m) + math.hypot(*second.size_m)) / 2
-    for offset in np.flatnonzero(apart < reach).tolist():
+    for offset in np.flatnonzero(distances_m < reach).tolist():
         if rectangles_overlap(first.corners_at(at_first + offset), second.corners_at(at_second + offset), _TOUCH_M):
             yield int(begin + offset)

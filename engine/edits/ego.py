@@ -1,9 +1,8 @@
-"""Edits G: move the ego's goal; let the ego start elsewhere, or in the place of a recorded car.
+"""Edits G: move the ego's goal; let the ego start elsewhere, or in place of a recorded vehicle.
 
-A goal that the ego cannot meet is refused: to be on it within its time window, at a speed of its interval. No planner
-is asked: only what no such vehicle could do is refused, by the limits of the ego's class (of a car those of
-CommonRoad's vehicle 2) along the lanelets' middles.
-Distances are in m along lanelets.
+A goal that the ego cannot meet is refused: it must be there within the time window, at a speed of the interval. No
+planner is run: only what no vehicle of the ego's class could do is refused (limits of CommonRoad's vehicle 2 for a
+car), along the lanelets' centre lines. Distances are in m along lanelets.
 """
 
 import itertools
@@ -31,7 +30,7 @@ from ..vehicles import (
     least_time_s,
     vehicle_class_of,
 )
-from .changes import Changes, EditStep, GoalChange, asked_speed, car_plan, check_speed
+from .changes import Changes, EditStep, GoalChange, car_plan, check_speed, parse_speed
 from .entries import PLACE_TAKEN, OccupiedPlaces
 from .placement import Place, first_place
 from .population import check_allowed
@@ -40,36 +39,36 @@ from .rerouting import branch_for
 from .writing import USUAL_GOAL_SIZE_M
 
 _SPEED_TOLERANCE_MPS = 1.0
-"""Half the width of the speed interval of a goal whose speed is given as one value (chosen)."""
+"""Half the width of the speed interval of a goal with a single speed (chosen)."""
 _LARGEST_RECTANGLE_M = 500.0
-"""Longer than any goal region of a published scenario: what is larger is a slip of the units (chosen)."""
-_LET_VANISH = "let it vanish: nobody can drive it on"
+"""Longer than any goal region of a published scenario: a larger value is a wrong unit (chosen)."""
+_LET_VANISH = "let it vanish: no driver can continue its drive"
 _TIMES, _SPEEDS, _SPEED_STEP_MPS = 101, 41, 0.1
-"""How finely a goal's time window and speed interval are tried, and the speeds that a refusal names (chosen)."""
+"""Samples of a goal's time window and speed interval, and the step of the speeds that a refusal lists (chosen)."""
 _SLACK_M = 2.0
-"""No car drives exactly along the middles of lanelets, which is how distances are measured (chosen)."""
+"""Distances are measured along centre lines, which no car follows exactly (chosen)."""
 _LONGEST_S = 60.0
-"""A car without a time to keep has had time for every speed until then."""
+"""Without a time limit, a car has this long to reach any speed."""
 _AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 
 
 def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Move the goal of the ego's planning problem onto a lanelet; what is not named stays as it is.
+    """Move the goal of the ego's planning problem onto a lanelet; what the edit does not give stays unchanged.
 
-    A curve that the ego comes to too fast is noted, not refused: lanelets of real maps bend where their roads do not.
+    A curve that the ego enters too fast is noted, not refused: lanelets of real maps bend where their roads do not.
 
     Raises:
-        InvalidRequest: neither or both of ``to`` and ``turn``, a bad rectangle or interval.
-        NotPossible: no ego, or a goal that it cannot reach, or that no car meets in its time at its speed.
+        InvalidRequest: neither or both of ``to`` and ``turn``, or an invalid rectangle or interval.
+        NotPossible: there is no ego, or no vehicle can reach the goal in its time at its speed.
     """
     ego = scene.ego
     if ego is None or not ego.lanelets:
         raise NotPossible(
-            "the scenario has no ego on a lanelet, so there is no goal to set",
+            "the scenario has no ego on a lanelet, so its goal cannot be set",
             next_step="choose a scenario with a planning problem, or let the ego start on a lanelet with set_ego",
         )
-    routes = _ways_to(edit, scene, changes, ego.lanelets)
-    route, goal, task, distance = _first_that_can_be(routes, edit, scene, ego)
+    routes = _routes_to(edit, scene, changes, ego.lanelets)
+    route, goal, task, distance = _first_feasible(routes, edit, scene, ego)
     turned = f"{edit.turn} turn at the next fork: " if edit.turn in ("left", "right") else ""
     turned = "straight on at the next fork: " if edit.turn == "straight" else turned
     where = f"lanelet {goal.lanelet_id} at {_station_m(edit, scene, route):.1f} m"
@@ -80,14 +79,14 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     return EditStep(replace(changes, goal=goal), (), what + pace + warning)
 
 
-def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """The ego's ways to the goal's lanelet: to the named one, or those of the branch that turns so, in their order."""
+def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Return the ego's routes to the goal's lanelet: to the given one, or those of the matching branch, in order."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
             "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork",
             valid=near,
-            next_step="name one that the ego reaches, or turn=left, right or straight",
+            next_step="give one that the ego reaches, or turn=left, right or straight",
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
         )
     if edit.turn is None:
@@ -101,27 +100,31 @@ def _ways_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]
     return [route_to(scene, starts[:1], [lanelet], "the ego") for lanelet in branch.lanelets]
 
 
-def _first_that_can_be(
+def _first_feasible(
     routes: list[tuple[int, ...]], edit: Edit, scene: Scene, ego: Ego
 ) -> tuple[tuple[int, ...], GoalChange, "_GoalTask", float]:
-    """The first way whose end the ego can meet, with the goal there; what the first way is refused for otherwise."""
+    """Return the first route with an end that the ego can meet, and the goal there.
+
+    Raises:
+        NotPossible: the refusal of the first route.
+    """
     refused: NotPossible | None = None
     for route in routes:
         try:
-            return (route, *_goal_at_end_of_way(route, edit, scene, ego))
+            return (route, *_goal_at_end_of_route(route, edit, scene, ego))
         except NotPossible as error:
             refused = refused or error
-    raise refused or NotPossible("the ego has no way to a goal", next_step="name a lanelet in 'to'")
+    raise refused or NotPossible("the ego has no route to a goal", next_step="give a lanelet in 'to'")
 
 
 _AHEAD_TRIED = 3
-"""A refusal proposes at most this many reachable lanelets as goals (chosen)."""
+"""Number of reachable lanelets that a refusal proposes as goals (chosen)."""
 _SECONDS_MORE = (1, 5)
-"""How much later than a car can be at a goal at the earliest a refusal proposes its time to end (chosen)."""
+"""How much later than the earliest arrival the times end that a refusal proposes (chosen)."""
 
 
 def _farther_on(scene: Scene, ego: Ego) -> list[Remedy]:
-    """Goals that are not behind the ego: the end of the lanelet that was named, or of one that the ego reaches."""
+    """Return goals ahead of the ego: the end of the given lanelet, or of lanelets that the ego reaches."""
     ahead = reachable_lanelets(scene, ego.lanelets)[:_AHEAD_TRIED]
     return [with_values(position="final"), *(with_values(turn=None, to=[str(key)], position="final") for key in ahead)]
 
@@ -131,19 +134,19 @@ def _station_m(edit: Edit, scene: Scene, route: tuple[int, ...]) -> float:
     return station_m(edit.position or "final", route[-1], lane.length_m)
 
 
-def _goal_at_end_of_way(
+def _goal_at_end_of_route(
     route: tuple[int, ...], edit: Edit, scene: Scene, ego: Ego
 ) -> tuple[GoalChange, "_GoalTask", float]:
-    """The goal on a way's last lanelet, what it asks, and how far ahead of the ego it lies in m.
+    """Return the goal on a route's last lanelet, its task, and its distance ahead of the ego in m.
 
     Raises:
-        NotPossible: it lies behind the ego, or no car meets it in its time at its speed.
+        NotPossible: it is behind the ego, or no vehicle meets it in its time at its speed.
     """
     place = Place(route[-1], _station_m(edit, scene, route))
     distance = _distance_along(scene, ego, route, place.station_m)
     if distance < 0.0:
         raise NotPossible(
-            f"lanelet {place.lanelet_id} at {place.station_m:.1f} m lies {-distance:.1f} m behind the ego",
+            f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is {-distance:.1f} m behind the ego",
             next_step="choose a later position or a lanelet ahead",
             remedies=_farther_on(scene, ego),
         )
@@ -159,7 +162,7 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
         return None
     if len(rectangle_m) != 2 or not all(0.0 < side <= _LARGEST_RECTANGLE_M for side in rectangle_m):
         raise InvalidRequest(
-            f"rectangle_m={rectangle_m} is no goal region",
+            f"rectangle_m={rectangle_m} is not a goal region",
             valid=[f"[length, width] in m, both above 0 and at most {_LARGEST_RECTANGLE_M:g}"],
             next_step="give both sides, as in [8, 3]",
             remedies=[with_values(rectangle_m=[8.0, 3.0])],
@@ -168,7 +171,7 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
 
 
 def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
-    """First and last step of the goal; None keeps the one there is. A problem without any gets the whole scenario."""
+    """Return first and last step of the goal, or None to keep the current ones; by default the whole scenario."""
     if edit.goal_time is None:
         return None if _goal_states(scene, ego) else (ego.step, scene.last_step)
     try:
@@ -189,7 +192,7 @@ def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
         )
     if not 0 <= first <= last or last <= ego.step:
         raise InvalidRequest(
-            f"goal_time '{edit.goal_time}' does not lie after the start",
+            f"goal_time '{edit.goal_time}' is not after the start",
             valid=["'8..12s'", "'<=9s'"],
             next_step=f"choose a goal_time after {ego.step * scene.step_s:g} s",
             remedies=[with_values(goal_time=f"<={end * scene.step_s:.1f}s"), with_values(goal_time=None)],
@@ -218,17 +221,17 @@ def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
 
 
 def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Start the ego at another place or speed, as another class, or in the place of a recorded vehicle, which goes.
+    """Start the ego at another place or speed, as another class, or in place of a recorded vehicle, which is removed.
 
-    If the ego replaces a vehicle, it takes that vehicle's class unless another is named, and its goal becomes the end
+    If the ego replaces a vehicle, it takes that vehicle's class unless another is given, and its goal becomes the end
     of that vehicle's recording. The former ego vanishes, or becomes a vehicle that SUMO drives to the former goal.
 
     Raises:
         InvalidRequest: there is no vehicle, start or class, or both a vehicle and a start, or the former ego would stay
             where the ego still starts.
-        UnknownName: an ego cannot be of this class.
-        NotPossible: no ego, no such vehicle at the ego's first step, a place that is taken, or a lanelet that is not
-            open to the class.
+        UnknownName: the ego cannot have this class.
+        NotPossible: there is no ego, no such vehicle at the ego's first step, the place is occupied, or the lanelet is
+            closed to the class.
     """
     ego = scene.ego
     if ego is None:
@@ -236,7 +239,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     moved = edit.at is not None or edit.speed is not None
     if bool(edit.vehicles) == moved and (moved or edit.vehicle_class is None):
         raise InvalidRequest(
-            "set_ego takes either a vehicle in 'vehicles' or a start, or the class that the ego is to be",
+            "set_ego takes a vehicle in 'vehicles', a start, or a class for the ego",
             valid=["vehicles=[ID]", "at=LANELET", "speed='8m/s'", "vehicle_class=truck"],
             next_step="give one of these",
         )
@@ -260,10 +263,10 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _class_asked(edit: Edit, otherwise: str) -> str:
-    """Return the class that an edit names for the ego, in our word.
+    """Return the class that an edit gives for the ego, as our name.
 
     Raises:
-        UnknownName: an ego cannot be of this class.
+        UnknownName: the ego cannot have this class.
     """
     if edit.vehicle_class is None:
         return otherwise
@@ -274,17 +277,17 @@ def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
     """Refuse a start that is closed to the ego's class, too fast for it, or too small for it."""
     name = ego.vehicle_class
     top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
-    check_speed(ego.speed_mps, top_mps, f"a {name} does not drive {ego.speed_mps:.1f} m/s", "choose another speed")
+    check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive {ego.speed_mps:.1f} m/s", "choose another speed")
     if name != "car" and lanelets:
         check_allowed(name, lanelets[0], scene)
     if edit.vehicle_class is None and not edit.vehicles:
-        return  # where a start was named, its room was looked at
+        return  # if a start was given, its room was checked
     others = replace(scene, ego=None)
     taken = OccupiedPlaces.at(others, ego.step, changes).occupant_at(ego.position, ego.heading_rad, ego.size_m)
     if taken is not None:
         raise NotPossible(
-            f"a {ego_class(name).in_words} has no room where the ego starts: {taken} is there",
-            next_step="choose a shorter class, another start, or remove_vehicle before",
+            f"a {ego_class(name).in_words} has no room at the ego's start: {taken} is there",
+            next_step="choose a shorter class, another start, or call remove_vehicle first",
             reason=PLACE_TAKEN,
         )
 
@@ -300,10 +303,10 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
     if len(chosen) != 1 or chosen[0] not in classes:
         names = ", ".join(map(str, chosen))
         raise NotPossible(
-            f"vehicle {names} cannot become the ego: that takes one recorded motor vehicle, on a lanelet when the ego "
+            f"vehicle {names} cannot become the ego: give one recorded motor vehicle that is on a lanelet when the ego "
             "starts",
             valid=classes,
-            next_step="name one of these",
+            next_step="give one of these",
         )
     track = scene.tracks[chosen[0]]
     index = ego.step - track.first_step
@@ -322,14 +325,14 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
     goal = _goal_at_end_of(track, scene, ego)
     if goal is None:
         return changes, what
-    what += f", its goal where its recording ends, on lanelet {goal.lanelet_id}"
+    what += f", with its goal at the end of its recording, on lanelet {goal.lanelet_id}"
     return replace(changes, goal=goal), what
 
 
 def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
-    """The last recorded place of a car as the goal; None where the file's goal has no place.
+    """Return the last recorded place of a vehicle as the goal, or None if the file's goal has no place.
 
-    The goal's time and speed intervals are widened to those of the car there.
+    The goal's time and speed intervals are widened to include those of the vehicle there.
     """
     if not goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
         return None
@@ -350,14 +353,14 @@ def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
 def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Changes, str]:
     name = _class_asked(edit, ego.vehicle_class)
     vehicle = ego_class(name).vehicle.on_road(scene.friction)
-    speed = ego.speed_mps if edit.speed is None else asked_speed(edit.speed, vehicle.maximum_speed_mps)
+    speed = ego.speed_mps if edit.speed is None else parse_speed(edit.speed, vehicle.maximum_speed_mps)
     if edit.speed is not None:
-        check_speed(speed, vehicle.maximum_speed_mps, f"the ego does not drive {edit.speed}", "choose another speed")
+        check_speed(speed, vehicle.maximum_speed_mps, f"the ego cannot drive {edit.speed}", "choose another speed")
     if edit.at is None:
         start = replace(ego, speed_mps=speed, vehicle_class=name)
         return replace(changes, ego=start), f"the ego starts at {speed:.1f} m/s"
     place = first_place(edit, scene, changes, vehicle.length_m)
-    # The former ego is in the way only where it stays as traffic.
+    # The former ego is in the way only if it stays as traffic.
     others = scene if edit.former_ego == "traffic" else replace(scene, ego=None)
     OccupiedPlaces.at(others, ego.step, changes).check_free(place, vehicle.size_m, "choose a free place")
     position, heading = place.pose(scene)
@@ -369,7 +372,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
     """Return the former ego as a vehicle of its class that drives to the former goal, or straight on."""
     if not ego.lanelets:
-        raise NotPossible("the former ego stands on no lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
+        raise NotPossible("the former ego is not on a lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
     route = scene.lanelet_graph.shortest_route(ego.lanelets[:1], goals) if goals else None
     edges = scene.edge_graph.route(route or ego.lanelets[:1])
@@ -377,7 +380,7 @@ def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
         route, edges = None, scene.edge_graph.route(ego.lanelets[:1])
     if edges is None:
         raise NotPossible(
-            "the former ego's way leaves the lanelet graph", valid=["former_ego=vanish"], next_step=_LET_VANISH
+            "the former ego's route leaves the lanelet graph", valid=["former_ego=vanish"], next_step=_LET_VANISH
         )
     targets = frozenset(goals) if route else frozenset()
     return car_plan(scene, ego, changes.next_id, route or ego.lanelets[:1], edges, targets)
@@ -385,11 +388,11 @@ def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
 
 @dataclass(frozen=True)
 class _GoalTask:
-    """What a goal asks: to be ``ahead_m`` ± ``half_m`` along the route in a time window and a speed interval.
+    """What a goal requires: to be ``ahead_m`` ± ``half_m`` along the route in a time window and a speed interval.
 
-    The window counts in s from the ego's start, which is ``start_s`` after the scenario's; None: at any time, at any
-    speed. ``speed_mps``: the ego's at its start; ``vehicle``: what it can do. ``comes_back``: a route leads from the
-    goal back to it, so that the ego may pass it first.
+    The window counts in s from the ego's start, which is ``start_s`` after the scenario's; None means any time or any
+    speed. ``speed_mps``: the ego's at its start; ``vehicle``: its limits. ``comes_back``: a route leads from the goal
+    back to it, so the ego may pass it first.
     """
 
     ahead_m: float
@@ -403,7 +406,7 @@ class _GoalTask:
 
     @classmethod
     def of(cls, scene: Scene, ego: Ego, goal: GoalChange, ahead_m: float) -> "_GoalTask":
-        """The task of a goal that an edit moves; what the edit does not name is what the file's goal asks."""
+        """Return the task of a goal that an edit moves; what the edit does not give comes from the file's goal."""
         steps, speeds = goal.steps or _kept_steps(scene, ego), goal.speed_mps or _kept_speeds(scene, ego)
         window = None if steps is None else (max(steps[0] - ego.step, 0), max(steps[1] - ego.step, 0))
         onward = scene.layout.table.successors[goal.lanelet_id]
@@ -422,11 +425,11 @@ class _GoalTask:
 
     @property
     def bounds_m(self) -> tuple[float, float]:
-        """Where the goal begins and ends along the route, at least and at most."""
+        """The first and last position of the goal along the route, with slack."""
         return self.ahead_m - self.half_m - _SLACK_M, self.ahead_m + self.half_m + _SLACK_M
 
     def __str__(self) -> str:
-        """The time window (counted from the scenario's start) and the speed interval in words."""
+        """Return the time window (counted from the scenario's start) and the speed interval as text."""
         time, speed = "at any time", "at any speed"
         if self.window_s is not None:
             time = f"from {self.start_s + self.window_s[0]:.1f} to {self.start_s + self.window_s[1]:.1f} s"
@@ -435,15 +438,15 @@ class _GoalTask:
         return f"{time}, {speed}"
 
     def check(self) -> None:
-        """Refuse a goal that no car meets from the ego's start.
+        """Refuse a goal that no vehicle meets from the ego's start.
 
         Raises:
-            NotPossible: with the times or speeds at which a car can be there.
+            NotPossible: with the times or speeds at which a vehicle can be there.
         """
         nearest, farthest = self.bounds_m
         if farthest < 0.0 and not self.comes_back:
             raise NotPossible(
-                f"the goal lies {-self.ahead_m:.1f} m behind the ego",
+                f"the goal is {-self.ahead_m:.1f} m behind the ego",
                 next_step="choose a later position or a lanelet ahead",
                 remedies=[with_values(position="final")],
             )
@@ -455,18 +458,18 @@ class _GoalTask:
                     f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s is out of reach of any "
                     f"{self.vehicle.vehicle_class} from {self.speed_mps:.1f} m/s",
                     valid=[f"goal_time of at least {math.ceil((self.start_s + least) * 10) / 10:.1f} s"],
-                    next_step="name a later goal_time, or choose a nearer place",
+                    next_step="give a later goal_time, or choose a nearer place",
                     remedies=[
                         with_values(goal_time=f"<={math.ceil(self.start_s + least) + more}s") for more in _SECONDS_MORE
                     ],
                 )
             if latest < self.window_s[0] - 1e-9 and not self.comes_back:
                 raise NotPossible(
-                    f"the goal {self.ahead_m:.1f} m ahead is one {self}, and from {self.speed_mps:.1f} m/s any "
-                    f"{self.vehicle.vehicle_class} has passed it by {self.start_s + latest:.1f} s, however hard it "
-                    "brakes",
+                    f"any {self.vehicle.vehicle_class} at {self.speed_mps:.1f} m/s has passed the goal "
+                    f"{self.ahead_m:.1f} m ahead by {self.start_s + latest:.1f} s, however hard it brakes; the goal is "
+                    f"{self}",
                     valid=[f"goal_time that begins by {math.floor((self.start_s + latest) * 10) / 10:.1f} s"],
-                    next_step="let the time begin earlier, or choose a place farther ahead",
+                    next_step="start the goal_time earlier, or choose a place farther ahead",
                     remedies=[with_values(goal_time=f"<={math.floor((self.start_s + latest) * 10) / 10:.1f}s")],
                 )
         if self.speeds_mps is not None:
@@ -481,22 +484,22 @@ class _GoalTask:
         every = np.arange(0.0, self.vehicle.maximum_speed_mps, _SPEED_STEP_MPS)
         possible = every[can_be_there(self.speed_mps, bounds, times, every, self.vehicle).any(axis=0)]
         raise NotPossible(
-            f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s is {self.ahead_m:.1f} m ahead "
+            f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s can be {self.ahead_m:.1f} m on "
             f"{self}",
             valid=[f"goal_speed='{possible[0]:.1f}..{possible[-1]:.1f}m/s'"] if len(possible) else [],
             next_step="choose another goal_speed, a place farther ahead or more time",
         )
 
     def pace_note(self, recording_end_s: float) -> str:
-        """How fast the ego has to be on average, after a semicolon; empty for a goal at any time.
+        """Return the average speed that the ego needs, after a semicolon; empty for a goal at any time.
 
-        Where the goal's time goes on after the recording's end, in s from the scenario's start, that is stated too:
-        later there is no recorded traffic. A recording without motion has no end.
+        If the goal's time continues after the recording's end (s from the scenario's start), that is stated too: there
+        is no recorded traffic then. A recording without motion has no end.
         """
         if self.window_s is None or self.window_s[1] <= 0.0:
             return ""
         first_s, last_s = self.window_s
-        pace = f"; to be there in time takes {max(self.ahead_m, 0.0) / last_s:.1f} m/s on average"
+        pace = f"; this requires {max(self.ahead_m, 0.0) / last_s:.1f} m/s on average"
         left_s = recording_end_s - self.start_s
         if not 0.0 < left_s < last_s:
             return pace
@@ -507,10 +510,10 @@ class _GoalTask:
 
 
 def check_goal(scene: Scene, changes: Changes) -> None:
-    """Refuse a new start of the ego from which its goal cannot be reached, or not in its time at its speed.
+    """Refuse a new start of the ego from which its goal cannot be reached in its time at its speed.
 
     Raises:
-        NotPossible: the goal lies where no lanelet leads from the start, or no car meets it from there.
+        NotPossible: no route leads from the start to the goal, or no vehicle meets the goal from there.
     """
     ego = changes.ego
     if ego is None:
@@ -535,7 +538,7 @@ def check_goal(scene: Scene, changes: Changes) -> None:
 
 
 def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: float) -> float:
-    """Distance along a route to an arc length of its last lanelet; a change to the lane beside covers none."""
+    """Return the distance along a route to an arc length of its last lanelet; a lane change covers no distance."""
     lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
     here_m, total_m = project(lanes[route[0]].center, ego.position)[0], 0.0
     for current, following in itertools.pairwise(route):
@@ -547,20 +550,20 @@ def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: f
 
 
 def _goal_lanelet_ids(scene: Scene, changes: Changes, ego: Ego) -> tuple[int, ...]:
-    """The lanelets of the goal, as edits moved it or as the file states it; empty where it has none."""
+    """Return the lanelets of the goal, as edits moved it or as the file states it; empty if it has no lanelet."""
     if changes.goal:
         return (changes.goal.lanelet_id,)
     return tuple(goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))
 
 
 def _kept_steps(scene: Scene, ego: Ego) -> tuple[int, int] | None:
-    """First and last step of the goal that the file has; None where it has none with a time."""
+    """Return first and last step of the file's goal, or None if it has no time."""
     ends = _ends(_kept(scene, ego, "time_step"))
     return None if ends is None else (int(ends[0]), int(ends[1]))
 
 
 def _kept_speeds(scene: Scene, ego: Ego) -> tuple[float, float] | None:
-    """Speed interval in m/s of the goal that the file has; None where any speed will do."""
+    """Return the speed interval in m/s of the file's goal, or None if any speed is allowed."""
     return _ends(_kept(scene, ego, "velocity"))
 
 
@@ -569,7 +572,7 @@ def _goal_states(scene: Scene, ego: Ego) -> list[Any]:
 
 
 def _kept_goal(scene: Scene, ego: Ego) -> GoalChange | None:
-    """The goal that the file has, where it is a single one with a place on a lanelet of its own; else None."""
+    """Return the file's goal if it is a single one with a place on its own lanelet, else None."""
     states = _goal_states(scene, ego)
     lanelets = goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id))
     shape = getattr(states[0], "position", None) if len(states) == 1 else None
@@ -588,5 +591,5 @@ def _kept(scene: Scene, ego: Ego, name: str) -> Any:
 
 
 def _ends(value: Any) -> tuple[float, float] | None:
-    """Both ends of an interval, or a value as both; None for None."""
+    """Return both ends of an interval, or a single value as both; None for None."""
     return None if value is None else (float(getattr(value, "start", value)), float(getattr(value, "end", value)))

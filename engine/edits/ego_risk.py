@@ -1,9 +1,9 @@
 """How close an ego comes to the traffic of a scenario before and after edits, as numbers.
 
-A planning problem holds a start and a goal, no motion. SUMO drives the ego once from its start towards its goal among
+A planning problem has a start and a goal, but no motion. SUMO drives the ego once from its start towards its goal among
 the recorded vehicles, as an ordinary driver would. That motion is then replayed, so that the vehicles that edits drive
-see an ego and keep clear of it, and it is the path against which the danger before and after the edits is measured.
-Distances are in m, times in s.
+see an ego and keep clear of it. It is also the path for measuring the danger before and after the edits. Distances are
+in m, times in s.
 """
 
 import math
@@ -33,13 +33,13 @@ from .changes import Changes, car_plan
 from .edited_scene import EditedScene
 
 _LONGEST_TIME_S = 60.0
-"""A later collision is none: no road user keeps speed and heading for so long (chosen)."""
+"""Later collisions do not count: no road user keeps speed and heading for so long (chosen)."""
 _NO_CHANGES = Changes(next_id=0, driven={})
 
 
 @dataclass(frozen=True)
 class EgoRisk:
-    """The figures, and the ids that are left out of them: replayed vehicles that run into the ego from behind."""
+    """The figures, and the ids that are left out of them: replayed vehicles that hit the ego from behind."""
 
     figures: EgoDanger
     left_out: tuple[int, ...] = ()
@@ -47,14 +47,14 @@ class EgoRisk:
 
 @dataclass(frozen=True)
 class EgoDrive:
-    """The ego's motion, and how dangerous it is among the recorded ones."""
+    """The ego's motion, and its danger among the recorded vehicles."""
 
     track: Track
     danger: EgoRisk
 
 
 def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
-    """The ego's motion among the recorded vehicles of a base scenario; None without one."""
+    """Return the ego's motion among the recorded vehicles of a base scenario; None without an ego."""
     if base.ego is None:
         return None
     track = _simulate_ego(base, base.ego, _problem_goals(base, base.ego), setup)
@@ -67,7 +67,7 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
 def drive_after(
     before: EgoDrive | None, base: Scene, scene: Scene, changes: Changes, setup: SimulationSetup
 ) -> Track | None:
-    """The ego's motion in the scene that edits make of a base scenario: another one where they change start or goal."""
+    """Return the ego's motion in the edited scene: a new one if the edits change its start or goal."""
     ego, goal = scene.ego, changes.goal
     if ego is None or (ego is base.ego and goal is None):
         return None if before is None else before.track
@@ -76,16 +76,16 @@ def drive_after(
 
 
 def _problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:
-    """Lanelets of the goal of the ego's planning problem, ascending; empty where the goal has no place."""
+    """Return the lanelets of the goal of the ego's planning problem, ascending; empty if the goal has no place."""
     return tuple(goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id).goal) or ())
 
 
 def _simulate_ego(
     scene: Scene, ego: Ego, goals: Collection[int], setup: SimulationSetup, changes: Changes = _NO_CHANGES
 ) -> Track | None:
-    """The ego's motion on the shortest route to any of the goal lanelets, else straight on.
+    """Return the ego's motion on the shortest route to any of the goal lanelets, else straight on.
 
-    None where the ego stands on no lanelet or begins when the scenario ends.
+    None if the ego is not on a lanelet or starts when the scenario ends.
     """
     plan = _plan(scene, ego, goals)
     if plan is None:
@@ -98,7 +98,7 @@ def _simulate_ego(
 
 
 def shown_ego(scene: Scene, drive: Track | None) -> tuple[Actor, ...]:
-    """The ego as a replayed road user of a re-simulation; none where it is off the lanes or does not drive."""
+    """Return the ego as a replayed road user of a re-simulation; empty if it is off the lanes or does not drive."""
     match = None if drive is None else scene.matcher.match(drive)
     return () if drive is None or match is None else (replayed_actor(scene, drive, match),)
 
@@ -112,7 +112,7 @@ def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
     edges = scene.edge_graph.route(route) or scene.edge_graph.route(drivable[:1])
     if edges is None:
         return None
-    # The id is below zero where a file gives its planning problem's to an obstacle as well.
+    # The id is negative if the file gives the planning problem's id to an obstacle as well.
     is_taken = ego.problem_id in scene.tracks or ego.problem_id in scene.standing
     return car_plan(scene, ego, -ego.problem_id if is_taken else ego.problem_id, route, edges, frozenset(goals))
 
@@ -127,14 +127,14 @@ class _Replayed:
 
 
 def ego_risk_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> EgoRisk:
-    """The most critical figures of a motion of the ego among others that do as their tracks say.
+    """Return the most critical figures of a motion of the ego among others with the given tracks.
 
-    A replayed vehicle does not know of this ego. Where it runs into it from behind, a driver would have braked: the
-    collision is none of the ego's, and the vehicle counts until 4 s before only (when edits hand over, too).
+    A replayed vehicle does not react to this ego. If it hits the ego from behind, a driver would have braked: the
+    collision is not attributed to the ego, and the vehicle counts only until 4 s before (when edits hand over, too).
 
     Args:
         drive: the ego's motion.
-        others: road users that count whatever happens.
+        others: road users that always count.
         replayed: vehicles that follow their recording.
         step_s: duration of a time step in s.
     """
@@ -142,11 +142,10 @@ def ego_risk_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track]
 
 
 def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
-    """The figures of a motion of the ego among all road users as edits leave them.
+    """Return the figures of a motion of the ego among all road users as edits leave them.
 
-    A driven vehicle counts from its hand-over on whatever happens. A hit from behind before that is the recording's,
-    and so is one by a vehicle moved in time whose recording hits this ego too: both are left out as in recorded
-    traffic.
+    A driven vehicle always counts from its hand-over on. A hit from behind before that is the recording's, and so is
+    one by a vehicle moved in time with a recording that also hits this ego: both are left out as in recorded traffic.
     """
     others, replayed = [], []
     for track in edited.tracks:
@@ -192,7 +191,7 @@ class _Meetings:
 
     @classmethod
     def of(cls, ego: Track, others: tuple[Track, ...]) -> "_Meetings":
-        """The ego among others."""
+        """Return the meetings of the ego with others."""
         met = encounters(ego, others)
         times_s = times_to_collision_s(met.ego, met.other)
         times_s[times_s > _LONGEST_TIME_S] = math.inf
@@ -200,16 +199,16 @@ class _Meetings:
 
     @property
     def last_steps(self) -> tuple[int, ...]:
-        """The last steps at which the others are there."""
+        """The last step of each of the others."""
         return tuple(track.last_step for track in self.others)
 
     @property
     def touching(self) -> frozenset[int]:
-        """Which of the others (their places) the ego touches."""
+        """The indices of the others that the ego touches."""
         return frozenset(self.other[self.gaps_m == 0.0].tolist())
 
     def figures(self, last_steps: Sequence[int], step_s: float) -> EgoDanger:
-        """The most critical figures, where each of the others counts up to a step of its own."""
+        """Return the most critical figures; each of the others counts up to its own last step."""
         counts = self.ego.first_step + self.state <= np.asarray(last_steps, dtype=int)[self.other]
         state, other = self.state[counts], self.other[counts]
         gaps, times = self.gaps_m[counts], self.times_s[counts]
@@ -228,7 +227,7 @@ class _Meetings:
 
 
 def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
-    """The step at which a replayed road user runs into the ego from behind, if its recording does; else None."""
+    """Return the step at which a replayed road user hits the ego from behind, if its recording does too; else None."""
     step = _hit_from_behind(ego, one.track)
     if step is None or (one.until_step is not None and step > one.until_step):
         return None
@@ -238,7 +237,7 @@ def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
 
 
 def _hit_from_behind(ego: Track, track: Track) -> int | None:
-    """The step at which a vehicle first touches the ego, if it is behind it then and heads as it does; else None."""
+    """Return the step at which a vehicle first touches the ego from behind with the same heading, or None."""
     met = encounters(ego, (track,))
     touching = np.flatnonzero(gaps_m(met) == 0.0)
     if not len(touching):

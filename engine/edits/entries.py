@@ -1,9 +1,9 @@
 """Whether a vehicle can enter at a place and a time, and how fast.
 
-While edits are resolved, vehicles that edits drive are known at their first step only: ``OccupiedPlaces`` and
-``entry_speed`` go by the recording. After the simulation ``check_entries`` looks again, at every motion as it came out:
-at entries after the first step, at added vehicles that are run over as they enter, and at recordings moved in time that
-begin on top of a road user. Lengths are in m, speeds in m/s.
+While edits are resolved, only the first step of vehicles that edits drive is known: ``OccupiedPlaces`` and
+``entry_speed`` use the recording. After the simulation, ``check_entries`` checks every simulated motion again: entries
+after the first step, added vehicles that are hit on entry, and time-shifted recordings that start on top of a road
+user. Lengths are in m, speeds in m/s.
 """
 
 import math
@@ -25,33 +25,33 @@ from .edited_scene import EGO, EditedScene, SimulatedEdits, new_overlaps, overla
 from .placement import Place
 
 PLACE_TAKEN, HIT_ON_ENTRY = "place_taken", "hit_on_entry"
-"""Reasons of refusals: another road user is on the place, or would run into the vehicle that enters there."""
+"""Reasons of refusals: another road user is at the place, or would hit the vehicle that enters there."""
 CLEARANCE_M = 0.3
-"""Kept free before, behind and (half of it) beside a vehicle that enters (chosen)."""
+"""Clearance kept before, behind and (half of it) to the sides of an entering vehicle (chosen)."""
 _SEARCH_STEP_M = 1.0
-"""How finely a lane is searched for free places (chosen)."""
+"""Step of the search for free places along a lane (chosen)."""
 _FREE_PLACES_NAMED = 3
-"""A refusal names this many free places (chosen)."""
+"""Number of free places that a refusal lists (chosen)."""
 _MAY_TOUCH_M = 40.0
-"""Vehicles whose centres are farther apart along an axis do not touch: no road user is as long."""
+"""Vehicles with centres farther apart along an axis do not touch: no road user is that long."""
 _SHARE_OF_LANE_SPEED = 0.8
-"""A vehicle with no traffic around it enters a little slower than its lane allows (chosen)."""
+"""A vehicle without surrounding traffic enters a little slower than its lane allows (chosen)."""
 _AS_FAST_AS_IT_CAN = "its class and the curves ahead allow no more"
 _EGO_ID = 0
-"""Stands for the ego among the neighbours; ids of obstacles are positive."""
+"""The ego's id among the neighbours; ids of obstacles are positive."""
 _LOOK_M = 60.0
 """Vehicles of the lane that are farther away do not set the entry speed (chosen)."""
 _SOON_S = 2.0
-"""A collision within this time after the entry is one of place and speed; a later one is one of driving (chosen)."""
+"""A collision within this time after the entry is caused by place and speed; a later one by driving (chosen)."""
 _SLOWER_SHARES = (0.5, 0.0)
-"""Shares of its usual speed with which a vehicle enters instead where it would collide (chosen)."""
+"""Shares of its usual speed at which a vehicle enters if it would collide otherwise (chosen)."""
 
 
 @dataclass(frozen=True)
 class OccupiedPlaces:
-    """The road users of a scene at a step, as far as they are known, and the ego where it starts then.
+    """The road users of a scene at a step, as far as they are known, and the ego if it starts then.
 
-    Each by its name in sentences, its track, and the index of its state.
+    Each with its name in sentences, its track, and the index of its state.
     """
 
     scene: Scene
@@ -59,9 +59,9 @@ class OccupiedPlaces:
 
     @classmethod
     def at(cls, scene: Scene, step: int, changes: Changes | None = None) -> "OccupiedPlaces":
-        """The places at a step: before a simulation with the ``changes`` resolved by then, after one without.
+        """Return the places at a step: before a simulation with the resolved ``changes``, after one without.
 
-        Where vehicles are that ``changes`` drive, only the simulation shows, but for their first step.
+        Except for their first step, only the simulation shows where vehicles driven by ``changes`` are.
         """
         there, removed, driven = scene, frozenset[int](), set[int]()
         if changes is not None:
@@ -76,11 +76,11 @@ class OccupiedPlaces:
         return cls(scene, tuple(occupants))
 
     def occupant(self, place: Place, size_m: tuple[float, float]) -> str | None:
-        """The road user, by name, that is where a vehicle (length, width) would be put; None if the place is free."""
+        """Return the name of the road user at a place for a vehicle (length, width), or None if the place is free."""
         return self.occupant_at(*place.pose(self.scene), size_m)
 
     def occupant_at(self, center: Points, heading_rad: float, size_m: tuple[float, float]) -> str | None:
-        """The same for a centre (2,) and a heading."""
+        """Return the name of the road user at a centre (2,) and heading, or None if the place is free."""
         wanted = oriented_rectangle(center, heading_rad, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
         for name, track, index in self._occupants:
             is_near = float(np.abs(track.positions[index] - center).max()) < _MAY_TOUCH_M
@@ -89,35 +89,38 @@ class OccupiedPlaces:
         return None
 
     def check_free(self, place: Place, size_m: tuple[float, float], next_step: str) -> None:
-        """Refuse a place that is taken.
+        """Refuse an occupied place.
 
         Raises:
-            NotPossible: naming who is there, and the nearest free places.
+            NotPossible: gives the occupant and the nearest free places.
         """
         occupant = self.occupant(place, size_m)
         if occupant is not None:
             free = self._free_places(place, size_m)
-            here = [with_values(**dict.fromkeys(_SEVERAL)), *(_alone_at(one) for one in _apart(free, size_m[0]))]
+            here = [
+                with_values(**dict.fromkeys(_SEVERAL)),
+                *(_alone_at(one) for one in _spaced_places(free, size_m[0])),
+            ]
             raise NotPossible(
-                f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is taken by {occupant}",
+                f"lanelet {place.lanelet_id} at {place.station_m:.1f} m is occupied by {occupant}",
                 reason=PLACE_TAKEN,
-                valid=_named(free),
+                valid=_format_places(free),
                 next_step=next_step,
                 remedies=[*(_at(one) for one in free[:1]), *here],
             )
 
     def free_places(self, place: Place, size_m: tuple[float, float]) -> list[str]:
-        """The nearest free places, as ``at`` and ``position``, nearest first: in the lane, else in those next to it."""
-        return _named(self._free_places(place, size_m))
+        """Return the nearest free places as ``at`` and ``position``: in the lane, else in the adjacent ones."""
+        return _format_places(self._free_places(place, size_m))
 
     def _free_places(self, place: Place, size_m: tuple[float, float]) -> list[Place]:
         lane, table = self.scene.layout.table.lanes[place.lanelet_id], self.scene.layout.table
-        beside = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
-        next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *beside]
+        sides = [key for key in (lane.left, lane.right) if key is not None and key in table.lanes]
+        next_to_it = [*table.successors[place.lanelet_id], *table.predecessors[place.lanelet_id], *sides]
         return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
 
     def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
-        """Some free places on lanelets, the nearest to a place (as the crow flies) first."""
+        """Return some free places on lanelets, the nearest to a place (straight-line distance) first."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
@@ -132,29 +135,29 @@ class OccupiedPlaces:
 
 _RELATIVE = ("offset_m", "gap_s", "lane")
 _SEVERAL = ("count", "spacing_m")
-"""Arguments of an edit that say where a vehicle is as seen from another one, and how many are added."""
+"""Arguments of an edit that place a vehicle relative to another one, and that set how many are added."""
 _FREE_PLACES_FOUND = 30
-"""Free places that are looked for; chosen: at steps of a metre, enough for three vehicles in a row."""
+"""Number of free places searched for (chosen): at steps of a metre, enough for three vehicles in a row."""
 _PLACES_APART = 3
-"""Free places at least a vehicle's length apart that a refusal proposes for a single vehicle (chosen)."""
+"""Number of free places, a vehicle's length apart, that a refusal proposes for a single vehicle (chosen)."""
 
 
-def _named(free: Sequence[Place]) -> list[str]:
+def _format_places(free: Sequence[Place]) -> list[str]:
     return [f"at={one.lanelet_id} position='{one.station_m:.1f}m'" for one in free[:_FREE_PLACES_NAMED]]
 
 
 def _at(place: Place) -> Remedy:
-    """The edit at another place."""
+    """Return the edit at another place."""
     return with_values(at=str(place.lanelet_id), position=f"{place.station_m:.1f}m", **dict.fromkeys(_RELATIVE))
 
 
 def _alone_at(place: Place) -> Remedy:
-    """The edit at another place, for one vehicle."""
+    """Return the edit at another place, for one vehicle."""
     return Remedy((*_at(place).changes, *with_values(**dict.fromkeys(_SEVERAL)).changes))
 
 
-def _apart(free: Sequence[Place], length_m: float) -> list[Place]:
-    """The first free places that lie a length apart in their lanelets."""
+def _spaced_places(free: Sequence[Place], length_m: float) -> list[Place]:
+    """Return the first free places that are a length apart in their lanelets."""
     chosen = list[Place]()
     for place in free:
         near = [one for one in chosen if one.lanelet_id == place.lanelet_id]
@@ -168,9 +171,9 @@ def _apart(free: Sequence[Place], length_m: float) -> list[Place]:
 def _would_reach(
     coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float], friction: float | None
 ) -> bool:
-    """Whether a recorded vehicle gets onto a rectangle (length, width) although it brakes hard from a step on.
+    """Return True if a recorded vehicle reaches a rectangle (length, width) although it brakes hard from a step on.
 
-    It stays on its recorded path, and is as far along it as its stopping distance at most.
+    It stays on its recorded path, at most as far along it as its stopping distance.
     """
     index = coming.index_at(step)
     if index is None:
@@ -182,7 +185,7 @@ def _would_reach(
 
 
 def _stopping_distance_m(speed_mps: float, friction: float | None) -> float:
-    """The distance in which a driver stops from a speed; or, of a closing speed, by which it comes closer."""
+    """Return the distance in which a driver stops from a speed or, for a closing speed, by which it comes closer."""
     return speed_mps * HARD_BRAKING_REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
 
 
@@ -200,13 +203,13 @@ class _Neighbour:
     is_parked: bool = False
 
     def gap_m(self, vehicle_class: VehicleClass) -> float:
-        """The room between the bumpers."""
+        """Return the gap between the bumpers."""
         return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 
 @dataclass(frozen=True)
 class EntrySpeed:
-    """How fast a vehicle enters, in m/s, and why."""
+    """The speed at which a vehicle enters, in m/s, and the reason."""
 
     speed_mps: float
     reason: str
@@ -215,12 +218,13 @@ class EntrySpeed:
 def entry_speed(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, route: tuple[int, ...]
 ) -> EntrySpeed:
-    """The speed: 80 % of the lane's, or that of the nearest vehicle in the lane; parked ones are no traffic.
+    """Return the speed: 80 % of the lane's, or that of the nearest moving vehicle in the lane.
 
-    Never too fast for the leader, parked or not, nor for the curves of the route, which begins on the place's lanelet.
+    It is never too fast for the leader, parked or not, nor for the curves of the route, which starts on the place's
+    lanelet.
 
     Raises:
-        NotPossible: the vehicle behind would run into it, even if it brakes as hard as it can.
+        NotPossible: the vehicle behind would hit it, even if it brakes as hard as it can.
     """
     fastest = min(vehicle_class.maximum_speed_mps, highest_entry_speed(scene, route, place.station_m))
     allowed = _SHARE_OF_LANE_SPEED * scene.driven_speeds_mps[place.lanelet_id]
@@ -244,18 +248,18 @@ def entry_speed(
     follower = max(followers, key=lambda one: one.distance_m, default=None)
     if follower is None:
         return EntrySpeed(speed, reason)
-    # A recorded one may turn off before, or stop; one that is driven may come over the place in any case.
+    # A recorded vehicle may turn off first, or stop; a driven one may reach the place in any case.
     recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
     size_m, gap = (vehicle_class.length_m, vehicle_class.width_m), follower.gap_m(vehicle_class)
     needed = _stopping_distance_m(max(follower.speed_mps - speed, 0.0), scene.friction)
     if needed > gap and (recorded is None or _would_reach(recorded, step, *place.pose(scene), size_m, scene.friction)):
         raise NotPossible(
-            f"a {vehicle_class.name} that enters lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
-            f"{speed:.1f} m/s is hit by vehicle {follower.vehicle_id}, which comes {gap:.1f} m behind with "
+            f"a {vehicle_class.name} entering lanelet {place.lanelet_id} at {place.station_m:.1f} m with "
+            f"{speed:.1f} m/s would be hit by vehicle {follower.vehicle_id}, which follows {gap:.1f} m behind at "
             f"{follower.speed_mps:.1f} m/s and cannot brake enough",
             reason=HIT_ON_ENTRY,
-            valid=[f"at least {needed:.0f} m before its front", "a speed, and the collision is reported"],
-            next_step="choose a place farther ahead of it or behind it, or name a speed",
+            valid=[f"at least {needed:.0f} m ahead of its front", "a given speed, which reports the collision instead"],
+            next_step="choose a place farther ahead of it or behind it, or give a speed",
         )
     return EntrySpeed(speed, reason)
 
@@ -263,13 +267,13 @@ def entry_speed(
 def gaps_in_words(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, speed_mps: float
 ) -> tuple[str, str]:
-    """The gaps to the next in the lane ahead and behind, in m between the bumpers, and in s of whoever follows."""
+    """Return the gaps to the next vehicles ahead and behind, in m between bumpers, and in s of the follower."""
     neighbours = [*_same_lane(scene, changes, place, step), *_ego_in_lane(scene, changes, place, step)]
     ahead = min((one for one in neighbours if one.distance_m > 0), key=lambda one: one.distance_m, default=None)
     behind = max((one for one in neighbours if one.distance_m <= 0), key=lambda one: one.distance_m, default=None)
     return (
-        "to no vehicle ahead in its lane" if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
-        "to no vehicle behind" if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
+        "no vehicle ahead in its lane" if ahead is None else f"{_gap_text(ahead, vehicle_class, speed_mps)} ahead",
+        "no vehicle behind" if behind is None else f"{_gap_text(behind, vehicle_class, behind.speed_mps)} behind",
     )
 
 
@@ -281,7 +285,7 @@ def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: 
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
-    """Vehicles in the lane, or in those right before and after it."""
+    """Return the vehicles in the lane, or in those directly before and after it."""
     lanes, starts = scene.layout.table.lanes, _lanes_in_a_row(scene, place)
     there, neighbours = scene_for_references(scene, changes), []
     for key, match in sorted(there.matches.items()):
@@ -296,7 +300,7 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
 
 
 def _lanes_in_a_row(scene: Scene, place: Place) -> dict[int, float]:
-    """The lanelet of a place, those right before and after it, each with the station of its beginning in m."""
+    """Return the lanelet of a place and those directly before and after it, each with the station of its start in m."""
     lanes = scene.layout.table.lanes
     before = [key for key in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()) if key in lanes]
     starts = {place.lanelet_id: 0.0} | {key: -lanes[key].length_m for key in before}
@@ -304,7 +308,7 @@ def _lanes_in_a_row(scene: Scene, place: Place) -> dict[int, float]:
 
 
 def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
-    """The ego where it starts in the lane at this step; where it is later no recording tells."""
+    """Return the ego if it starts in the lane at this step; no recording shows where it is later."""
     ego, starts = changes.ego or scene.ego, _lanes_in_a_row(scene, place)
     key = None if ego is None or ego.step != step else next((each for each in ego.lanelets if each in starts), None)
     if ego is None or key is None:
@@ -314,10 +318,10 @@ def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> lis
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
-    """The edits with half the speed, or none, for added vehicles that this keeps clear of those they would run into.
+    """Return the edits with half the speed, or zero, for added vehicles that this keeps from hitting others.
 
     Returns:
-        The edits, and a sentence on each vehicle that enters slower; None where there is no such vehicle.
+        The edits, and a sentence on each vehicle that enters slower; None if there is no such vehicle.
     """
     edits = simulated.edits
     slower, notes, soon = list(edits), [], round(_SOON_S / simulated.scene.step_s) + 1
@@ -334,7 +338,7 @@ def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[s
 
 
 def _slowed(track: Track, share: float, states: int) -> Track:
-    """The first places and headings of a track, passed at a share of its speed."""
+    """Return the first places and headings of a track, passed at a share of its speed."""
     indices = np.round(np.arange(min(len(track.positions), states)) * share).astype(int)
     positions, headings_rad, speeds_mps = (
         track.positions[indices],
@@ -349,10 +353,10 @@ def _is_clear(track: Track, other: Track) -> bool:
 
 
 def check_entries(simulated: SimulatedEdits) -> None:
-    """Refuse entries onto places that are taken or run over, now that the motion of all road users is known.
+    """Refuse entries onto places that are occupied or hit, now that the motion of all road users is known.
 
     Raises:
-        NotPossible: naming the road users in conflict, and free places or times.
+        NotPossible: gives the road users in conflict, and free places or times.
     """
     _check_late_entries(simulated)
     _check_not_run_over(simulated)
@@ -360,9 +364,9 @@ def check_entries(simulated: SimulatedEdits) -> None:
 
 
 def entering_onto_ego(simulated: SimulatedEdits) -> tuple[int, ...]:
-    """Who enters later just where an ego that drives like an ordinary driver is then, by ascending id.
+    """Return the vehicles that enter later at the ego's position (ordinary driver), by ascending id.
 
-    This is no refusal: where the ego is later, its planner decides.
+    This is not refused: the ego's planner decides where it is later.
     """
     ego = simulated.ego
     if ego is None:
@@ -373,7 +377,7 @@ def entering_onto_ego(simulated: SimulatedEdits) -> tuple[int, ...]:
 
 
 def _check_late_entries(edited: EditedScene) -> None:
-    """Refuse an entry after the first step onto a place where a vehicle that the edits drive is by then."""
+    """Refuse an entry after the first step onto a place where a driven vehicle is by then."""
     scene = edited.scene
     for key, start in edited.entries.items():
         if start.first_step <= 0:
@@ -394,8 +398,8 @@ def _check_late_entries(edited: EditedScene) -> None:
         later = range(start.first_step + 1, scene.last_step)
         clear = next((step for step in later if _occupant_of_start(by_then, start, step) is None), None)
         raise NotPossible(
-            f"{where} is taken by {occupant} at {start.first_step * scene.step_s:.1f} s, as the edits have it drive, "
-            f"so that {start.kind} {key} cannot enter then",
+            f"{where} is occupied by {occupant} at {start.first_step * scene.step_s:.1f} s after the edits, so "
+            f"{start.kind} {key} cannot enter then",
             reason=PLACE_TAKEN,
             valid=free if clear is None else [*free, f"time_s={clear * scene.step_s:g}"],
             next_step="choose a free place or another departure",
@@ -409,7 +413,7 @@ def _occupant_of_start(scene: Scene, start: Track, step: int) -> str | None:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """An added vehicle by its plan, the index of the edit that left its speed open, and the id of the other one."""
+    """An added vehicle by its plan, the index of the edit that left its speed open, and the id of the other."""
 
     edit: int
     plan: DrivePlan
@@ -417,7 +421,7 @@ class _Conflict:
 
 
 def _check_not_run_over(simulated: SimulatedEdits) -> None:
-    """Refuse an entry where a recorded vehicle runs over it at once and cannot brake enough, as on its own lane."""
+    """Refuse an entry if a recorded vehicle hits it at once and cannot brake enough, as on its own lane."""
     scene = simulated.scene
     for conflict in _conflicts(simulated):
         plan, other = conflict.plan, conflict.other
@@ -426,17 +430,17 @@ def _check_not_run_over(simulated: SimulatedEdits) -> None:
             continue
         speed_mps = float(coming.speeds_mps[coming.index_at(plan.from_step) or 0])
         raise NotPossible(
-            f"the {plan.vehicle_class.name} that enters lanelet {plan.lanelets[0]} at "
-            f"{plan.from_step * scene.step_s:.1f} s is hit by vehicle {other}, which comes there with "
+            f"the {plan.vehicle_class.name} entering lanelet {plan.lanelets[0]} at "
+            f"{plan.from_step * scene.step_s:.1f} s would be hit by vehicle {other}, which arrives there at "
             f"{speed_mps:.1f} m/s and cannot brake enough",
             reason=HIT_ON_ENTRY,
-            valid=[*_next_safe_time(simulated, plan), "a speed, and the collision is reported"],
-            next_step="choose another place or time, or name a speed",
+            valid=[*_next_safe_time(simulated, plan), "a given speed, which reports the collision instead"],
+            next_step="choose another place or time, or give a speed",
         )
 
 
 def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
-    """Collisions of added vehicles soon after their entry, where the edit left the speed open."""
+    """Yield collisions of added vehicles soon after their entry, if the edit left the speed open."""
     driven = simulated.changes.driven
     left_open = {
         key: index
@@ -451,13 +455,13 @@ def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
 
 
 def _is_run_over(start: Track, coming: Track, step: int, friction: float | None) -> bool:
-    """Whether a recorded vehicle gets onto or close to the place of an entry, however hard it brakes from a step on."""
+    """Return True if a recorded vehicle reaches the place of an entry, however hard it brakes from a step on."""
     size = start.length_m + 2 * CLEARANCE_M, start.width_m + CLEARANCE_M
     return _would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size, friction)
 
 
 def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
-    """The first time at which no recorded vehicle runs over the place, as ``time_s``; empty where there is none."""
+    """Return the first time at which no recorded vehicle reaches the place, as ``time_s``; empty if there is none."""
     scene = edited.scene
     there = [track for key, track in scene.tracks.items() if key not in edited.changes.removed]
     for step in range(plan.from_step + 1, scene.last_step):
@@ -467,7 +471,7 @@ def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
 
 
 def _check_shifted(simulated: SimulatedEdits) -> None:
-    """Refuse a recording moved in time that begins on top of a road user which it does not overlap as recorded."""
+    """Refuse a time-shifted recording that starts on top of a road user which it does not overlap as recorded."""
     for key, other in _on_top(simulated):
         index = max(
             index
@@ -478,17 +482,17 @@ def _check_shifted(simulated: SimulatedEdits) -> None:
         moved = {vehicle: replays[vehicle] for vehicle in simulated.steps[index].vehicles if vehicle in replays}
         steps = round((simulated.edits[index].time_s or 0.0) / step_s)
         raise NotPossible(
-            f"at {replays[key].track.first_step * step_s:.1f} s, where its recording moved in time begins, vehicle "
-            f"{key} would be on top of {'the ego' if other == EGO else f'vehicle {other}'}",
+            f"vehicle {key} would start on top of {'the ego' if other == EGO else f'vehicle {other}'} at "
+            f"{replays[key].track.first_step * step_s:.1f} s, where its shifted recording starts",
             valid=_fitting_times(moved, steps, simulated),
             next_step="choose another time_s, or leave the vehicle out",
         )
 
 
 def _on_top(edited: EditedScene) -> Iterator[tuple[int, int]]:
-    """Pairs of a recording moved in time and a road user that it begins on top of.
+    """Yield pairs of a time-shifted recording and a road user that it starts on top of.
 
-    As all drive, and as they would drive if it were not there.
+    Both as all vehicles drive, and as they would drive if it were not there.
     """
     shifted = edited.shifted
     for hit in edited.result.overlaps:
@@ -507,7 +511,7 @@ def _without(key: int, tracks: Mapping[int, Track]) -> Iterator[Track]:
 
 
 def _fitting_times(replays: Mapping[int, Replay], asked: int, edited: EditedScene) -> list[str]:
-    """The ``time_s`` nearest to the steps asked for at which an edit's vehicles begin clear of all others for 2 s."""
+    """Return the ``time_s`` nearest to the requested steps at which the vehicles start clear of all others for 2 s."""
     scene, nearest = edited.scene, []
     for sign in (-1, 1):
         tried = (asked + sign * more for more in range(1, 2 * scene.last_step))

@@ -1,8 +1,8 @@
-"""Why a driven vehicle does not get where, or does not drive as fast as, an edit wants it to; what is left of an edit.
+"""Why a driven vehicle misses the lanelet or the speed that an edit requests, and what remains of an edit.
 
 ``DrivenVehicle`` is one vehicle as SUMO drove it among the others. Its lanelets are those of SUMO's lanes that the
-motion which is written gets onto: SUMO's bumper may be over a line that the smoothed motion does not reach. Texts are
-parts of sentences in the report. Lengths are in m, speeds in m/s, steps count from the scenario's start.
+written motion reaches: SUMO's bumper may cross a line that the smoothed motion does not reach. Texts are parts of
+sentences in the report. Lengths are in m, speeds in m/s, steps count from the scenario's start.
 """
 
 import math
@@ -27,43 +27,43 @@ from .edited_scene import EditedScene, SimulationResult, new_overlaps
 from .scripted import LINE_MISSED, RED_MISSED, TIME_GAP_MISSED
 
 _SHORT_M = 5.0
-"""A vehicle may be past a lanelet shorter than this within one step, so that no step shows it there (50 m/s)."""
+"""A vehicle may pass a lanelet shorter than this within one step, so that no step shows it there (50 m/s)."""
 _LOOK_BACK = 4
-"""A lanelet that is among the last of these driven is not driven again: lanes overlap inside junctions (chosen)."""
+"""A lanelet among this many last driven ones is not listed again: lanes overlap inside junctions (chosen)."""
 _ON_IT_M = 0.5
 """A vehicle is on a lanelet with more of its front half than this, or than half the length of a shorter lanelet.
 
 With less it is at its line.
 """
 _HOLDS_UP_M, _NEAR_S, _ASIDE_M = 5.0, 2.0, 2.0
-"""A road user this near ahead, by distance or by time, and no farther aside, holds a vehicle up (chosen)."""
+"""A road user this close ahead, by distance or by time, and no farther to the side, holds a vehicle up (chosen)."""
 _LEADER_SHARE = 0.5
-"""A leader is one for more than this share of the steps."""
+"""A leader must be ahead for more than this share of the steps."""
 _LEAST_STANDING_S = 1.0
-"""A shorter stand is no reason to be late (chosen)."""
+"""A shorter stop does not explain a late arrival (chosen)."""
 _SLOW_MPS = 8.0
-"""A lanelet whose limit or curve allows less is a reason to be late (chosen)."""
+"""A lanelet with a lower limit or curve speed explains a late arrival (chosen)."""
 _AT_THE_LIMIT, _LEAST_SHARE = 0.9, 0.5
-"""A vehicle at this share of what its lanelets allow, for this share of its time, is held to it (chosen)."""
+"""A vehicle at this share of the lanelets' speed, for this share of its time, is limited by them (chosen)."""
 _AT_LINE_M = 3.0
-"""A vehicle that stands no farther than this before the end of a lanelet is the first at its line (chosen)."""
+"""A vehicle that stands at most this far before the end of a lanelet is the first at its line (chosen)."""
 _RED = frozenset("ru")
 """SUMO's letters of a red light, and of red and yellow."""
 _SPEED_TOLERANCE_MPS = 0.3
-"""A speed is reached within this (chosen)."""
+"""A speed within this tolerance is reached (chosen)."""
 _STILL_CHANGING_MPS2 = 0.3
-"""A vehicle that gained this in the last second was still speeding up (chosen)."""
+"""A vehicle that gained this in the last second was still accelerating (chosen)."""
 _MOST_NAMED = 3
-"""A sentence names this many road users before it is cut short (chosen)."""
+"""Number of road users that a sentence lists before it is cut short (chosen)."""
 _MOST_EXPLAINED = 10
-"""Vehicles for which it is looked up why they are driven (chosen)."""
+"""Number of handed-over vehicles with a stated reason (chosen)."""
 _Indices = NDArray[np.intp]
 
 
 def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute:
-    """The lanelets that a vehicle drives, as simulated, and whether it gets to one lanelet of each aim of an edit.
+    """Return the lanelets that a vehicle drives in the simulation, and whether it reaches each aim of an edit.
 
-    For one that does not get there in time they go on as it would drive, as long as there is a route.
+    If it does not get there in time, its lanelets continue as it would drive, as long as there is a route.
     """
     vehicle, aims = DrivenVehicle.of(edited, key, edited.road_users), step.aims.get(key, ())
     if not aims:
@@ -72,7 +72,7 @@ def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute
     if not missed:
         return VehicleRoute(vehicle_id=key, lanelets=vehicle.lanelets, arrives=True)
     if _sent_elsewhere(step, vehicle.plan, missed[0]):
-        reason, advice = "a later edit sends it another way", "leave one of the two edits out"
+        reason, advice = "a later edit sends it elsewhere", "remove one of the two edits"
     else:
         reason = vehicle.held_up(missed[0], step.since.get(key, vehicle.track.first_step))
         advice = vehicle.advice(missed[0])
@@ -83,10 +83,10 @@ def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute
 def check_not_driven_past(edited: EditedScene, key: int) -> None:
     """Refuse to send a recorded vehicle to a target that it passes for good.
 
-    One that waits for a gap, or can still come back to its target, is on its way.
+    A vehicle that waits for a gap, or can still return to its target, is not refused.
 
     Raises:
-        NotPossible: naming the target, and why the vehicle does not get there.
+        NotPossible: gives the target, and why the vehicle does not reach it.
     """
     vehicle = DrivenVehicle.of(edited, key, {})
     plan, driven, graph = vehicle.plan, vehicle.lanelets, edited.scene.lanelet_graph
@@ -98,14 +98,14 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
         raise NotPossible(
             f"vehicle {key} would drive past lanelet {vehicle.first_of(plan.targets)}: {reason}, and it is too fast to "
             "wait for a gap",
-            next_step="choose a target farther on or straight ahead, or make room beside it",
+            next_step="choose a target farther ahead or straight on, or clear the lane next to it",
         )
 
 
 def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list[Achieved]]:
-    """When the vehicles that are held to a speed reach it, or how close they come and what keeps them from it.
+    """Return when vehicles with an ordered speed reach it, or how close they come and what prevents it.
 
-    What is the same of several vehicles is said once.
+    What is the same for several vehicles is stated once.
     """
     step_s, achieved = edited.scene.step_s, list[Achieved]()
     reached: dict[int, float] = {}
@@ -125,7 +125,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
         if later is None and not len(speeds):
             continue
         if later is not None:
-            reason = f"another edit holds it to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s on"
+            reason = f"another edit limits it to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
         else:
             reason = _held_back(edited.scene, track, speeds, wanted)
         closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else 0.0
@@ -136,16 +136,16 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     sentences = []
     if reached:
         reach = "reaches" if len(reached) == 1 else "reach"
-        sentences.append(f"{listed(tuple(reached))} {reach} it at {_range_of(reached.values())} s")
+        sentences.append(f"{listed(tuple(reached))} {reach} the speed at {_range_of(reached.values())} s")
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())
-        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach it, {best} m/s at best: {reason}")
+        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed, {best} m/s at best: {reason}")
     return sentences, achieved
 
 
 def _range_of(values: Iterable[float]) -> str:
-    """The lowest and the highest of some values to one decimal, or the one that all are."""
+    """Return the range of some values to one decimal, or the single value if all are equal."""
     ordered = sorted(values)
     low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
     return low if low == high else f"{low} to {high}"
@@ -163,13 +163,13 @@ def _speed_achieved(key: int, wanted_mps: float, speed_mps: float, *, reached: b
 
 
 _STOOD_MPS, _STOOD_S, _DROVE_ON_M = 0.1, 2.0, 2.0
-"""A vehicle that was this slow for this long stood in its recording; it drives now if it gets this far in that time."""
+"""A vehicle this slow for this long stood in its recording; it drives now if it gets this far in that time."""
 
 
 def stood_until_s(edited: EditedScene, key: int) -> float | None:
-    """Until when a driven vehicle stood in its recording while it drives now, in s; None if that is not so.
+    """Return until when (s) a driven vehicle stood in its recording although it drives now, or None.
 
-    A queue at a light that the file does not tell of shows in recordings only.
+    A queue at a light that is missing from the file shows only in recordings.
     """
     track, recorded = edited.result.tracks[key], edited.scene.tracks.get(key)
     if recorded is None or edited.changes.is_added(key):
@@ -188,15 +188,15 @@ def stood_until_s(edited: EditedScene, key: int) -> float | None:
 
 
 def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
-    """For the first three of an edit's vehicles that are moved in time and driven after all: since when, and why."""
+    """Return since when and why the first three of an edit's time-shifted vehicles are driven after all."""
     driven = [key for key in edited.driven_shifts if key in vehicles]
-    more = [f"{len(driven) - _MOST_NAMED} more are driven, too"] if len(driven) > _MOST_NAMED else []
+    more = [f"{len(driven) - _MOST_NAMED} more are driven"] if len(driven) > _MOST_NAMED else []
     return [_why_shift_is_driven(edited, key) for key in driven[:_MOST_NAMED]] + more
 
 
 def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
     step_s, tracks = edited.scene.step_s, edited.result.tracks
-    driven = f"{key} is driven from {tracks[key].first_step * step_s:.1f} s on"
+    driven = f"{key} is driven from {tracks[key].first_step * step_s:.1f} s"
     own, shifts = edited.shifted[key], edited.changes.shifts
     as_driven = {other: edited.road_users[other] for other in tracks}
     for others, moved in ((edited.requested, shifts), (as_driven, {key: shifts[key]})):
@@ -207,9 +207,9 @@ def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
 
 
 def why_handed_over(edited: EditedScene) -> dict[int, str]:
-    """For vehicles that no edit names and that are driven: whom they would hit on their recording, and when.
+    """Return which road user vehicles outside the edits would hit on their recording, and when.
 
-    At most ten of them, those driven first; one that hits nobody any more, because others react, has no reason.
+    At most ten, those driven first. A vehicle that no longer hits any other, because others react, has no reason.
     """
     tracks, recorded = edited.result.tracks, edited.scene.tracks
     handed_over = sorted(edited.handed_over, key=lambda key: (tracks[key].first_step, key))[:_MOST_EXPLAINED]
@@ -234,12 +234,12 @@ class DrivenVehicle:
 
     @classmethod
     def of(cls, edited: EditedScene, key: int, others: Mapping[int, Track]) -> "DrivenVehicle":
-        """A driven vehicle of an edited scene."""
+        """Return a driven vehicle of an edited scene."""
         return cls(edited.scene, edited.result.plans[key], edited.result.tracks[key], others)
 
     @cached_property
     def lanelets(self) -> tuple[int, ...]:
-        """The lanelets that the driven part gets onto, in order, as SUMO assigns its lanes."""
+        """The lanelets that the driven part reaches, in order, as SUMO assigns its lanes."""
         first = self.plan.lanelets[:1] if self.track.first_step == self.plan.start.first_step else ()
         passed = self._lanelets_passed(self.track.lanes, first)
         over = self.plan.junction_lane_change
@@ -248,9 +248,9 @@ class DrivenVehicle:
         return passed[:1] + self._reached(passed[1:])
 
     def gets_to(self, targets: frozenset[int], since: int | None = None) -> bool:
-        """Whether the motion gets onto one of some lanelets from a step on, None: at all.
+        """Return True if the motion reaches one of some lanelets from a step on (None: at any step).
 
-        SUMO's bumper may pass a short lanelet while the vehicle still comes over from the one beside.
+        SUMO's bumper may pass a short lanelet while the vehicle is still changing over from the adjacent one.
         """
         begin = 0 if since is None else max(since - self.track.first_step, 0)
         driven = self.lanelets if since is None else self._lanelets_passed(self.track.lanes[begin:])
@@ -258,7 +258,7 @@ class DrivenVehicle:
 
     @property
     def rest_of_route(self) -> tuple[int, ...]:
-        """The lanelets after the driven ones to the nearest target of the plan; none where no route is left."""
+        """The lanelets after the driven ones to the nearest target of the plan; empty if there is no route."""
         if self.track.leaves or not self.plan.targets or self.plan.targets & set(self.lanelets):
             return ()
         starts = self.lanelets[-1:] or self.plan.lanelets[:1]
@@ -266,38 +266,38 @@ class DrivenVehicle:
         return () if route is None else route[len(self.lanelets[-1:]) :]
 
     def first_of(self, targets: frozenset[int]) -> int:
-        """The first of some lanelets on the planned route, else the one with the lowest id."""
+        """Return the first of some lanelets on the planned route, else the one with the lowest id."""
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
     def held_up(self, targets: frozenset[int], since: int) -> str:
-        """Why the vehicle gets to none of some lanelets: the missing gap beside one, else where it is at the end.
+        """Return why the vehicle reaches none of some lanelets: no room to change lanes, else where it is at the end.
 
-        ``since``: the step from which on it was to go there.
+        ``since``: the step from which it should go there.
         """
         scene, track = self.scene, self.track
         target, last = self.first_of(targets), self.lanelets[-1] if self.lanelets else self.plan.lanelets[0]
         ends = f"it leaves the network on lanelet {last}" if track.leaves else _scenario_ends(scene)
         lane = track.lanes[-1] if track.lanes else ""
         edge, lane_of = lane.rpartition("_")[0], scene.layout.lane_of
-        beside = [key for key in targets if lane_of.get(key, ("", 0))[0] == edge]
+        side_lanelets = [key for key in targets if lane_of.get(key, ("", 0))[0] == edge]
         gets_over = not targets.isdisjoint(scene.layout.lanelets_of_lane.get(lane, ()))
-        if edge and beside and not gets_over:
+        if edge and side_lanelets and not gets_over:
             missing = "room" if (track.last_step - since) * scene.step_s > LANE_CHANGE_S else "time"
-            return f"no {missing} to change into lanelet {min(beside)} before {ends}{self._in_the_way}"
+            return f"no {missing} to change into lanelet {min(side_lanelets)} before {ends}{self._in_the_way}"
         if set(self.lanelets) & _side_by_side(scene, targets) and not gets_over:
             return f"no room to change into lanelet {target} before its road ends{self._in_the_way}"
         if track.leaves:
             return f"{ends} before lanelet {target}"
         late = delay(scene, track, self.others, self.lanelets)
-        held = [order for order in self.plan.manoeuvres if order.speed_mps is not None]
-        if held and float(track.speeds_mps[-1]) <= (held[-1].speed_mps or 0.0) + _SPEED_TOLERANCE_MPS:
-            late = f", held to {held[-1].speed_mps:.1f} m/s"
+        speed_orders = [order for order in self.plan.manoeuvres if order.speed_mps is not None]
+        if speed_orders and float(track.speeds_mps[-1]) <= (speed_orders[-1].speed_mps or 0.0) + _SPEED_TOLERANCE_MPS:
+            late = f", limited to {speed_orders[-1].speed_mps:.1f} m/s"
         if float(track.speeds_mps[-1]) < STANDING_MPS:
             return f"it stands on lanelet {last} when {ends}{late}"
-        return f"{ends} while it is on its way to lanelet {target}{late}"
+        return f"{ends} on the way to lanelet {target}{late}"
 
     def advice(self, targets: frozenset[int]) -> str:
-        """What may bring the vehicle to one of some lanelets that it does not get to."""
+        """Return what may bring the vehicle to one of the lanelets that it does not reach."""
         reached, key = self.lanelets[1:], self.track.obstacle_id
         nearer = f"send {key} to lanelet {reached[-1]}, which it reaches" if reached else f"leave {key} where it is"
         if self.track.blocked_by:
@@ -309,13 +309,13 @@ class DrivenVehicle:
 
     @property
     def _in_the_way(self) -> str:
-        """The road users that left no room for a change of lane, in words; empty where none is known."""
+        """The road users that left no room for a lane change, as text; empty if unknown."""
         names = [_in_words(self.scene, key) for key in self.track.blocked_by]
         more = " and others" if len(names) > _MOST_NAMED else ""
         return f"; in the way: {', '.join(names[:_MOST_NAMED])}{more}" if names else ""
 
     def _lanelets_passed(self, lanes: Iterable[str], first: Iterable[int] = ()) -> tuple[int, ...]:
-        """The lanelets of SUMO's lanes in order, after those of ``first``, with those that are leapt over in a step."""
+        """Return the lanelets of SUMO's lanes in order, after those of ``first``, with those passed in one step."""
         passed = list(first)
         for lane, _ in groupby(lanes):
             for key in self.scene.layout.lanelets_of_lane.get(lane, ()):
@@ -331,14 +331,14 @@ class DrivenVehicle:
         return between if all(graph.length_m[key] < _SHORT_M for key in between) else ()
 
     def _reached(self, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
-        """The lanelets without those at the end that the motion from an index on does not get onto."""
+        """Return the lanelets without those at the end that the motion from an index on does not reach."""
         count = len(lanelets)
         while count and not self._gets_onto(lanelets[count - 1], begin):
             count -= 1
         return lanelets[:count]
 
     def _gets_onto(self, lanelet_id: int, begin: int) -> bool:
-        """Whether more of the vehicle's front half than its bumper is on a lanelet at any step, or between two."""
+        """Return True if more of the vehicle's front half than its bumper is on a lanelet at or between any steps."""
         area = self.scene.matcher.area(lanelet_id)
         least_m = min(_ON_IT_M, self.scene.lanelet_graph.length_m[lanelet_id] / 2)
         centres, fronts = self.track.positions[begin:], self.track.fronts[begin:]
@@ -350,16 +350,16 @@ class DrivenVehicle:
 
 
 def _held_back(scene: Scene, track: TakenOverTrack, speeds: Values, wanted_mps: float) -> str:
-    """Why a speed is not reached by the last of those since it was ordered: no time, or something in the way.
+    """Return why a speed was not reached: no time, or something in the way.
 
-    Nothing in the way keeps a vehicle from slowing down, and less than a second shows nothing.
+    Nothing ahead keeps a vehicle from slowing down, and less than a second shows nothing.
     """
     a_second = round(1.0 / scene.step_s)
     gained_mps = float(speeds[-1] - speeds[-a_second - 1]) if len(speeds) > a_second else math.inf
     if speeds[-1] < wanted_mps and gained_mps < _STILL_CHANGING_MPS2:
-        return "traffic ahead, a junction or a bend holds it back"
+        return "traffic ahead, a junction or a curve limits it"
     if track.leaves:
-        return "it leaves the network before"
+        return "it leaves the network first"
     return _scenario_ends(scene)
 
 
@@ -368,16 +368,16 @@ def _scenario_ends(scene: Scene) -> str:
 
 
 def _side_by_side(scene: Scene, lanelets: Iterable[int]) -> set[int]:
-    """All lanelets of the edges of some."""
+    """Return all lanelets of the edges that contain some lanelets."""
     edges = {scene.layout.lane_of[key][0] for key in lanelets if key in scene.layout.lane_of}
     return {key for edge in edges for key in scene.layout.edges[edge]}
 
 
 def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
-    """What held a vehicle up, as the end of a sentence: where it stood longest, slow lanelets, a leader, or "".
+    """Return what delayed a vehicle, as the end of a sentence: longest stop, slow lanelets, a leader, or "".
 
-    ``others``: all road users as the edits leave them. ``driven``: the lanelets that it gets onto; with its bumper over
-    the line of the next one it stands on the last.
+    ``others``: all road users as the edits leave them. ``driven``: the lanelets that it reaches; with its bumper over
+    the line of the next one, it stands on the last.
     """
     steps, key = _longest_stand(scene, track, driven)
     stood_s = len(steps) * scene.step_s
@@ -388,11 +388,11 @@ def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driv
     if slow is None:
         behind = _behind(scene, track, others, range(track.first_step, track.last_step + 1))
         return f",{behind}" if behind else ""
-    return f", on lanelets that allow no more than {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
+    return f", on lanelets limited to {scene.driven_speeds_mps[slow]:.1f} m/s ({slow})"
 
 
 def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
-    """The road user behind which a vehicle was for most of some steps, in words; "" for none."""
+    """Return the road user that a vehicle was behind for most of some steps, as text; "" if there is none."""
     leaders, indices = [], np.array(steps) - track.first_step
     for key, other in others.items():
         there = indices + (track.first_step - other.first_step)
@@ -407,14 +407,17 @@ def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], st
 
 
 def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -> str:
-    """How a vehicle stands on a lanelet at some steps, in words that end before the lanelet's name."""
+    """Return how a vehicle stands on a lanelet at some steps, as text that ends before the lanelet's name."""
     if sum(is_red(scene, key, step) for step in steps) > len(steps) / 2:
         return "at a red light on"
     return "waiting at the junction after" if _is_at_junction(scene, track, steps[-1], key) else "standing on"
 
 
 def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
-    """The steps at which a vehicle stood on the lanelet where it stood longest, and its id; no steps if it did not."""
+    """Return the steps at which a vehicle stood on the lanelet of its longest stop, and the lanelet's id.
+
+    Without a stop there are no steps.
+    """
     stands: dict[int, list[int]] = {}
     for index, (lane, speed) in enumerate(zip(track.lanes, track.speeds_mps, strict=False)):
         if speed < STANDING_MPS:
@@ -428,7 +431,7 @@ def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...])
 
 
 def _is_at_junction(scene: Scene, track: TakenOverTrack, step: int, key: int) -> bool:
-    """Whether a vehicle is the first at the end of a lanelet that leads into a junction."""
+    """Return True if a vehicle is the first at the end of a lanelet that leads into a junction."""
     lane = scene.layout.table.lanes[key]
     if key not in scene.layout.lane_of or scene.layout.lane_of.keys() >= set(scene.layout.table.successors[key]):
         return False
@@ -437,26 +440,26 @@ def _is_at_junction(scene: Scene, track: TakenOverTrack, step: int, key: int) ->
 
 
 def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:
-    """Whether a lanelet has lights and all of them are red, or red and yellow, at a time step."""
+    """Return True if a lanelet has lights and all of them are red, or red and yellow, at a time step."""
     letters = [one.letter_at(step * scene.step_s) for one in scene.signals if lanelet_id in one.lanelets]
     return bool(letters) and _RED.issuperset(letters)
 
 
 def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
-    """The lanelet that held a vehicle to its own low speed for longest; None where it drove slower or freely."""
-    held: dict[int, int] = {}
+    """Return the lanelet that limited a vehicle to its low speed for longest, or None."""
+    limited_steps: dict[int, int] = {}
     for lane, speed in zip(track.lanes, track.speeds_mps, strict=False):
         for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:
             allowed = scene.driven_speeds_mps[key]
             if allowed < _SLOW_MPS and speed >= _AT_THE_LIMIT * allowed:
-                held[key] = held.get(key, 0) + 1
-    if sum(held.values()) < _LEAST_SHARE * len(track.speeds_mps):
+                limited_steps[key] = limited_steps.get(key, 0) + 1
+    if sum(limited_steps.values()) < _LEAST_SHARE * len(track.speeds_mps):
         return None
-    return max(held, key=lambda key: (held[key], -key))
+    return max(limited_steps, key=lambda key: (limited_steps[key], -key))
 
 
 def _gaps_m(track: TakenOverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
-    """The room in m between two vehicles at some steps (n,); infinite where the other is not right ahead."""
+    """Return the gap in m between two vehicles at some steps (n,); infinite if the other is not directly ahead."""
     heading = track.headings_rad[indices]
     x, y = (other.positions[there] - track.positions[indices]).T
     ahead, aside = x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)
@@ -465,7 +468,7 @@ def _gaps_m(track: TakenOverTrack, other: Track, indices: _Indices, there: _Indi
 
 
 def _in_words(scene: Scene, key: int) -> str:
-    """What a road user is called; the ego has its planning problem's id, below zero where an obstacle has it too."""
+    """Return the name of a road user; the ego has its problem's id, negative if an obstacle has the same id."""
     if scene.ego is not None and key not in scene.tracks and abs(key) == scene.ego.problem_id:
         return "the ego"
     if key < 0:
@@ -477,10 +480,10 @@ def _in_words(scene: Scene, key: int) -> str:
 def why_undone(
     op: str, step: EditStep, later: tuple[EditStep, ...], result: SimulationResult, routes: tuple[VehicleRoute, ...]
 ) -> str | None:
-    """Why nothing is left of an edit; None where something is.
+    """Return why nothing remains of an edit, or None if something does.
 
-    Of the vehicles that got where it sent them something is left; of others not if later edits remove them, send them
-    elsewhere, or never hold them to its speed.
+    Something remains of vehicles that arrived where it sent them; of others nothing remains if later edits remove them,
+    send them elsewhere, or prevent its speed from ever applying.
     """
     final = (step, *later)[-1].changes
     is_replaced = {"set_goal": final.goal is not step.changes.goal, "set_ego": final.ego is not step.changes.ego}
@@ -494,14 +497,14 @@ def why_undone(
         for key in step.vehicles
     ):
         return None
-    return "a later edit removes what it is about" if gone.issuperset(step.vehicles) else "later edits overrule it"
+    return "a later edit removes its vehicles" if gone.issuperset(step.vehicles) else "later edits override it"
 
 
 def why_missed(values: Sequence[Achieved]) -> str | None:
     """Return why an edit is not done although its vehicles drive as it prescribes; None if it is done.
 
-    That is so if what it is about happened for none of them. A value that differs from the one asked for is a matter of
-    degree, and is told as such.
+    An edit is not done if its effect occurred for none of its vehicles. A value that only differs from the requested
+    one is reported as a value.
     """
     missed = {one.vehicle_id: one.quantity for one in values if one.failed}
     if not missed or {one.vehicle_id for one in values} - set(missed):
@@ -510,14 +513,14 @@ def why_missed(values: Sequence[Achieved]) -> str | None:
 
 
 _MISSED: Mapping[str, str] = {
-    TIME_GAP_MISSED: "not done: the vehicle behind it stands by then, and to one that stands there is no time gap",
+    TIME_GAP_MISSED: "not done: the vehicle behind it has stopped by then, so there is no time gap",
     LINE_MISSED: "not done: the stop line is not crossed before the recording ends",
-    RED_MISSED: "not done: the light is not red any more when it is crossed",
+    RED_MISSED: "not done: the light is no longer red when the vehicle crosses",
 }
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Whether later edits set all parameters that an edit sets, whatever they were."""
+    """Return True if later edits set all parameters that an edit sets, regardless of their values."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
@@ -535,7 +538,7 @@ def _is_superseded_by_plan(step: EditStep, key: int, result: SimulationResult) -
 
 
 def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
-    """Whether a later edit sends a vehicle, whose last plan this is, elsewhere than to an edit's targets."""
+    """Return True if a later edit sends a vehicle (with this last plan) away from an edit's targets."""
     key = plan.start.obstacle_id
     own = step.changes.driven[key]
     asked = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]
@@ -547,7 +550,7 @@ def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) ->
 
 
 def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """The first order of a speed that follows in time on the speed to which an edit holds a vehicle; None without."""
+    """Return the first speed order that follows the one of an edit in time, or None."""
     wanted, first = step.speeds[plan.start.obstacle_id]
     own = Manoeuvre(first, speed_mps=wanted)
     after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]

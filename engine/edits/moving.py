@@ -1,4 +1,4 @@
-"""Edits of who is where: move and replace vehicles, run a red light, close a lane for a time.
+"""Edits of positions: move and replace vehicles, run a red light, close a lane for a time.
 
 Lengths are in m, speeds in m/s; times count from the scenario's start.
 """
@@ -27,11 +27,11 @@ from ..geometry import Points, arc_length, interpolate, point_at, project
 from ..network import Signal, station_m
 from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
-from .changes import Changes, EditStep, asked_speed, check_speed, named_vehicles, plan_of, within_time
+from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, plan_of, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
-from .population import check_allowed, class_named
+from .population import check_allowed, resolve_class
 from .references import select, select_one, target_lanelets
 from .scripted import LINE_MISSED, RED_MISSED, achieved, motion_of
 
@@ -40,30 +40,30 @@ _BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
 _RED = frozenset("ru")
 """SUMO's letters of a red light, and of red and yellow."""
 _SLOWEST_SHARE, _FASTEST_SHARE, _LEAST_MPS = 0.4, 1.4, 3.0
-"""How much slower and faster than it would a vehicle may come to a light to run it, and how slow at least (chosen)."""
+"""Range of speeds relative to its own at which a vehicle may run a light, and the lowest speed (chosen)."""
 _OVER_LINE_M = 1.0
-"""A front so far behind the line has crossed it; a nose over the line has not (chosen)."""
+"""A front this far behind the line has crossed it; a nose over the line has not (chosen)."""
 _NEAR_LINE_M = 8.0
-"""A front farther behind the line has crossed it before, or elsewhere (chosen)."""
+"""A front farther behind the line crossed it earlier, or elsewhere (chosen)."""
 _INTO_RED_S = 0.7
 """A vehicle that runs a light crosses the line this long after it turns red and before it turns green (chosen)."""
 _SPEEDING_UP_MPS2 = 2.0
-"""With what a vehicle comes to another speed where it is reckoned when it crosses (chosen)."""
+"""Assumed acceleration to another speed when the crossing time is estimated (chosen)."""
 
 
 def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Put a vehicle at another place; it keeps its id, its class, its speeds and, if its way leads on there, its way.
+    """Put a vehicle at another place; it keeps its id, class, speeds and, if its route continues there, its route.
 
     Raises:
         InvalidRequest: several vehicles, or no place.
-        NotPossible: the place is taken, or the vehicle cannot be driven.
+        NotPossible: the place is occupied, or the vehicle cannot be driven.
     """
     key = select_one(edit, scene, changes)
     base, earlier = motion_of(scene, changes, key)
     if earlier or key in changes.driven or key in changes.scripted:
         raise NotPossible(
-            f"vehicle {key} does not drive its recording any more",
-            valid=["move it first, and make the other edit then"],
+            f"vehicle {key} no longer follows its recording",
+            valid=["move it first, then apply the other edit"],
             next_step="change the order of the edits",
         )
     place = first_place(edit, scene, changes, base.length_m)
@@ -72,7 +72,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     places = OccupiedPlaces.at(scene, base.first_step, without)
     places.check_free(place, base.size_m, "choose a free place")
     first = replace(base.part(0, 1), positions=center[None], headings_rad=np.array([heading]))
-    line = line_from(scene, first.positions[0], _way_from(scene, key, place.lanelet_id))
+    line = line_from(scene, first.positions[0], _route_from(scene, key, place.lanelet_id))
     along = arc_length(line)
     rolled = np.concatenate([[0.0], np.cumsum(np.maximum(base.speeds_mps[:-1], 0.0) * scene.step_s)])
     centers = interpolate(line, along, rolled[rolled <= along[-1]])
@@ -94,7 +94,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     moved_m = float(np.linalg.norm(center - base.positions[0]))
     what = (
         f"vehicle {key} put on lanelet {place.lanelet_id} at {place.station_m:.1f} m, {moved_m:.1f} m from where it "
-        f"was, {'driven, as it would cross a red light otherwise' if obeys else 'with its recorded speeds'}"
+        f"was, {'driven, because it would cross a red light' if obeys else 'with its recorded speeds'}"
     )
     return EditStep(changes, (key,), what)
 
@@ -105,7 +105,7 @@ def _with_track(scene: Scene, track: Track, match: LaneMatch) -> Scene:
 
 
 def _crosses_at_red(scene: Scene, track: Track, match: LaneMatch) -> bool:
-    """Whether a motion crosses the line of a light that is red."""
+    """Return True if a motion crosses the line of a red light."""
     lit = {key: signal for signal in scene.signals for key in signal.lanelets}
     for lanelet in lit.keys() & set(match.sequence):
         step = crossing_step(scene, track, lanelet)
@@ -114,8 +114,8 @@ def _crosses_at_red(scene: Scene, track: Track, match: LaneMatch) -> bool:
     return False
 
 
-def _way_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:
-    """The lanelets from one on that lead to where a vehicle was recorded last; only the one if none does."""
+def _route_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:
+    """Return the lanelets from one to a vehicle's last recorded one; only the first if no route leads there."""
     match = scene.matches.get(key)
     if match is None:
         return (lanelet_id,)
@@ -126,14 +126,14 @@ def _way_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:
 
 
 def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Give vehicles another class: they drive as before with its type and size, within what it can do.
+    """Give vehicles another class: they drive as before with its type and size, within its limits.
 
     Raises:
         InvalidRequest: no class.
         UnknownName: no such class.
-        NotPossible: the road is not open to the class, or a vehicle cannot be driven.
+        NotPossible: the road is closed to the class, or a vehicle cannot be driven.
     """
-    vehicles, vehicle_class = select(edit.vehicles, scene, changes), class_named(edit.vehicle_class)
+    vehicles, vehicle_class = select(edit.vehicles, scene, changes), resolve_class(edit.vehicle_class)
     for key in vehicles:
         plan = changes.driven.get(key)
         base, _ = motion_of(scene, changes, key) if plan is None or not plan.targets else (plan.start, ())
@@ -147,7 +147,7 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             continue
         before = changes.replays.get(key)
         recording = scene.tracks[key] if before is None else before.recording
-        made = Replay(
+        replay = Replay(
             track,
             scene.matches.get(key),
             recording,
@@ -156,14 +156,14 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             from_step=scene.last_step if before is None else before.from_step,
             script=None if before is None else before.script,
         )
-        changes = changes.with_replay(made)
+        changes = changes.with_replay(replay)
         fastest = float(base.speeds_mps.max(initial=0.0))
         if plan is not None:
             changes = changes.with_plan(_of_class(replace(plan, start=track), vehicle_class))
         elif fastest > vehicle_class.maximum_speed_mps:
             there = replace(scene, tracks=scene.tracks | {key: track})
             changes = changes.with_plan(_of_class(recorded_plan(there, key, "edited", track.first_step), vehicle_class))
-    what = f"{named_vehicles(vehicles)} is a {vehicle_class.name} now ({vehicle_class.length_m:g} m long)"
+    what = f"{named_vehicles(vehicles)} is now a {vehicle_class.name} ({vehicle_class.length_m:g} m long)"
     return EditStep(changes, vehicles, what)
 
 
@@ -172,9 +172,9 @@ def _of_class(plan: DrivePlan, vehicle_class: VehicleClass) -> DrivePlan:
 
 
 def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Have vehicles cross the next light of their way while it is red: they come so fast that it is, and do not stop.
+    """Have vehicles cross the next light on their route at red: they adapt their speed and do not stop.
 
-    They obey no light and yield to nobody; to the vehicle ahead they keep their distance.
+    They obey no light and yield to no other; they keep their distance to the vehicle ahead.
 
     Raises:
         NotPossible: no light is ahead, or it is not red when a vehicle can be there.
@@ -191,17 +191,22 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         if edit.speed is None:
             speed_mps = _speed_into_red(scene, signal, plan, away_m, now_mps, limit_mps)
         else:
-            speed_mps = asked_speed(edit.speed, plan.vehicle_class.maximum_speed_mps)
-            check_speed(speed_mps, plan.vehicle_class.maximum_speed_mps, f"no {plan.start.kind} drives that", "less")
+            speed_mps = parse_speed(edit.speed, plan.vehicle_class.maximum_speed_mps)
+            check_speed(
+                speed_mps,
+                plan.vehicle_class.maximum_speed_mps,
+                f"a {plan.start.kind} cannot drive that fast",
+                "choose a lower speed",
+            )
         if speed_mps is None:
             raise NotPossible(
-                f"the light of lanelet {lanelet} is not red when vehicle {key} can be at it",
-                valid=["set_light with params=['red=60'] before", "another vehicle"],
+                f"the light of lanelet {lanelet} is not red when vehicle {key} can reach it",
+                valid=["set_light with params=['red=60'] first", "another vehicle"],
                 next_step="make the light red with set_light, or choose another vehicle",
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        # It stays in the lanes that lead to its light: another lane has another light, or no light at all.
+        # It stays in the lanes that lead to its light: another lane has another light, or no light.
         kept = (
             plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
             if lanelet in plan.lanelets
@@ -210,7 +215,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         plan = replace(plan, manoeuvres=(*plan.manoeuvres, order), ignores_lights=True, through=kept)
         changes = changes.with_plan(plan)
         lines[key] = signal, lanelet
-        words.append(f"{key} comes to the light of lanelet {lanelet} at {speed_mps:.1f} m/s")
+        words.append(f"{key} reaches the light of lanelet {lanelet} at {speed_mps:.1f} m/s")
 
     def measured(edited: EditedScene) -> tuple[Achieved, ...]:
         found = []
@@ -232,10 +237,10 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
-    """The first light on a vehicle's way, its lanelet, and how far ahead of the vehicle's front its line is.
+    """Return the first light on a vehicle's route, its lanelet, and how far ahead of the front its line is.
 
     Raises:
-        NotPossible: none is ahead.
+        NotPossible: there is no light ahead.
     """
     by_lanelet = {key: signal for signal in scene.signals for key in signal.lanelets}
     lanes, front = scene.layout.table.lanes, plan.start.front_at(plan.from_step - plan.start.first_step)
@@ -253,16 +258,16 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         if key in by_lanelet and away_m > 0.0:
             return by_lanelet[key], key, away_m
     raise NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no traffic light with states ahead",
-        valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] makes one"],
-        next_step="choose a vehicle that comes to a light, or make one with set_light",
+        f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead",
+        valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
+        next_step="choose a vehicle that reaches a light, or add one with set_light",
     )
 
 
 def _speed_into_red(
     scene: Scene, signal: Signal, plan: DrivePlan, away_m: float, now_mps: float, limit_mps: float
 ) -> float | None:
-    """The speed nearest to the one a vehicle would drive at with which it is at a line while its light is red."""
+    """Return the speed nearest to a vehicle's usual one at which it crosses a line at red, or None."""
     usual = max(now_mps, 0.6 * limit_mps, _LEAST_MPS)
     low, high = (
         max(_SLOWEST_SHARE * usual, _LEAST_MPS),
@@ -282,7 +287,7 @@ def _speed_into_red(
 
 
 def crossing_step(scene: Scene, track: Track, lanelet: int) -> int | None:
-    """The step at which a vehicle's front is first over the end of a lanelet, within its width; None if it never is."""
+    """Return the step at which a vehicle's front first crosses the end of a lanelet, within its width, or None."""
     lane = scene.layout.table.lanes[lanelet]
     end, heading = point_at(lane.center, lane.length_m)
     ahead, left = np.array([math.cos(heading), math.sin(heading)]), np.array([-math.sin(heading), math.cos(heading)])
@@ -294,24 +299,24 @@ def crossing_step(scene: Scene, track: Track, lanelet: int) -> int | None:
 
 
 def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Close lanelets by a barrier across each, for the whole scenario or for a time; who would hit it reacts.
+    """Close lanelets by a barrier across each, for the whole scenario or for a time; vehicles that would hit it react.
 
     Raises:
         InvalidRequest: no lanelet, or a time outside the scenario.
         UnknownName: no such lanelet.
-        NotPossible: somebody is where the barrier would stand.
+        NotPossible: a road user is at the place of the barrier.
     """
     lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []
     if not lanelets:
         raise InvalidRequest(
-            "close_lane needs lanelets", valid=["to=['595']"], next_step="name them in 'to'", remedies=[LANELETS_LISTED]
+            "close_lane needs lanelets", valid=["to=['595']"], next_step="give them in 'to'", remedies=[LANELETS_LISTED]
         )
     begin = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
     last = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
     last = min(last, scene.last_step)
     if not 0 <= begin < last:
         raise InvalidRequest(
-            f"nothing is closed from {begin * scene.step_s:g} s on",
+            f"a closure from {begin * scene.step_s:g} s is outside the scenario",
             valid=[f"time_s in 0 … {(scene.last_step - 1) * scene.step_s:g}"],
             next_step="choose another time",
             remedies=within_time(begin, 0, scene.last_step - 1, scene),

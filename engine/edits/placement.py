@@ -1,4 +1,4 @@
-"""The place on a lanelet that an edit names: an arc length in m along the lanelet's middle."""
+"""The place on a lanelet that an edit gives: an arc length in m along the lanelet's centre line."""
 
 import math
 import re
@@ -17,15 +17,15 @@ from .changes import Changes, scene_for_references
 from .references import EGO_WORDS, known_lanelet, select
 
 _ONCOMING_RAD = math.radians(135.0)
-"""Lanes whose directions differ by more are oncoming ones (chosen)."""
+"""Lanes with directions that differ by more are oncoming (chosen)."""
 _ONCOMING_REACH_M = 15.0
-"""How far beside its own lane a vehicle's oncoming lane may lie: a median is narrower (chosen)."""
+"""Largest lateral distance of an oncoming lane from a vehicle's own lane (chosen): medians are narrower."""
 
 
 _USUAL_OFFSETS_M = (30.0, 50.0, -30.0)
-"""How far from the ego a vehicle is proposed to be put if no place was named (chosen)."""
+"""Offsets from the ego that are proposed if no place was given (chosen)."""
 _SHARES_OF_ROOM = (0.95, 0.8, 0.5)
-"""Shares of the way to the end of the road at which a place is proposed if the road ends before (chosen)."""
+"""Shares of the distance to the end of the road at which a place is proposed if the road ends before (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Place:
     station_m: float
 
     def pose(self, scene: Scene) -> tuple[Points, float]:
-        """Position (2,) in m and heading in rad."""
+        """Return position (2,) in m and heading in rad."""
         return point_at(scene.layout.table.lanes[self.lanelet_id].center, self.station_m)
 
 
@@ -52,7 +52,7 @@ class _Reference:
 
 
 def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> Place:
-    """The place that an edit names, on a lanelet or relative to the ego or a vehicle.
+    """Return the place that an edit gives, on a lanelet or relative to the ego or a vehicle.
 
     Raises:
         InvalidRequest: no place, or arguments that contradict each other.
@@ -63,7 +63,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
         raise InvalidRequest(
             "add_vehicle needs a place",
             valid=["at=LANELET with position", "at=ego with lane and offset_m", "at=VEHICLE with lane and offset_m"],
-            next_step="name one in 'at'",
+            next_step="give one in 'at'",
             remedies=[with_values(at="ego", offset_m=far) for far in _USUAL_OFFSETS_M],
         )
     lanelet = _lanelet(edit.at, scene, changes)
@@ -72,7 +72,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
             raise InvalidRequest(
                 f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
                 valid=["position"],
-                next_step="leave lane out, and name the lanelet that is meant in 'at'",
+                next_step="remove lane, and give the intended lanelet in 'at'",
                 remedies=[with_values(lane=None)],
             )
         lane_length = scene.layout.table.lanes[lanelet].length_m
@@ -80,37 +80,37 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
         return advance_along_lane(scene, Place(lanelet, station), edit.offset_m or 0.0)
     if edit.position is not None:
         raise InvalidRequest(
-            f"position is for lanelets; '{edit.at}' is none",
+            f"position applies to lanelets; '{edit.at}' is not a lanelet",
             valid=["lane", "offset_m"],
-            next_step="leave position out, or name a lanelet in 'at'",
+            next_step="remove position, or give a lanelet in 'at'",
             remedies=[with_values(position=None)],
         )
     reference = _reference(edit.at, scene, changes)
     offset_m = _offset_m(edit, reference, length_m)
     if edit.lane == "oncoming":
         return _oncoming(reference, offset_m, scene)
-    lane = _lane_beside(reference, edit.lane or "same", scene)
+    lane = _adjacent_lane(reference, edit.lane or "same", scene)
     station, _ = project(scene.layout.table.lanes[lane].center, reference.position)
     return advance_along_lane(scene, Place(lane, station), offset_m)
 
 
 def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
-    """How far along the lane a place is from its reference, between centres: as named, or by a time gap.
+    """Return how far along the lane a place is from its reference, between centres: as given, or by a time gap.
 
-    A time gap lies between bumpers, and is that of the one behind: of the reference for a place ahead of it. For a
-    place behind it counts with the reference's speed too, as who follows drives about as fast.
+    A time gap is between bumpers, and is that of the follower: of the reference for a place ahead of it. For a place
+    behind it also uses the reference's speed, because followers drive about as fast.
 
     Raises:
-        InvalidRequest: both a distance and a time gap, or a time gap to one that stands.
+        InvalidRequest: both a distance and a time gap, or a time gap to a standing vehicle.
     """
     if edit.gap_s is None:
         return edit.offset_m or 0.0
     if edit.offset_m is not None or reference.speed_mps < TIME_GAP_MPS:
-        stands = f"{reference.name} stands, so that no time gap leads to a place"
+        stands = f"{reference.name} stands, so a time gap gives no place"
         raise InvalidRequest(
-            "gap_s and offset_m both say where" if edit.offset_m is not None else stands,
+            "gap_s and offset_m both set the place" if edit.offset_m is not None else stands,
             valid=["offset_m", *([] if edit.offset_m is None else ["gap_s"])],
-            next_step="name offset_m alone" if edit.offset_m is None else "name one of them",
+            next_step="give only offset_m" if edit.offset_m is None else "give one of them",
             remedies=[with_values(gap_s=None, offset_m=edit.offset_m or _USUAL_OFFSETS_M[0])],
         )
     room_m = abs(edit.gap_s) * reference.speed_mps + (reference.length_m + length_m) / 2
@@ -120,24 +120,24 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
 def read_trigger(
     text: str, scene: Scene, changes: Changes, place_at: Callable[[int], Points | None]
 ) -> tuple[Trigger, int]:
-    """A trigger, and the first step at which it holds on the ego's drive by an ordinary driver.
+    """Return a trigger, and the first step at which it holds on the ego's drive by an ordinary driver.
 
-    ``ego@595:35m`` holds once the ego's centre has passed a place on a lanelet (``ego@595`` is its beginning), and
-    ``gap<=2s`` once the ego would be at the road user in that time at its speed, and is behind it.
+    ``ego@595:35m`` holds once the ego's centre has passed a place on a lanelet (``ego@595`` is its start), and
+    ``gap<=2s`` once the ego would reach the road user in that time at its speed, and is behind it.
 
     Args:
         text: the trigger.
-        scene: the scene as the edits before leave it.
-        changes: they know the ego's drive.
-        place_at: gives the place (2,) of the road user at a step; None where it is not there.
+        scene: the scene after the earlier edits.
+        changes: they provide the ego's drive.
+        place_at: returns the place (2,) of the road user at a step, or None if it is not there.
 
     Raises:
-        InvalidRequest: no such trigger.
-        NotPossible: there is no ego, or it never gets there.
+        InvalidRequest: the text is not a trigger.
+        NotPossible: there is no ego, or the condition never holds.
     """
     drive = changes.ego_drive()
     if drive is None:
-        raise NotPossible("the scenario has no ego that drives", next_step="name a time in 'time_s'")
+        raise NotPossible("the scenario has no driving ego", next_step="give a time in 'time_s'")
     word = text.replace(" ", "")
     gap = re.fullmatch(r"gap<=?(.+)", word)
     place = re.fullmatch(r"ego@(\w+)(?::(.+))?", word)
@@ -152,7 +152,7 @@ def read_trigger(
         never = f"the ego never passes lanelet {lanelet} at {station:.1f} m"
     else:
         raise InvalidRequest(
-            f"'{text}' is no trigger",
+            f"'{text}' is not a trigger",
             valid=["ego@LANELET:35m", "gap<=2s", "time_s=3 for a time"],
             next_step="write it like one of these",
             remedies=[*(with_values(when=f"gap<={gap}s") for gap in (2, 4)), with_values(when=None)],
@@ -171,9 +171,9 @@ def read_trigger(
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
-    """The place farther along the lane (behind for a negative distance), over the straightest joints.
+    """Return the place farther along the lane (behind for a negative distance), over the straightest joints.
 
-    ``targets``: where a route leads to any of these lanelets, the place lies on the shortest one.
+    ``targets``: if a route leads to any of these lanelets, the place is on the shortest one.
 
     Raises:
         NotPossible: the road ends before.
@@ -206,7 +206,7 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
 
 
 def _towards(scene: Scene, key: int, onward: list[int], targets: frozenset[int]) -> list[int]:
-    """Those of the lanelets after one that are on the shortest route to targets, else that lead there, else all."""
+    """Return the next lanelets on the shortest route to targets, else those that lead there, else all."""
     if not targets:
         return onward
     route = scene.driven_graph.shortest_route([key], sorted(targets)) or ()
@@ -215,7 +215,7 @@ def _towards(scene: Scene, key: int, onward: list[int], targets: frozenset[int])
 
 
 def _lanelet(text: str, scene: Scene, changes: Changes) -> int | None:
-    """The lanelet that ``at`` names, or None if it names the ego or a vehicle."""
+    """Return the lanelet that ``at`` gives, or None if it gives the ego or a vehicle."""
     body, vehicles = text.strip(), {*scene.tracks, *scene.standing, *changes.driven}
     if body in scene.layout.edges:
         return scene.layout.edges[body][0]
@@ -230,54 +230,54 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
     body = text.strip()
     if body.lower() in EGO_WORDS:
         if scene.ego is None or not scene.ego.lanelets:
-            raise NotPossible("the scenario has no ego on a lanelet", next_step="name a lanelet or a vehicle")
+            raise NotPossible("the scenario has no ego on a lanelet", next_step="give a lanelet or a vehicle")
         ego = scene.ego
         return _Reference("the ego", ego.lanelets[0], ego.position, ego.speed_mps, ego.size_m[0])
-    vehicles = _vehicles_meant(text, body.removeprefix("vehicle:"), scene, changes)
+    vehicles = _matching_vehicles(text, body.removeprefix("vehicle:"), scene, changes)
     if len(vehicles) != 1:
-        raise NotPossible(f"'{text}' means {len(vehicles)} vehicles", valid=vehicles, next_step="name one by its id")
+        raise NotPossible(f"'{text}' matches {len(vehicles)} vehicles", valid=vehicles, next_step="give one by its id")
     there, key = scene_for_references(scene, changes), vehicles[0]
     if key not in there.tracks or key not in there.matches:
-        raise NotPossible(f"vehicle {key} is recorded on no lanelet", next_step="name a lanelet")
+        raise NotPossible(f"vehicle {key} is not recorded on a lanelet", next_step="give a lanelet")
     track, match = there.tracks[key], there.matches[key]
     index = track.index_at(scene.ego.step if scene.ego else 0) or 0
     speed_mps = float(track.speeds_mps[index])
     return _Reference(f"vehicle {key}", match.at(index), track.positions[index], speed_mps, track.length_m)
 
 
-def _vehicles_meant(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """The vehicles that ``at`` means where it names no lanelet or edge that there is."""
+def _matching_vehicles(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
+    """Return the vehicles that ``at`` matches if it is not the name of a lanelet or edge."""
     try:
         parse_selector(selector)
     except InvalidRequest as error:
         known = [*map(str, scene.layout.table.lanes), *scene.layout.edges, "ego", *SELECTORS[1:]]
         near = closest(text, known)
         raise UnknownName(
-            f"'{text}' is no lanelet, edge or vehicle",
+            f"'{text}' is not a lanelet, edge or vehicle",
             valid=near,
-            next_step="name a lanelet or an edge, the ego, or a vehicle by its id",
+            next_step="give a lanelet, an edge, the ego, or a vehicle by its id",
             remedies=[*misspelt(text, near, "at"), *([with_values(at="ego")] if scene.ego else []), LANELETS_LISTED],
         ) from error
     return select([selector], scene, changes)
 
 
 def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
-    """The lane of the other direction beside a point ``offset_m`` along the reference's own lane.
+    """Return the oncoming lane next to a point ``offset_m`` along the reference's own lane.
 
-    It is the one that the map says lies beside, else the nearest.
+    It is the lane that the map declares as adjacent, else the nearest.
     """
     station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
     own = advance_along_lane(scene, Place(reference.lanelet_id, station), offset_m)
     (point, heading), declared = own.pose(scene), _declared_opposite(scene, own.lanelet_id)
     candidates = []
     for key, lane in scene.layout.table.lanes.items():
-        station, beside = project(lane.center, point)
+        station, lateral = project(lane.center, point)
         against = abs(wrap_angle(point_at(lane.center, station)[1] - heading)) > _ONCOMING_RAD
-        if against and abs(beside) <= _ONCOMING_REACH_M and 0.0 < station < lane.length_m:
-            candidates.append((key != declared, abs(beside), key, station))
+        if against and abs(lateral) <= _ONCOMING_REACH_M and 0.0 < station < lane.length_m:
+            candidates.append((key != declared, abs(lateral), key, station))
     if not candidates:
         raise NotPossible(
-            f"{reference.name} has no oncoming lane beside its own {offset_m:+.6g} m along it",
+            f"{reference.name} has no oncoming lane next to its own at {offset_m:+.6g} m",
             valid=["lane=same, left or right", "another offset_m"],
             next_step="choose another place",
             remedies=[with_values(lane="same")],
@@ -287,7 +287,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
 
 
 def _declared_opposite(scene: Scene, lanelet_id: int) -> int | None:
-    """The lanelet of the other direction that the map puts to the left of a lanelet and those beside it, or None."""
+    """Return the lanelet of the other direction that the map puts to the left of a lanelet's carriageway, or None."""
     lanes, seen = scene.layout.table.lanes, {lanelet_id}
     while (left := lanes[lanelet_id].left) in lanes and left not in seen:
         lanelet_id = left
@@ -296,15 +296,15 @@ def _declared_opposite(scene: Scene, lanelet_id: int) -> int | None:
     return None if lanelet.adj_left_same_direction else lanelet.adj_left
 
 
-def _lane_beside(reference: _Reference, side: str, scene: Scene) -> int:
+def _adjacent_lane(reference: _Reference, side: str, scene: Scene) -> int:
     if side == "same":
         return reference.lanelet_id
     lane = scene.layout.table.lanes[reference.lanelet_id]
-    beside = {"left": lane.left, "right": lane.right}
-    there = {key: value for key, value in beside.items() if value is not None and value in scene.layout.table.lanes}
+    sides = {"left": lane.left, "right": lane.right}
+    there = {key: value for key, value in sides.items() if value is not None and value in scene.layout.table.lanes}
     if side not in there:
         raise NotPossible(
-            f"{reference.name} has no lane of its direction to its {side}",
+            f"{reference.name} has no lane in its direction on its {side}",
             valid=["same", *there],
             next_step="choose another lane",
             remedies=[with_values(lane=word) for word in (*there, "same")],

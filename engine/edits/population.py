@@ -1,10 +1,10 @@
-"""Edits P: put vehicles and pedestrians in, take vehicles out.
+"""Edits P: add vehicles and pedestrians, remove vehicles.
 
-SUMO's vehicles do not walk: a pedestrian moves at one speed along a given line, a footpath or across a road. The
-vehicles that SUMO drives see it where it is on their lane, or about to be.
+A pedestrian moves at a constant speed along a given line, a footpath or across a road, because SUMO's vehicles do not
+walk. The vehicles that SUMO drives see it when it is on their lane, or about to be.
 
-Who may use a lanelet is what its users and its type say; bicycles and pedestrians are kept off motorways. Pedestrians
-cross any other road, and walk along footpaths. An emergency vehicle may drive everywhere.
+A lanelet's users and type decide who may use it; bicycles and pedestrians are kept off motorways. Pedestrians cross any
+other road, and walk along footpaths. An emergency vehicle may drive everywhere.
 """
 
 import math
@@ -30,41 +30,41 @@ from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
 from ..vehicles import VehicleClass, vehicle_class_of, vehicle_classes
-from .changes import Changes, EditStep, asked_speed, check_speed, listed, within_time
+from .changes import Changes, EditStep, check_speed, listed, parse_speed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, read_trigger
 from .references import drive_to, nearest_driven, select, target_lanelets
 
 _USUAL_SPACING_M = 10.0
-"""Between the centres of several vehicles, or twice their length (chosen)."""
+"""Spacing between the centres of several vehicles, or twice their length if that is more (chosen)."""
 _ROUNDING_M = 0.01
-"""The least spacing that a refusal names is rounded up from this much more than is needed."""
+"""The least spacing that a refusal gives is rounded up from this much more than needed."""
 _WALKING_MPS, _RUNNING_MPS = 1.4, 4.0
-"""The usual speed of pedestrians, and the fastest (chosen)."""
+"""The usual speed of pedestrians, and the highest (chosen)."""
 _SIZE_M = (0.5, 0.6)
 """Length and width of a person (chosen)."""
 _PARKING_GAP_M = 1.5
-"""Between the bumpers of vehicles that are parked one behind the other (chosen)."""
+"""Gap between the bumpers of vehicles that are parked one behind the other (chosen)."""
 _PARKED_BESIDE_M = 0.1
-"""A parked vehicle stands this far beside the lane (chosen), so that drivers who keep to lanes pass it."""
+"""Gap between a parked vehicle and the lane (chosen), so that drivers who keep to lanes pass it."""
 _KERB_M = 0.6
-"""A pedestrian that crosses begins and ends this far beside the road (chosen)."""
+"""A crossing pedestrian starts and ends this far outside the road (chosen)."""
 _MOTORWAY_WORDS = frozenset({"highway", "interstate", "mainCarriageWay"})
-"""Lanelet types and scenario tags that say motorway; some recordings carry only the tag."""
+"""Lanelet types and scenario tags of motorways; some recordings have only the tag."""
 _FOOTPATH_TYPES = frozenset({"sidewalk", "crosswalk"})
 _USERS_OF_TYPE: Mapping[str, frozenset[str]] = {
     "busLane": frozenset({"bus", "taxi"}),
     "bicycleLane": frozenset({"bicycle"}),
 }
-"""Types of lanelets that are there for some vehicles only, where the file does not name the users itself."""
+"""Types of lanelets for some vehicles only, used if the file does not list the users itself."""
 _ANY_VEHICLE = "vehicle"
-"""CommonRoad's road user that stands for all vehicles."""
+"""CommonRoad's road user for all vehicles."""
 _SLOW_CLASSES, _EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
 
 
 @dataclass(frozen=True)
 class _Entering:
-    """A vehicle as it enters: why at its speed (empty where it was named), and the gaps to its neighbours, in words."""
+    """A vehicle as it enters: the reason for its speed (empty if it was given), and the gaps to its neighbours."""
 
     plan: DrivePlan
     reason: str
@@ -73,30 +73,30 @@ class _Entering:
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Put one or several vehicles of a class in; several stand downstream of the first, ``spacing_m`` apart.
+    """Add one or several vehicles of a class; several are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
         UnknownName: no such class, lanelet or vehicle.
-        NotPossible: the place is taken (the nearest free ones are named), the vehicle behind cannot brake enough, or
-            there is no such lane.
+        NotPossible: the place is occupied (the error lists the nearest free ones), the vehicle behind cannot brake
+            enough, or there is no such lane.
     """
     if edit.vehicle_class is not None and vehicle_class_of(edit.vehicle_class) == "pedestrian":
         return _add_pedestrian(edit, scene, changes)
-    vehicle_class = class_named(edit.vehicle_class)
+    vehicle_class = resolve_class(edit.vehicle_class)
     if edit.side is not None:
         return _add_parked(edit, scene, changes, vehicle_class)
     if edit.dodge is not None:
         raise InvalidRequest(
-            "dodge is for pedestrians here; a vehicle that is added drives and yields by itself",
+            "dodge applies to pedestrians here; an added vehicle yields by itself",
             valid=["without dodge"],
-            next_step="leave it out",
+            next_step="remove dodge",
             remedies=[with_values(dodge=None)],
         )
     if edit.when is not None:
         raise InvalidRequest(
-            "when is for pedestrians here; a vehicle enters at a time",
+            "when applies to pedestrians here; a vehicle enters at a time",
             valid=["time_s", "vehicle_class=pedestrian"],
-            next_step="name a time, or give the added vehicle an edit with 'when' of its own",
+            next_step="give a time, or add a separate edit with 'when' for the added vehicle",
         )
     place = first_place(edit, scene, changes, vehicle_class.length_m)
     check_allowed(vehicle_class.name, place.lanelet_id, scene)
@@ -118,28 +118,28 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes = replace(changes.with_plan(entering[-1].plan), next_id=changes.next_id + 1)
     who = f"{vehicle_class.name} {', '.join(map(str, added))}"
     asked = (edit.vehicle_class or "").strip()
-    who += f" ({asked!r} is taken as {vehicle_class.name})" if asked.lower() != vehicle_class.name else ""
+    who += f" ({asked!r} read as {vehicle_class.name})" if asked.lower() != vehicle_class.name else ""
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
     gaps = f"{entering[-1].ahead} and {entering[0].behind}"
-    stands = ", and stands until another edit sends it on" if changes.driven[added[0]].manoeuvres else ""
+    stands = ", stands until another edit moves it" if changes.driven[added[0]].manoeuvres else ""
     what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}{stands}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
     return EditStep(changes, tuple(added), what, added=tuple(added), aims=aims)
 
 
 def _why_there(edit: Edit) -> str:
-    """What the place was reckoned from, where the edit names no position on a lanelet."""
+    """Return what the place was computed from, if the edit gives no position on a lanelet."""
     if edit.position is not None:
         return ""
     lane = f", lane {edit.lane}" if edit.lane else ""
     offset = f", {abs(edit.offset_m):g} m {'ahead' if edit.offset_m > 0 else 'behind'}" if edit.offset_m else ""
     of_lanelet = (edit.at or "").strip().isdigit() and not edit.offset_m
-    return " (its middle, as no position was named)" if of_lanelet else f" (from {edit.at}{lane}{offset})"
+    return " (its middle, because no position was given)" if of_lanelet else f" (from {edit.at}{lane}{offset})"
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
-    """Where the vehicles enter, the first and the last of several."""
+    """Return where the vehicles enter: the place of one, or of the first and the last."""
     first, last = places[0], places[-1]
     begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
     if len(places) == 1:
@@ -152,11 +152,11 @@ def _where(places: list[Place], spacing_m: float) -> str:
 
 
 def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehicle_class: VehicleClass) -> NotPossible:
-    """The refusal of several vehicles of which only some have a place: fewer of them or another spacing would do."""
+    """Return the refusal of several vehicles if only some have a place: fewer of them or another spacing would do."""
     least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + _ROUNDING_M)) / 10
     too_near = spacing_m < least_m
     return NotPossible(
-        f"{number} of {count} vehicles have a place, {spacing_m:g} m apart; of the next: {error.message}",
+        f"{number} of {count} vehicles fit {spacing_m:g} m apart; the next does not: {error.message}",
         reason=error.reason,
         valid=[f"spacing_m={least_m:g}"] if too_near else [f"count={number}"],
         next_step="choose a larger spacing_m" if too_near else "add fewer, or choose another place or spacing_m",
@@ -164,20 +164,20 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
 
 
 def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> str:
-    """How fast and when the vehicles enter, once where it is the same for all of them, with the time asked for."""
+    """Return speed and time of the vehicles' entries, once if all are equal, with the requested time if it differs."""
     words = []
     for key in added:
         start = changes.driven[key].start
-        entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s on"
+        entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s"
         late = start.first_step > _asked_step(edit, scene)
-        words.append(f"{entry} (asked: {edit.time_s:g} s, but the place is taken until then)" if late else entry)
+        words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is occupied until then)" if late else entry)
     if len(set(words)) == 1:
         return words[0]
     return "; ".join(f"{key}: {entry}" for key, entry in zip(added, words, strict=True))
 
 
-def class_named(word: str | None) -> VehicleClass:
-    """The class of vehicle that a word means.
+def resolve_class(word: str | None) -> VehicleClass:
+    """Return the class of vehicle for a word.
 
     Raises:
         InvalidRequest: no word.
@@ -188,7 +188,7 @@ def class_named(word: str | None) -> VehicleClass:
         raise InvalidRequest(
             "the edit needs a vehicle_class",
             valid=[*classes, "pedestrian"],
-            next_step="name one in 'vehicle_class'",
+            next_step="give one in 'vehicle_class'",
             remedies=[with_values(vehicle_class="car")],
         )
     known = vehicle_class_of(word)
@@ -198,7 +198,7 @@ def class_named(word: str | None) -> VehicleClass:
         raise UnknownName(
             f"there is no vehicle class '{word}' that can be added",
             valid=closest(word, [*classes, "pedestrian"]),
-            next_step="name one of these in 'vehicle_class'",
+            next_step="give one of these in 'vehicle_class'",
         )
     return classes[word.strip().lower()]
 
@@ -223,7 +223,7 @@ def _plan(
     else:
         reason = ""
         largest_mps = vehicle_class.maximum_speed_mps
-        speed, refusal = asked_speed(edit.speed, largest_mps), f"a {vehicle_class.name} does not drive {edit.speed}"
+        speed, refusal = parse_speed(edit.speed, largest_mps), f"a {vehicle_class.name} cannot drive {edit.speed}"
         check_speed(speed, largest_mps, refusal, "choose another speed or class")
     plan = DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
@@ -240,12 +240,12 @@ def _plan(
 
 
 def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
-    """Whether a vehicle is put in to stand, until another edit sends it somewhere."""
+    """Return True if a vehicle is added to stand until another edit moves it."""
     return edit.speed is not None and speed_mps == 0.0 and not edit.to
 
 
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
-    """The step at which the vehicle enters: at once, or as soon after a named departure as there is room."""
+    """Return the step at which the vehicle enters: at once, or after a given departure as soon as there is room."""
     size = (vehicle_class.length_m, vehicle_class.width_m)
     first = _asked_step(edit, scene)
     if not 0 <= first < scene.last_step:
@@ -263,7 +263,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
 
 
 def _asked_step(edit: Edit, scene: Scene) -> int:
-    """The step of the named departure; without one that of the ego's start, where relative places are."""
+    """Return the step of the given departure, else that of the ego's start, which relative places refer to."""
     if edit.time_s is None:
         return scene.ego.step if scene.ego else 0
     return round(edit.time_s / scene.step_s)
@@ -284,18 +284,18 @@ def _start(key: int, vehicle_class: VehicleClass, scene: Scene, place: Place, st
 
 
 def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass) -> EditStep:
-    """Park vehicles at a kerb: beside the outermost lane on a side of the road, out of the way of who drives there.
+    """Park vehicles at a kerb: next to the outermost lane on a side of the road, clear of traffic.
 
     Raises:
-        InvalidRequest: arguments for vehicles that drive.
-        NotPossible: the place is taken, or another lane is there.
+        InvalidRequest: arguments for driving vehicles.
+        NotPossible: the place is occupied, or another lane is there.
     """
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
     if foreign:
         raise InvalidRequest(
-            f"{', '.join(foreign)} is for vehicles that drive; side parks one at the kerb",
+            f"{', '.join(foreign)} applies to driving vehicles; side parks one at the kerb",
             valid=["at", "position", "lane", "offset_m", "count", "spacing_m", "side"],
-            next_step="leave it out, or leave side out",
+            next_step="remove it, or remove side",
             remedies=[with_values(**dict.fromkeys(foreign))],
         )
     place, side = first_place(edit, scene, changes, vehicle_class.length_m), edit.side or "right"
@@ -309,7 +309,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
         )
         if occupant is not None:
             raise NotPossible(
-                f"{number} of {count} vehicles have a place at the {side} kerb; the next one is taken by {occupant}",
+                f"{number} of {count} vehicles fit at the {side} kerb; the next place is occupied by {occupant}",
                 reason=PLACE_TAKEN,
                 valid=[f"count={number}"] if number else ["another position", "the other side"],
                 next_step="choose another place",
@@ -329,17 +329,17 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
         changes = replace(changes.with_replay(Replay(track, None, is_parked=True)), next_id=changes.next_id + 1)
     who = ", ".join(map(str, added))
     what = (
-        f"{vehicle_class.name} {who} parked at the {side} kerb beside lanelet {place.lanelet_id} at "
-        f"{place.station_m:.1f} m, {_PARKED_BESIDE_M:g} m beside the lane"
+        f"{vehicle_class.name} {who} parked at the {side} kerb of lanelet {place.lanelet_id} at "
+        f"{place.station_m:.1f} m, {_PARKED_BESIDE_M:g} m from the lane"
     )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
 
 def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass) -> tuple[Points, float]:
-    """The centre (2,) in m and the heading of a vehicle that is parked beside the outermost lane of a side.
+    """Return the centre (2,) in m and the heading of a vehicle parked next to the outermost lane of a side.
 
     Raises:
-        NotPossible: another lane lies there.
+        NotPossible: another lane is there.
     """
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
@@ -357,7 +357,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
     ]
     if there:
         raise NotPossible(
-            f"at the {side} kerb beside lanelet {place.lanelet_id} lies lanelet {min(there)}",
+            f"lanelet {min(there)} is at the {side} kerb of lanelet {place.lanelet_id}",
             valid=["another position", "the other side"],
             next_step="choose another place",
         )
@@ -368,18 +368,18 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Add a pedestrian: along a footpath or crossing from the place on, or across a road from right to left there.
 
     Raises:
-        InvalidRequest: an argument that is for vehicles, an impossible speed or departure.
-        NotPossible: a motorway, or a place that is taken.
+        InvalidRequest: an argument for vehicles, or an impossible speed or departure.
+        NotPossible: the road is a motorway, or the place is occupied.
     """
     foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
     if foreign:
         raise InvalidRequest(
-            f"{', '.join(foreign)} is for vehicles; a pedestrian walks straight on",
+            f"{', '.join(foreign)} applies to vehicles; a pedestrian walks straight on",
             valid=["at", "position", "lane", "offset_m", "speed", "time_s"],
-            next_step="leave it out",
+            next_step="remove it",
         )
-    speed = _WALKING_MPS if edit.speed is None else asked_speed(edit.speed, _RUNNING_MPS)
-    check_speed(speed, _RUNNING_MPS, f"a pedestrian does not walk {edit.speed}", "choose a slower speed")
+    speed = _WALKING_MPS if edit.speed is None else parse_speed(edit.speed, _RUNNING_MPS)
+    check_speed(speed, _RUNNING_MPS, f"a pedestrian cannot walk at {edit.speed}", "choose a slower speed")
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     middle = line[[0, -1]].mean(axis=0)
     first = _asked_step(edit, scene)
@@ -397,20 +397,20 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     occupant = places.occupant_at(track.positions[0], float(track.headings_rad[0]), _SIZE_M)
     if occupant is not None:
         raise NotPossible(
-            f"the place is taken by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
+            f"the place is occupied by {occupant}", reason=PLACE_TAKEN, next_step="choose another position or departure"
         )
     parts = () if trigger is None else (ScriptPart(first, (), trigger),)
     script = Script(track, parts, bool(edit.dodge))
     replay = Replay(track, None, script=script if script.depends_on_ego else None)
     changes = replace(changes.with_replay(replay), next_id=changes.next_id + 1)
-    what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s on"
+    what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s"
     if trigger is not None:
-        what += f"; in reactive runs once {edit.when} holds for the planner's ego"
+        what += f"; in reactive runs, once {edit.when} holds for the planner's ego"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
 
 
 def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[Points, str]:
-    """The line (n, 2) that a pedestrian walks along, and where that is, in words."""
+    """Return the line (n, 2) that a pedestrian walks along, and its place as text."""
     footpath = _footpath(edit, scene)
     if footpath is not None:
         return _along(edit, footpath, scene, stands=stands)
@@ -427,12 +427,12 @@ def _line(edit: Edit, scene: Scene, changes: Changes, *, stands: bool) -> tuple[
 
 
 def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Points, str]:
-    """The line (n, 2) along a footpath or crossing, and where that is, in words."""
+    """Return the line (n, 2) along a footpath or crossing, and its place as text."""
     if edit.lane not in (None, "same"):
         raise InvalidRequest(
             f"lane is relative to the ego or a vehicle; '{edit.at}' is a lanelet",
             valid=["position", "offset_m"],
-            next_step="leave lane out",
+            next_step="remove lane",
         )
     center = without_repeats(np.asarray(scene.network.find_lanelet_by_id(footpath).center_vertices, dtype=float))
     last_m = length_m(center) - _SIZE_M[0]
@@ -445,7 +445,7 @@ def _along(edit: Edit, footpath: int, scene: Scene, *, stands: bool) -> tuple[Po
         )
     onward = [vertex for vertex in center if project(center, vertex)[0] > station + 1e-6]
     line = np.array([point_at(center, station)[0], *onward])
-    return line, _stands_on(footpath, station) if stands else f"walks along lanelet {footpath} from {station:.1f} m on"
+    return line, _stands_on(footpath, station) if stands else f"walks along lanelet {footpath} from {station:.1f} m"
 
 
 def _stands_on(lanelet_id: int, station: float) -> str:
@@ -459,7 +459,7 @@ def _footpath(edit: Edit, scene: Scene) -> int | None:
 
 
 def _across(scene: Scene, place: Place) -> Points:
-    """From the right edge of the road to its left edge (2, 2), past all lanes beside, kerbs included."""
+    """Return the line (2, 2) from the right edge of the road to its left edge, across all adjacent lanes."""
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
     offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
@@ -467,7 +467,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """The lanelets of a road at a place, oncoming ones included."""
+    """Return the lanelets of a road at a place, oncoming ones included."""
     row = [lanelet_id]
     for key in row:
         lanelet = scene.network.find_lanelet_by_id(key)
@@ -476,7 +476,7 @@ def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
 
 
 def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[float]:
-    """How far the bounds of a lanelet lie to the left of a point (negative: to its right)."""
+    """Return how far the bounds of a lanelet are to the left of a point (negative: to its right)."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     lines = [
         without_repeats(np.asarray(bound, dtype=float)) for bound in (lanelet.left_vertices, lanelet.right_vertices)
@@ -485,7 +485,7 @@ def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[
 
 
 def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) -> Track:
-    """The walk until the line or the scenario ends; at no speed, standing where the line begins."""
+    """Return the walk until the line or the scenario ends; at speed 0, standing at the start of the line."""
     stations = np.arange(scene.last_step - first + 1) * scene.step_s * speed_mps
     poses = [point_at(line, float(station)) for station in stations if station <= length_m(line)]
     return Track(
@@ -501,10 +501,10 @@ def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) ->
 
 
 def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
-    """Refuse a road user that the road at a lanelet is not open to.
+    """Refuse a road user that may not use the road at a lanelet.
 
     Raises:
-        NotPossible: users or type of the lanelet leave the class out, or a bicycle or pedestrian on a motorway.
+        NotPossible: users or type of the lanelet exclude the class, or a bicycle or pedestrian is on a motorway.
     """
     reason = _closed_because(class_name, lanelet_id, scene)
     if reason is not None:
@@ -517,12 +517,12 @@ def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
 
 
 def _is_footpath(scene: Scene, lanelet_id: int) -> bool:
-    """Whether a lanelet is there to walk along."""
+    """Return True if a lanelet is meant for walking."""
     return bool(_kinds(scene, lanelet_id) & _FOOTPATH_TYPES) or _users(scene, lanelet_id) == {"pedestrian"}
 
 
 def _closed_because(class_name: str, lanelet_id: int, scene: Scene) -> str | None:
-    """Why a class may not use a lanelet; None if it may. Its users say it, else its type, else the kind of road."""
+    """Return why a class may not use a lanelet, or None: by its users, else its type, else the kind of road."""
     user, kinds, users = _user(class_name), _kinds(scene, lanelet_id), _users(scene, lanelet_id)
     if user == _EVERYWHERE or user in users:
         return None
@@ -540,7 +540,7 @@ def _is_motorway(scene: Scene, kinds: set[str]) -> bool:
 
 
 def _user(class_name: str) -> str:
-    """CommonRoad's word for a class."""
+    """Return CommonRoad's word for a class."""
     vehicle_class = vehicle_classes().get(class_name)
     return class_name if vehicle_class is None else vehicle_class.commonroad_type
 
@@ -550,13 +550,13 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """The users that a file names for a lanelet, in its direction or in both; empty where it names none."""
+    """Return the users that a file lists for a lanelet, in its direction or in both; empty if it lists none."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 
 
 def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Remove the selected vehicles; the others stay as recorded, driven ones no longer see them."""
+    """Remove the selected vehicles; the others stay as recorded, and driven ones no longer see them."""
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)

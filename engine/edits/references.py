@@ -1,7 +1,7 @@
-"""What the words of an edit mean: vehicles, lanelets, and the routes that lead there.
+"""Resolve the references of an edit: vehicles, lanelets, and the routes that lead there.
 
-Words for vehicles mean those that the edits before leave, at the ego's first time step, as a description of the
-scenario at that step shows them. Lanelets are named by id, by SUMO's edges and lanes, or by a turn at the next fork.
+Selectors match the vehicles that earlier edits leave, at the ego's first time step, as a description of the scenario at
+that step shows them. Lanelets are given by id, by SUMO's edges and lanes, or by a turn at the next fork.
 """
 
 import itertools
@@ -30,39 +30,39 @@ from ..vehicles import STANDING_MPS, vehicle_class_of, vehicle_classes
 from .changes import Changes, scene_for_references
 
 _TIE = 1e-3
-"""Speeds in m/s or distances in m that differ by less are the same to a person who describes a vehicle by them."""
-_NAME_A_VEHICLE = "name one of these by its id; describe_scenario with detail=vehicles lists all"
-_NAME_A_LANELET = "name one of these; describe_scenario with detail=lanelets lists all"
+"""Speeds in m/s or distances in m that differ by less are equal for a description."""
+_NAME_A_VEHICLE = "give one of these by its id; describe_scenario with detail=vehicles lists all"
+_NAME_A_LANELET = "give one of these; describe_scenario with detail=lanelets lists all"
 _MOST_MEANT = 3
-"""Vehicles that are described where a word meant several (chosen)."""
+"""Number of vehicles that are described if a selector matches several (chosen)."""
 _MEAN_ALL = ("id", "new", "all", "class")
-"""Selectors that mean the same whoever else is excluded."""
+"""Selectors that match the same vehicles regardless of exclusions."""
 EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Ids of the vehicles that the selectors mean together, ascending.
+    """Return the ids of the vehicles that the selectors match together, ascending.
 
-    Vehicles that earlier edits added count like recorded ones; those that they removed count no more.
+    Vehicles that earlier edits added count like recorded ones; removed ones do not count.
 
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
-        UnknownName: an id, class or word that does not exist.
+        UnknownName: an id, class or word does not exist.
         NotPossible: the ego, a removed vehicle, an ambiguous description, or one that fits no vehicle.
     """
     there = scene_for_references(scene, changes)
     if not texts:
         raise InvalidRequest(
-            "no vehicle is named",
+            "no vehicle is given",
             valid=[*_listed(there), *SELECTORS[1:]],
-            next_step="name vehicles",
+            next_step="give vehicles",
             remedies=[with_values(vehicles=["nearest:1"])],
         )
     selectors = [_selector(text, scene) for text in texts]
     wanted = [selector for selector in selectors if not selector.negated]
     if not wanted:
         raise InvalidRequest(
-            "only exclusions are given", valid=["all", "class:car"], next_step="add whom they exclude from"
+            "only exclusions are given", valid=["all", "class:car"], next_step="add a selector that they exclude from"
         )
     excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, there, changes)}
     meant = {key for selector in wanted for key in _resolve_without(selector, there, excluded, changes)}
@@ -70,33 +70,33 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
     gone = _gone(there, changes) & set(left)
     if gone:
         raise NotPossible(
-            f"vehicle {min(gone)} was removed by an earlier edit", valid=_listed(there), next_step="leave it out"
+            f"vehicle {min(gone)} was removed by an earlier edit", valid=_listed(there), next_step="remove it"
         )
     if not left:
         raise NotPossible(
-            f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="leave fewer of them out"
+            f"{', '.join(texts)} leaves no vehicle", valid=_listed(there), next_step="exclude fewer vehicles"
         )
     return left
 
 
 def select_one(edit: Edit, scene: Scene, changes: Changes) -> int:
-    """Return the id of the vehicle that an edit of a single vehicle names.
+    """Return the id of the vehicle of an edit of a single vehicle.
 
     Raises:
-        InvalidRequest: its selectors mean several vehicles, or what :func:`select` raises.
+        InvalidRequest: its selectors match several vehicles, or what :func:`select` raises.
     """
     vehicles = select(edit.vehicles, scene, changes)
     if len(vehicles) != 1:
         raise InvalidRequest(
-            f"{edit.op} is about one vehicle, not {len(vehicles)}",
+            f"{edit.op} takes one vehicle, not {len(vehicles)}",
             valid=[f"vehicles=['{key}']" for key in vehicles],
-            next_step="name one",
+            next_step="give one",
         )
     return vehicles[0]
 
 
 def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], changes: Changes) -> tuple[int, ...]:
-    """What a selector means where some vehicles are excluded: the nearest, the fastest, the only one of the others."""
+    """Resolve a selector among the vehicles that are not excluded: their nearest, their fastest, the only one left."""
     if not excluded or selector.kind in _MEAN_ALL:
         return _resolve(selector, scene, changes)
     if selector.kind in ("one", "only"):
@@ -106,10 +106,10 @@ def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], chang
     return _resolve(selector, replace(scene, tracks=others), changes)
 
 
-def whom_words_meant(texts: Sequence[str], vehicles: Sequence[int], scene: Scene, changes: Changes) -> str:
-    """The vehicles that words for them meant, each with its class and where it is as seen from the ego.
+def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene, changes: Changes) -> str:
+    """Return the vehicles that selectors matched, each with its class and its place relative to the ego.
 
-    Empty where they were named by their ids, and for words that need no answer (all, the vehicle of an edit).
+    Empty if they were given by id, and for selectors that need no answer (all, the vehicle of an edit).
     """
     kinds = {parse_selector(text).kind for text in texts}
     if kinds <= {"id", "all", "new"}:
@@ -129,27 +129,27 @@ def whom_words_meant(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
 
 
 def _with_meaning(text: str) -> str:
-    """A selector as it was written, with the class that its word was taken for where it is no class itself."""
+    """Return a selector as written, plus the class that it was read as if its word is another name."""
     selector = parse_selector(text)
     known = vehicle_class_of(selector.argument) if selector.kind in ("class", "one", "only") else None
     if known is None or selector.argument.lower() == known:
         return text
-    return f"{text} ('{selector.argument}' is taken as {known})"
+    return f"{text} ('{selector.argument}' read as {known})"
 
 
 def _selector(text: str, scene: Scene) -> Selector:
-    """The parsed selector; the ego and its planning problem are refused, because it is not part of the traffic."""
+    """Return the parsed selector; the ego and its planning problem are refused, because it is not traffic."""
     body = text.strip().removeprefix("!").lower()
     if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
         raise NotPossible(
-            f"'{text}' is the ego, which the planner drives and no edit of the traffic can",
-            next_step="op set_goal moves the ego's goal; configure_planner changes how it drives",
+            f"'{text}' is the ego: the planner drives it, and edits of the traffic cannot change it",
+            next_step="use op set_goal to move the ego's goal, or configure_planner to change how it drives",
         )
     return parse_selector(text)
 
 
 def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
-    """Known ids, those that differ least from the wanted one first."""
+    """Return known ids, ordered by their difference from the wanted one."""
     return sorted(known, key=lambda key: (abs(key - wanted), key))
 
 
@@ -185,16 +185,16 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
 
 
 def _gone(scene: Scene, changes: Changes) -> set[int]:
-    """The vehicles that edits removed; an added vehicle that was removed again has left no other trace."""
+    """Return the vehicles that edits removed; an added vehicle that was removed again has left no other trace."""
     return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
 
 
 def _new(edit: int, changes: Changes) -> tuple[int, ...]:
     if edit >= len(changes.added_by_edit) or not changes.added_by_edit[edit]:
         raise UnknownName(
-            "new:K names what edit K of the same call adds, and that edit adds nothing before this one",
+            "new:K refers to what edit K of the same call adds, and that edit adds nothing before this one",
             valid=[key for added in changes.added_by_edit for key in added],
-            next_step="name a vehicle by its id",
+            next_step="give a vehicle by its id",
         )
     return changes.added_by_edit[edit]
 
@@ -210,7 +210,7 @@ def _of_class(word: str, scene: Scene) -> tuple[int, ...]:
         word = vehicle_class_of(word) or word
     if word not in kinds:
         raise UnknownName(
-            f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="name one of these"
+            f"there is no vehicle class '{word}'", valid=closest(word, sorted(kinds)), next_step="give one of these"
         )
     vehicles = tuple(key for key, track in scene.tracks.items() if track.kind == kinds[word])
     if not vehicles:
@@ -225,7 +225,7 @@ def _the_only(
         raise NotPossible(
             f"there {'is no' if not vehicles else 'are'} {counted(len(vehicles), what) if vehicles else what}{where}",
             valid=[_name(scene.tracks[key]) for key in vehicles] or _listed(scene),
-            next_step="name one by its id",
+            next_step="give one by its id",
             reason=f"{AMBIGUOUS_VEHICLE} {selector}" if vehicles else "",
         )
     return vehicles
@@ -234,7 +234,7 @@ def _the_only(
 def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
     if side not in ("leftmost", "rightmost"):
         raise UnknownName(
-            f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="name one of these"
+            f"there is no lane '{side}'", valid=["lane:leftmost", "lane:rightmost"], next_step="give one of these"
         )
     outermost, step = [], scene.ego.step if scene.ego else 0
     for key in _vehicles(scene):
@@ -248,7 +248,7 @@ def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
 
 
 def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
-    """Descriptions that hold at the first time step: by distance, speed or order in the ego's lane."""
+    """Resolve descriptions that hold at the first time step: by distance, speed or order in the ego's lane."""
     step = scene.ego.step if scene.ego else 0
     there = {key: scene.tracks[key] for key in _vehicles(scene) if scene.tracks[key].index_at(step) is not None}
     if not there:
@@ -273,20 +273,20 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
 
 
 def _number(selector: Selector, there: int) -> int:
-    """How many vehicles a selector asks for, of those that are there."""
+    """Return how many vehicles a selector requests, of those that are there."""
     count = int(selector.argument)
     if count == 0:
         raise InvalidRequest(
             f"'{selector}' selects no vehicle",
             valid=["nearest:1", "nearest:3"],
-            next_step="ask for one at least",
+            next_step="request at least one",
             given=str(selector),
         )
     if count > there:
         raise NotPossible(
-            f"'{selector}' asks for more vehicles than are there when the ego starts",
+            f"'{selector}' requests more vehicles than are there when the ego starts",
             valid=[f"nearest:{there}", "all"],
-            next_step="ask for fewer",
+            next_step="request fewer",
             given=str(selector),
         )
     return count
@@ -299,15 +299,15 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """The first vehicles by a rank, of which the last must not be as good as the next one."""
+    """Return the first vehicles by a rank; the last must differ from the next one."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]
     if not set(alike) <= set(chosen):
         raise NotPossible(
-            f"'{selector}' is ambiguous: {len(alike)} vehicles are alike",
+            f"'{selector}' is ambiguous: {len(alike)} vehicles are equal",
             valid=[_name(tracks[key]) for key in alike],
-            next_step="name one by its id",
+            next_step="give one by its id",
             reason=f"{AMBIGUOUS_VEHICLE} {selector}" if count == 1 else "",
         )
     return tuple(chosen)
@@ -330,31 +330,31 @@ def _name(track: Track) -> str:
 
 
 def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> frozenset[int]:
-    """Lanelets named by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
+    """Return lanelets given by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
 
     Raises:
-        InvalidRequest: none is named.
-        UnknownName: a lanelet or edge that does not exist.
+        InvalidRequest: no lanelet is given.
+        UnknownName: a lanelet or edge does not exist.
     """
     if not texts:
-        raise InvalidRequest("no lanelet is named in 'to'", valid=[*scene.layout.lane_of][:12], next_step="name one")
-    return frozenset(key for text in texts for key in _named(text.strip(), scene, changes))
+        raise InvalidRequest("no lanelet is given in 'to'", valid=[*scene.layout.lane_of][:12], next_step="give one")
+    return frozenset(key for text in texts for key in _resolve_lanelets(text.strip(), scene, changes))
 
 
-def _named(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
+def _resolve_lanelets(text: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
     if text.startswith("lanelet_of:"):
-        meant = select([text.removeprefix("lanelet_of:")], scene, changes)
-        return tuple(_lanelet_at_start(key, scene_for_references(scene, changes)) for key in meant)
+        vehicles = select([text.removeprefix("lanelet_of:")], scene, changes)
+        return tuple(_lanelet_at_start(key, scene_for_references(scene, changes)) for key in vehicles)
     if text in scene.layout.edges:
         return scene.layout.edges[text]
     return (known_lanelet(text, scene),)
 
 
 def known_lanelet(text: str, scene: Scene) -> int:
-    """The drivable lanelet with this id, or under this lane of SUMO's (edge, underscore, index).
+    """Return the drivable lanelet with this id, or under this lane of SUMO's (edge, underscore, index).
 
     Raises:
-        UnknownName: no such lanelet or edge; the nearest ids are named.
+        UnknownName: no such lanelet or edge; the error lists the nearest ids.
     """
     lanes = scene.layout.table.lanes
     if text.isdigit() and int(text) in lanes:
@@ -363,7 +363,7 @@ def known_lanelet(text: str, scene: Scene) -> int:
         return scene.layout.lanelets_of_lane[text][0]
     if text.isdigit():
         every = {lanelet.lanelet_id for lanelet in scene.network.lanelets}
-        what = "is no lanelet that vehicles drive on" if int(text) in every else "is no lanelet of the scenario"
+        what = "is not a lanelet for vehicles" if int(text) in every else "is not a lanelet of the scenario"
         raise UnknownName(
             f"{text} {what}",
             valid=nearest_ids(int(text), list(lanes)),
@@ -373,7 +373,7 @@ def known_lanelet(text: str, scene: Scene) -> int:
     known = [*map(str, lanes), *scene.layout.edges]
     near = closest(text, known)
     raise UnknownName(
-        f"'{text}' is no lanelet or edge",
+        f"'{text}' is not a lanelet or edge",
         valid=near,
         next_step=_NAME_A_LANELET,
         remedies=[*misspelt(text, near), LANELETS_LISTED],
@@ -381,10 +381,10 @@ def known_lanelet(text: str, scene: Scene) -> int:
 
 
 def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: str) -> tuple[int, ...]:
-    """Lanelets from a start to the nearest target, both included.
+    """Return the lanelets from a start to the nearest target, both included.
 
     Raises:
-        NotPossible: no target can be reached; those that can are named, the nearest to a target first.
+        NotPossible: no target can be reached; the error lists reachable lanelets, the nearest to a target first.
     """
     begin, wanted = tuple(starts), sorted(targets)
     route = scene.lanelet_graph.shortest_route(begin, wanted)
@@ -394,19 +394,19 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
             f"lanelet {' or '.join(map(str, wanted))} cannot be reached by {who}"
             f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
             valid=nearest,
-            next_step="choose a lanelet that can be reached",
+            next_step="choose a reachable lanelet",
             remedies=[_toward(wanted[0], key) for key in nearest[:_MOST_MEANT]] if len(wanted) == 1 else [],
         )
     return route
 
 
 def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_there: bool = False) -> tuple[int, ...]:
-    """Lanelets that a vehicle drives from its own to the nearest target, both included.
+    """Return the lanelets that a vehicle drives from its own to the nearest target, both included.
 
-    ``is_there``: it is on the start already, so that it may steer over from there inside a junction.
+    ``is_there``: it is already on the start, so it may change over from there inside a junction.
 
     Raises:
-        NotPossible: no target can be reached, or only by a change of lanes inside a junction.
+        NotPossible: no target can be reached, or only by a lane change inside a junction.
     """
     route = scene.driven_graph.shortest_route([start], sorted(targets))
     if route is None and is_there:
@@ -421,32 +421,32 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
         f"{who} would have to change from lanelet {wrong} to {right} inside a junction, where SUMO's vehicles keep "
         "their lanes",
         valid=nearest,
-        next_step="choose a target before or behind the junction",
+        next_step="choose a target before or after the junction",
         remedies=[_toward(key, other) for key in targets for other in nearest[:_MOST_MEANT]],
     )
 
 
 def _toward(lanelet: int, other: int) -> Remedy:
-    """The edit with another lanelet as its target, or as one that it leads through."""
+    """Return the edit with another lanelet as its target, or as one that it leads through."""
     return instead(str(lanelet), other, "to", "via")
 
 
 def nearest_driven(scene: Scene, start: int, targets: Sequence[int]) -> list[int]:
-    """Lanelets that SUMO's vehicles reach from one without changing lanes inside a junction, nearest to a target first.
+    """Return the lanelets that SUMO's vehicles reach without a lane change inside a junction.
 
-    As the crow flies.
+    The nearest to a target (straight-line distance) comes first.
     """
     return _by_distance_to(targets, sorted(scene.driven_graph.reachable([start])), scene)
 
 
 def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
-    """Lanelets outside junctions that can be reached, the fewest lanelets away first, without the starts."""
+    """Return reachable lanelets outside junctions, the fewest lanelets away first, without the starts."""
     nearest_first = scene.lanelet_graph.reachable(starts)
     return [key for key in nearest_first if key not in starts and key in scene.layout.lane_of]
 
 
 def _by_distance_to(targets: Sequence[int], lanelets: Sequence[int], scene: Scene) -> list[int]:
-    """Lanelets by how near their centre line comes to that of any target, as the crow flies."""
+    """Return lanelets by the straight-line distance of their centre line from that of any target."""
     lanes = scene.layout.table.lanes
     wanted = np.vstack([lanes[key].center for key in targets])
 
@@ -460,9 +460,9 @@ def _lanelet_at_start(vehicle_id: int, scene: Scene) -> int:
     match = scene.matches.get(vehicle_id)
     if match is None:
         raise NotPossible(
-            f"vehicle {vehicle_id} is on no lanelet",
+            f"vehicle {vehicle_id} is not on a lanelet",
             valid=[f"lanelet_of:{key}" for key in nearest_ids(vehicle_id, list(scene.matches))],
-            next_step="name another vehicle, or a lanelet by its id",
+            next_step="give another vehicle, or a lanelet by its id",
         )
     track = scene.tracks.get(vehicle_id)
     index = track.index_at(scene.ego.step) if track and scene.ego else None

@@ -34,7 +34,7 @@ from .explanations import (
 from .writing import replayed_motion
 
 _MOST_VALUES = 4
-"""Values that an edit's sentence tells (chosen); the structured answer has all."""
+"""Number of values in an edit's sentence (chosen); the structured answer has all."""
 
 
 def outcome_of(
@@ -44,14 +44,14 @@ def outcome_of(
     files: tuple[Path | None, Path | None],
     notes: list[str],
 ) -> ModificationOutcome:
-    """The outcome of a request.
+    """Return the outcome of a request.
 
     Args:
-        request: with its edits and the wanted detail.
+        request: the edits and the requested detail.
         simulated: the edits after their simulation.
         before: the ego's danger in the base scenario; None without an ego.
         files: the scenario file and its SUMO network, None for a dry run.
-        notes: sentences on what writing the files changed besides.
+        notes: sentences on what else changed when the files were written.
     """
     scene, changes, result, ego = simulated.scene, simulated.changes, simulated.result, simulated.ego
     after = None if ego is None else ego_risk_after(ego, simulated)
@@ -77,9 +77,9 @@ def outcome_of(
 
 
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
-    """One report per edit of this request; those of earlier requests are not repeated.
+    """Return one report per edit of this request; those of earlier requests are not repeated.
 
-    An edit is not done where those that follow leave nothing of it.
+    An edit is not done if later edits leave nothing of it.
     """
     reports = []
     for index in range(request.earlier, len(request.edits)):
@@ -109,17 +109,17 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
 
 
 def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
-    """What came out of the values that an edit asks for, for the first of its vehicles; what is equal is said once."""
+    """Return the results for the values that an edit requests, for its first vehicles; equal results are joined."""
     vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
-        asked = "" if one.asked is None or one.reached else f" (asked: {one.asked:g} {one.unit})"
+        asked = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
         words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{asked}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
     return [f"{listed(tuple(keys))} {words}" for words, keys in vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
-    """The touched vehicles, and on how many of them both checks agree where both were asked for."""
+    """Return the touched vehicles, and on how many of them both checks agree if both were requested."""
     screened = _touched_vehicles(edited, check_kinematics)
     if request.detail == "brief":
         return screened, None
@@ -128,9 +128,9 @@ def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[To
 
 
 def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) -> tuple[TouchedVehicle, ...]:
-    """Feasibility (by a check) and hand-over of every touched vehicle, by ascending id.
+    """Return feasibility (by a check) and hand-over of every touched vehicle, by ascending id.
 
-    One that an edit moves in time is named as shifted also where it is driven because it would hit another one.
+    A vehicle that an edit moves in time is reported as shifted even if it is driven to avoid a collision.
     """
     scene, result = edited.scene, edited.result
     driven = {
@@ -151,14 +151,14 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
 
 
 def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Feasibility]) -> Feasibility:
-    """What a check says of a motion, with the axles of the class that the vehicle is of by its type and length."""
+    """Return the verdict of a check on a motion, with the axles of the class that fits its type and length."""
     chassis = nearest_class(track.kind, track.length_m)
     axles = {"wheelbase_m": chassis.wheelbase_m, "rear_axle_m": chassis.rear_axle_m}
     return check(motion, scene.step_s, **axles, friction=scene.friction)
 
 
 def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> TouchedVehicle:
-    """A road user that moves by a given track; people on foot are not held to what vehicles can do."""
+    """Return a road user that moves by a given track; vehicle limits do not apply to pedestrians."""
     is_vehicle = replay.track.kind not in NOT_DRIVEN and len(replay.track.positions) > 1
     motion = replayed_motion(replay.track, scene.step_s) if is_vehicle else None
     verdict = None if motion is None else _verdict(scene, replay.track, motion, check)
@@ -194,7 +194,7 @@ def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feas
 
 
 def _moved_m(track: TakenOverTrack, recorded: Track) -> float:
-    """The largest distance in m between two tracks at the same steps."""
+    """Return the largest distance in m between two tracks at the same steps."""
     first = max(track.first_step, recorded.first_step)
     ours, theirs = track.positions[first - track.first_step :], recorded.positions[first - recorded.first_step :]
     steps = min(len(ours), len(theirs))
@@ -202,17 +202,18 @@ def _moved_m(track: TakenOverTrack, recorded: Track) -> float:
 
 
 def _ego_notes(simulated: SimulatedEdits) -> list[str]:
-    """What concerns the ego and is no refusal: entries where it is then, and recordings of the ego itself."""
+    """Return notes about the ego that are not refusals: entries at its position, and its own recording."""
     notes = []
     entering = entering_onto_ego(simulated)
     if entering:
-        notes.append(f"vehicle {', '.join(map(str, entering))} enters just where an ego that drives ordinarily is then")
+        keys = ", ".join(map(str, entering))
+        notes.append(f"vehicle {keys} enters at the position of an ego that drives like an ordinary driver")
     start, removed = simulated.changes.ego or simulated.scene.ego, simulated.changes.removed
     left = {key: track for key, track in simulated.scene.tracks.items() if key not in removed}
     own = [key for key, track in left.items() if start is not None and is_own_recording(track, start)]
     if own:
         keys = ", ".join(map(str, own))
-        notes.append(f"{keys} is the ego's own recording: its danger is 0 m until remove_vehicle takes it out")
+        notes.append(f"{keys} is the ego's own recording: the ego's danger is 0 m until you remove it (remove_vehicle)")
     return notes
 
 
@@ -221,13 +222,13 @@ def _danger(risk: EgoRisk | None) -> EgoDanger | None:
 
 
 def _left_out_notes(before: EgoRisk | None, after: EgoRisk | None) -> list[str]:
-    """A sentence on the vehicles that the edits bring into this: they are left out of the figures after them."""
+    """Return a note on vehicles that are newly left out of the ego's figures because of the edits."""
     known = () if before is None else before.left_out
     new = [key for key in (() if after is None else after.left_out) if key not in known]
     if not new:
         return []
-    who = ", ".join(map(str, new))
-    return [f"left out of the ego's danger after the edit, as they hit it from behind on their recording: {who}"]
+    keys = ", ".join(map(str, new))
+    return [f"left out of the ego's danger after the edit, because their recording hits it from behind: {keys}"]
 
 
 def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
@@ -239,15 +240,15 @@ def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:
     warnings = _late_entries(edited)
     if unseen and result.plans:
         warnings.append(
-            f"recorded off the lanelets, so that driven vehicles do not see them: {', '.join(map(str, sorted(unseen)))}"
+            f"recorded off the lanelets, so driven vehicles do not see them: {', '.join(map(str, sorted(unseen)))}"
         )
     if phantoms and result.plans:
-        warnings.append(f"phantom obstacles, which nobody sees or hits: {', '.join(map(str, phantoms))}")
+        warnings.append(f"phantom obstacles, which other vehicles neither see nor hit: {', '.join(map(str, phantoms))}")
     return warnings + _kept_recordings(request, edited)
 
 
 def _late_entries(edited: EditedScene) -> list[str]:
-    """Who enters after time 0, for which CommonRoad's schema has no form."""
+    """Return a warning on road users that enter after time 0, which CommonRoad's schema does not allow."""
     steps = {key: plan.from_step for key, plan in edited.result.plans.items() if plan.cause == "added"}
     steps |= {
         key: replay.track.first_step
@@ -265,19 +266,19 @@ def _late_entries(edited: EditedScene) -> list[str]:
         f"{step * edited.scene.step_s:.1f} s"
         for step, keys in late.items()
     ]
-    return [f"{', '.join(entries)}: CommonRoad's schema wants everybody there at time 0, its reader takes it"]
+    return [f"{', '.join(entries)}: CommonRoad's schema requires time 0, but its reader accepts this"]
 
 
 def _kept_recordings(request: ModificationRequest, edited: EditedScene) -> list[str]:
-    """The vehicles that should react to the edits and do not."""
+    """Return warnings on vehicles that should react to the edits and do not."""
     scene, changes, result = edited.scene, edited.changes, edited.result
     warnings = []
     if result.missing:
         warnings.append(
-            f"vehicle {', '.join(map(str, result.missing))} keeps its recording, although it should react: SUMO did "
-            "not take it, or the scenario ends"
+            f"vehicle {', '.join(map(str, result.missing))} keeps its recording although it should react: SUMO did "
+            "not insert it, or the scenario ends"
         )
     mute = [key for key in scene.tracks if key not in {*result.plans, *changes.removed, *changes.replays}]
     if request.traffic == "reactive" and mute:
-        warnings.append(f"cannot be driven, so that they keep their recording: {', '.join(map(str, mute))}")
+        warnings.append(f"cannot be driven, so they keep their recording: {', '.join(map(str, mute))}")
     return warnings

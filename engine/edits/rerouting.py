@@ -1,7 +1,7 @@
-"""Edit T, a new route: to lanelets or along a turn, as far as a vehicle can still brake, steer over and change lanes.
+"""Edit T, a new route: to lanelets or along a turn, as far as a vehicle can still brake and change lanes.
 
-Limits refuse a route before it is simulated: curves that the vehicle comes to too fast, lane changes before a road ends
-and inside a junction. Distances are in m, speeds in m/s.
+A route is refused before it is simulated if the vehicle reaches a curve too fast, or cannot change lanes before a road
+ends or inside a junction. Distances are in m, speeds in m/s.
 """
 
 import math
@@ -22,20 +22,20 @@ from .changes import Changes, EditStep, named_vehicles, plan_of
 from .references import drive_to, nearest_driven, reachable_lanelets, select, target_lanelets
 
 _USUAL_S = 3.0
-"""A driver in no hurry takes this long for a change of lane (chosen)."""
+"""Usual duration of a lane change (chosen)."""
 _USUAL_STEEPNESS, _STEEPEST = 0.3, 1.0
-"""Metres aside for a metre along the lane, at most: 17° in no hurry, 45° of the front bumper where room is short.
+"""Largest lateral metres per metre along the lane: 17° usually, 45° of the front bumper if room is short.
 
 The motion is smoothed, and the body follows its front: it turns by less than 25°.
 """
 _TO_SPARE_M = 0.5
-"""A vehicle is across by one step and this before the lanelets part (chosen)."""
+"""A lane change ends one step and this distance before the lanelets part (chosen)."""
 _TURN_RAD, _STRAIGHT_RAD = math.radians(50.0), math.radians(20.0)
-"""A branch turns beyond the first, and goes straight below the second (chosen); in between it does neither."""
+"""A branch turns above the first, and goes straight below the second (chosen); in between it does neither."""
 _BRANCH_M = 60.0
-"""A branch is looked at no farther than this, so that a later curve of the road is no turn."""
+"""A branch is examined no farther than this, so that a later curve of the road is not a turn."""
 _ONWARD_NAMED = 3
-"""Lanelets that are proposed to a vehicle without a fork ahead (chosen)."""
+"""Number of lanelets that are proposed to a vehicle without a fork ahead (chosen)."""
 
 
 def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
@@ -43,7 +43,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: neither or both of ``to`` and ``turn``.
-        NotPossible: a vehicle cannot get there, comes to a curve or the last place of a lane change too fast, or cannot
+        NotPossible: a vehicle cannot get there, reaches a curve or the last place of a lane change too fast, or cannot
             be driven.
     """
     if bool(edit.to or edit.via) == bool(edit.turn):
@@ -64,13 +64,13 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    """The plan from the lanelet that the vehicle is matched to, or from another under it that leads there sooner.
+    """Return the plan from the vehicle's matched lanelet, or from another under it that leads there sooner.
 
-    At last from its own with a change of lane inside a junction, where SUMO changes none: one so near may be handed
-    over into the other lane, and is refused once it is simulated where it is not.
+    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate: a
+    vehicle so near may be handed over into the other lane; otherwise it is refused after the simulation.
 
     Raises:
-        NotPossible: why it cannot get there from the lanelet that it is matched to.
+        NotPossible: why it cannot get there from its matched lanelet.
     """
     own, start = None, plan.lanelets[0]
     try:
@@ -93,9 +93,9 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
 
 
 def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
-    """Lanelets on which a recorded vehicle stands just as well: at a fork its match is the branch that it drove.
+    """Return other lanelets that match a recorded vehicle equally well, such as the other branch at a fork.
 
-    One whose front has left its lanelet is on those that follow.
+    A vehicle with its front past its lanelet is on those that follow.
     """
     if plan.cause == "added":
         return ()
@@ -108,18 +108,18 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
 
 
 def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
-    """Whether a vehicle at the speed of the fastest lane, or its own, drives a plan's way before the scenario ends.
+    """Return True if a vehicle at the fastest lane's speed, or its own, completes a route before the scenario ends.
 
-    One that edits before hold to speeds drives no faster than these, or than it begins.
+    A vehicle that earlier edits limit to speeds drives no faster than these, or than at its start.
 
-    What passed its turn comes back to it round the block, which is of no use to anybody after the end.
+    A vehicle that passed its turn returns to it around the block, which is useless after the end.
     """
     table, route = scene.layout.table, plan.lanelets
-    way_m = sum(table.lanes[key].length_m for key, after in pairwise(route) if after in table.successors[key])
+    route_m = sum(table.lanes[key].length_m for key, after in pairwise(route) if after in table.successors[key])
     speed_mps = float(plan.start.speeds_mps[plan.from_step - plan.start.first_step])
-    held_mps = [order.speed_mps for order in plan.manoeuvres if order.speed_mps is not None]
-    fastest_mps = max(speed_mps, *(held_mps or [scene.lane_speeds_mps[key] for key in route]))
-    return way_m <= fastest_mps * (scene.last_step - plan.from_step) * scene.step_s
+    ordered_mps = [order.speed_mps for order in plan.manoeuvres if order.speed_mps is not None]
+    fastest_mps = max(speed_mps, *(ordered_mps or [scene.lane_speeds_mps[key] for key in route]))
+    return route_m <= fastest_mps * (scene.last_step - plan.from_step) * scene.step_s
 
 
 def _rerouted_from(
@@ -147,7 +147,7 @@ def _rerouted_from(
 
 
 def drive_along(scene: Scene, plan: DrivePlan, route: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
-    """The plan with another route, led on straight ahead after its end.
+    """Return the plan with another route, continued straight ahead after its end.
 
     Raises:
         NotPossible: SUMO's edges do not connect along the route.
@@ -173,10 +173,10 @@ def drive_along(scene: Scene, plan: DrivePlan, route: tuple[int, ...], targets: 
 def _route_via(
     scene: Scene, start: int, via: Sequence[str], targets: frozenset[int], changes: Changes, who: str
 ) -> tuple[int, ...]:
-    """Lanelets from a start to the nearest target, through the given lanelets or edges in their order.
+    """Return the lanelets from a start to the nearest target, through the given lanelets or edges in order.
 
     Raises:
-        UnknownName: a lanelet or edge that does not exist.
+        UnknownName: a lanelet or edge does not exist.
         NotPossible: one of the legs cannot be driven.
     """
     route: tuple[int, ...] = (start,)
@@ -202,14 +202,14 @@ class _Branch:
         return ""
 
     def __str__(self) -> str:
-        """What the branch is, for an error that lists it."""
+        """Return a description of the branch, for an error that lists it."""
         side = "left" if self.turn_rad > 0 else "right"
         how = self.turn or f"slightly {side}"
         return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
 
 
 def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
-    """The branches of the first fork of a lanelet's own lane; none where the lane ends without one."""
+    """Return the branches of the first fork of a lanelet's own lane; empty if the lane ends without one."""
     successors = scene.layout.table.successors
     current, seen = start, {start}
     while len(successors[current]) == 1 and successors[current][0] not in seen:
@@ -222,10 +222,10 @@ def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
 
 
 def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
-    """The branch that turns left or right or goes straight at the next fork.
+    """Return the branch that turns left or right or goes straight at the next fork.
 
     Raises:
-        NotPossible: no fork ahead, or none of its branches goes in that direction; all are listed.
+        NotPossible: there is no fork ahead, or no branch in that direction; the error lists all branches.
     """
     branches = _branches_at_next_fork(scene, start)
     if not branches:
@@ -233,7 +233,7 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
         raise NotPossible(
             f"{who} has no fork ahead in its lane",
             valid=onward[:_ONWARD_NAMED],
-            next_step="name a lanelet with 'to'",
+            next_step="give a lanelet in 'to'",
             remedies=[with_values(turn=None, to=[str(key)]) for key in onward[:_ONWARD_NAMED]],
         )
     fitting = [branch for branch in branches if branch.turn == turn]
@@ -268,12 +268,12 @@ def _end_heading(scene: Scene, key: int) -> float:
 
 
 def _check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> None:
-    """Refuse a route with a curve that the vehicle comes to too fast, even if it brakes as hard as it can.
+    """Refuse a route with a curve that the vehicle reaches too fast, even if it brakes as hard as it can.
 
     Lanelets of the recorded route are left out: the vehicle was recorded in their curves.
 
     Raises:
-        NotPossible: naming the lanelet, the speed there at best and the highest that its curve takes.
+        NotPossible: gives the lanelet, the lowest possible speed there and the highest that its curve allows.
     """
     index = plan.from_step - plan.start.first_step
     recorded = scene.matches.get(plan.start.obstacle_id)
@@ -287,12 +287,12 @@ def _check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: st
 
 
 def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str, *, in_junctions: bool) -> None:
-    """Refuse a route with a change of lane whose last place the vehicle passes, even if it brakes as hard as it can.
+    """Refuse a route with a lane change that the vehicle must pass, even if it brakes as hard as it can.
 
-    One that can stop and wait for a gap is sent there, even if it does not get there in time.
+    A vehicle that can stop and wait for a gap is sent there, even if it does not get there in time.
 
     Raises:
-        NotPossible: naming the lanelet whose end is too near.
+        NotPossible: gives the lanelet that ends too soon.
     """
     lanes = scene.layout.table.lanes
     index = plan.from_step - plan.start.first_step
@@ -309,28 +309,27 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
         room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
         if end > place and left_m + room_m < needed_m:
             raise NotPossible(
-                f"{who} drives {speed_mps:.1f} m/s and lanelet {wrong}, which it has to leave for {right}, "
-                f"ends {max(left_m + room_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop "
-                "before",
-                next_step="choose a target farther on or straight ahead",
+                f"{who} drives {speed_mps:.1f} m/s, and lanelet {wrong}, which it must leave for {right}, ends "
+                f"{max(left_m + room_m, 0.0):.0f} m ahead of its front: it can neither change lanes nor stop before",
+                next_step="choose a target farther ahead or straight on",
             )
         place = end + 1
 
 
 def _way_along_m(line: Points, front: Points) -> float:
-    """How far a front is along a line; one that is past the end by as much more as it is away from it."""
+    """Return how far a front is along a line; past the end, its distance from the end is added."""
     station_m, total_m = project(line, front)[0], length_m(line)
     return station_m if station_m < total_m else total_m + float(np.linalg.norm(front - line[-1]))
 
 
 def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
-    """The way along lanes side by side in which a vehicle gets from the first to the edge of the last, however slow."""
+    """Return the least distance in which a vehicle gets from the first of adjacent lanes to the edge of the last."""
     first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 
 
 def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
-    """The index of the last lanelet of a row of lane changes that begins at an index (the same without any)."""
+    """Return the index of the last lanelet of a row of lane changes that starts at an index (the same without any)."""
     neighbours = scene.lanelet_graph.neighbours
     while place + 1 < len(route) and route[place + 1] in neighbours.get(route[place], ()):
         place += 1
@@ -340,10 +339,10 @@ def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
 def _last_place(
     scene: Scene, route: tuple[int, ...], place: int, end: int, *, in_junctions: bool
 ) -> tuple[float, int, int]:
-    """How much farther on in m the change can still be made, and its last place: the wrong lane, and that of the route.
+    """Return how much farther (m) the change is possible, and its last place: the wrong lane and that of the route.
 
-    The lanes may go on side by side after their end; those in junctions count for one that is inside already, and for
-    all if ``in_junctions``.
+    The lanes may continue side by side after their end; those in junctions count for a vehicle that is already inside,
+    and for all if ``in_junctions``.
     """
     lanes, inside = scene.layout.table.lanes, scene.layout.interior.lanelets
     last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]
@@ -359,9 +358,9 @@ def _last_place(
 
 
 def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> JunctionLaneChange | None:
-    """How a vehicle changes lanes inside a junction where its route begins with that; None where it does not.
+    """Return how a vehicle changes lanes inside a junction at the start of its route, or None if it does not.
 
-    It moves aside by a smooth step, 3p² - 2p³ after the share p of the length: at most 1.5 times as steep as on
+    It moves sideways by a smooth step, 3p² - 2p³ after the share p of the length: at most 1.5 times as steep as on
     average, and with a lateral acceleration of at most 6 v² · aside / length².
 
     Raises:
@@ -382,11 +381,11 @@ def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...],
     )
     if within_m < shortest_m:
         raise NotPossible(
-            f"{who} would have to steer over from lanelet {route[0]} to {route[end]} inside a junction: at "
-            f"{speed_mps:.1f} m/s that takes {shortest_m * PROGRESS_ACROSS + to_spare_m:.0f} m, and "
+            f"{who} would have to change from lanelet {route[0]} to {route[end]} inside a junction: at "
+            f"{speed_mps:.1f} m/s that takes {shortest_m * PROGRESS_ACROSS + to_spare_m:.0f} m, but only "
             f"{max(room_m, 0.0):.0f} m are left ahead of its front",
             valid=nearest_driven(scene, route[0], [route[-1]]),
-            next_step="choose a target farther on or straight ahead",
+            next_step="choose a target farther ahead or straight on",
         )
     usual_m = max(speed_mps * _USUAL_S, 1.5 * aside_m / _USUAL_STEEPNESS)
     return JunctionLaneChange(route[end], min(usual_m, within_m))

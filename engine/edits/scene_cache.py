@@ -1,4 +1,4 @@
-"""Scenes that a worker keeps: one scenario is edited again and again, and reading it takes longer than an edit."""
+"""A worker's cache of scenes: one scenario is edited repeatedly, and reading it takes longer than an edit."""
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -15,18 +15,18 @@ _KEPT = 4
 
 @dataclass(frozen=True)
 class KeptScene:
-    """A scene, and what its ego does in it before any edit: a simulation that does not depend on the edits."""
+    """A scene, and the ego's drive in it before any edit: a simulation that does not depend on the edits."""
 
     scene: Scene
     _drives: dict[int, EgoDrive | None] = field(default_factory=dict)
 
     @cached_property
     def neighbours(self) -> tuple[int | None, int | None]:
-        """The nearest vehicles ahead and behind along the ego's lane at its start; None where there is none."""
+        """The nearest vehicles ahead and behind along the ego's lane at its start; None if there is no such vehicle."""
         return leader_and_follower(self.scene, self.scene.ego) if self.scene.ego else (None, None)
 
     def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
-        """The ego's ordinary drive among the recorded vehicles; simulated once for a seed, and the last one is kept."""
+        """Return the ego's ordinary drive among the recorded vehicles; the last seed's drive is cached."""
         if setup.seed not in self._drives:
             drive = base_drive(self.scene, setup)
             self._drives.clear()
@@ -35,11 +35,11 @@ class KeptScene:
 
 
 def scene_of(path: Path, problem_id: int | None = None) -> KeptScene:
-    """The scene of a file with its lanes and SUMO network; made once for the same content, and never changed.
+    """Return the scene of a file with its lanes and SUMO network; built once per content, and never changed.
 
     Args:
         path: the CommonRoad file.
-        problem_id: the planning problem whose ego it is about; None for the first.
+        problem_id: the planning problem of the ego; None for the first.
 
     Raises:
         UnknownName: the file has no such planning problem.

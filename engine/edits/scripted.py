@@ -1,7 +1,7 @@
 """Edits T with a prescribed motion: cut_in, swerve, wrong_way, and speeds and lane changes with prescribed values.
 
-The motion is computed here and replayed: the others see it and react, while it reacts to no one. The values that come
-out are measured on the motion that is written. Lengths are in m, speeds in m/s; times count from the scenario's start.
+The motion is computed here and replayed: the others see it and react, while it reacts to no other. The resulting values
+are measured on the written motion. Lengths are in m, speeds in m/s; times count from the scenario's start.
 """
 
 import math
@@ -34,11 +34,11 @@ from ..cosimulation import (
 from ..geometry import Points, Values, arc_length, interpolate, point_at, project, project_all, wrap_angle
 from ..scene import Scene, straightness
 from ..vehicles import TIME_GAP_MPS, comfortable_mps2, hardest_braking_mps2
-from .changes import Changes, EditStep, asked_speed, check_speed, named_vehicles, within_time
+from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, within_time
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import first_place, read_trigger
-from .population import class_named
+from .population import resolve_class
 from .references import EGO_WORDS, select, select_one
 
 _LOOK_M = 250.0
@@ -52,7 +52,7 @@ _USUAL_GAP_S = 1.0
 _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
 """By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
-"""A cut-in begins as soon as its preparation takes no more than this, and is refused if it takes more than that."""
+"""A cut-in starts as soon as its preparation needs at most the first; above the second it is refused."""
 _BESIDE_M = (1.8, 6.0)
 """Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
@@ -68,19 +68,19 @@ _ONCOMING_RAD = math.radians(120.0)
 def prescribed(
     scene: Scene, changes: Changes, vehicle_id: int, part: ScriptPart, *, dodges: bool = False
 ) -> tuple[Changes, Track, Track]:
-    """The changes with a vehicle's motion as acts prescribe it, and its track before and after.
+    """Return the changes with a vehicle's motion as acts prescribe it, and its track before and after.
 
-    ``dodges``: in reactive traffic it brakes on its way before it would hit the ego.
+    ``dodges``: in reactive traffic it brakes before it would hit the ego.
 
     Raises:
-        NotPossible: it cannot be driven, was rerouted by an edit before, or nothing of its motion is left.
+        NotPossible: it cannot be driven, was rerouted by an earlier edit, or nothing of its motion is left.
     """
     base, earlier = motion_of(scene, changes, vehicle_id)
     ahead = beyond(scene, base)
     track = scripted_track(base, (*earlier, *part.acts), ahead, scene.last_step, scene.step_s)
     if track is None:
         raise NotPossible(
-            f"the scenario ends before vehicle {vehicle_id} could move otherwise",
+            f"the scenario ends before vehicle {vehicle_id} could change its motion",
             valid=[f"time_s up to {max(base.last_step - 5, base.first_step) * scene.step_s:g}"],
             next_step="choose an earlier time_s",
             remedies=within_time(scene.last_step, base.first_step, base.last_step - 5, scene),
@@ -98,7 +98,7 @@ def prescribed(
 def with_motion(
     scene: Scene, changes: Changes, vehicle_id: int, track: Track, from_step: int, script: Script | None = None
 ) -> Changes:
-    """The changes with a prescribed motion of a vehicle, which differs from its recording after ``from_step``."""
+    """Return the changes with a prescribed motion of a vehicle that differs from its recording after ``from_step``."""
     before = changes.replays.get(vehicle_id)
     recording = None if changes.is_added(vehicle_id) else scene.tracks[vehicle_id]
     if before is not None:
@@ -109,10 +109,10 @@ def with_motion(
 
 
 def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, tuple[Act, ...]]:
-    """The motion of a vehicle as edits before leave it, and what they order it to do on top of that.
+    """Return the motion of a vehicle after earlier edits, and the acts that they order in addition.
 
     Raises:
-        NotPossible: it cannot be driven, or an edit before sends it another way.
+        NotPossible: it cannot be driven, or an earlier edit reroutes it.
     """
     plan = changes.driven.get(vehicle_id)
     if plan is None:
@@ -122,9 +122,9 @@ def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, t
         return scene.tracks[vehicle_id], ()
     if plan.targets and plan.cause != "added":
         raise NotPossible(
-            f"vehicle {vehicle_id} was sent another way by an edit before, so that its motion is not known yet",
+            f"vehicle {vehicle_id} was rerouted by an earlier edit, so its motion is not known yet",
             valid=["the two edits in two calls", "this edit without the reroute"],
-            next_step="leave one of the two out",
+            next_step="remove one of the two",
         )
     base = plan.start if plan.cause != "added" else _rolling(scene, plan.start, plan.lanelets)
     acts: list[Act] = []
@@ -139,7 +139,7 @@ def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, t
 
 
 def _rolling(scene: Scene, start: Track, lanelets: tuple[int, ...]) -> Track:
-    """The track of a vehicle that enters and drives on at its speed along lanelets, and straight on behind them."""
+    """Return the track of a vehicle that enters and continues at its speed along lanelets, then straight on."""
     line = line_from(scene, start.positions[0], lanelets)
     along = arc_length(line)
     count = scene.last_step - start.first_step + 1
@@ -210,12 +210,12 @@ def _thinned(points: Points) -> Points:
 
 
 def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger | None]:
-    """Return the step at which an edit begins, and its trigger.
+    """Return the step at which an edit starts, and its trigger.
 
-    It begins at its time, when its trigger holds for an ordinary ego, or at the first step with both ego and vehicle.
+    It starts at its time, when its trigger holds for an ordinary ego, or at the first step with both ego and vehicle.
 
     Raises:
-        InvalidRequest: the vehicle is not there then, or no such trigger.
+        InvalidRequest: the vehicle is not there then, or there is no such trigger.
         NotPossible: the trigger never holds.
     """
     if edit.when is not None:
@@ -234,11 +234,11 @@ def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple
 
 
 def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], step_s: float) -> str:
-    """Return when an edit begins, as the end of a sentence; ``made`` has the steps at which it does."""
+    """Return when an edit starts, as the end of a sentence; ``made`` has its start steps."""
     if edit.when is not None:
         times = ", ".join(f"{step * step_s:.1f} s" for step, _, _ in list(made.values())[:3])
         return f" once {edit.when} holds (in reactive runs for the planner's ego; here for an ordinary one, at {times})"
-    return "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    return "" if edit.time_s is None else f" from {edit.time_s:g} s"
 
 
 def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger]:
@@ -249,7 +249,9 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tupl
         NotPossible: the trigger never holds while the vehicle is in the scenario.
     """
     if edit.time_s is not None:
-        raise InvalidRequest("when and time_s both say when", valid=["when", "time_s"], next_step="name one of them")
+        raise InvalidRequest(
+            "when and time_s both set the start", valid=["when", "time_s"], next_step="give one of them"
+        )
 
     def place_at(step: int) -> Points | None:
         index = track.index_at(step)
@@ -258,7 +260,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tupl
     trigger, step = read_trigger(edit.when or "", scene, changes, place_at)
     if not track.first_step <= step <= track.last_step - 2:
         raise NotPossible(
-            f"vehicle {track.obstacle_id} is not there any more when the trigger holds, at {step * scene.step_s:.1f} s",
+            f"vehicle {track.obstacle_id} is gone when the trigger holds, at {step * scene.step_s:.1f} s",
             valid=["another trigger", "time_s"],
             next_step="choose one of these",
             remedies=[with_values(when=None, time_s=round(track.first_step * scene.step_s, 3))],
@@ -267,14 +269,14 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tupl
 
 
 def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
-    """Bring vehicles to a speed with a prescribed acceleration, whatever is ahead of them."""
+    """Bring vehicles to a speed with a prescribed acceleration, regardless of what is ahead of them."""
     vehicles = tuple(vehicles)
     rate = comfortable_mps2(scene.friction) if edit.rate_mps2 is None else edit.rate_mps2
     hardest = hardest_braking_mps2(scene.friction)
     if rate > hardest:
         on_road = "" if scene.friction is None else f" on a road with a friction of {scene.friction:g}"
         raise InvalidRequest(
-            f"no vehicle changes its speed by {rate:g} m/s²{on_road}",
+            f"no vehicle can change its speed by {rate:g} m/s²{on_road}",
             valid=[f"0 … {hardest:g} m/s²"],
             next_step="choose a smaller rate_mps2",
             remedies=[with_values(rate_mps2=hardest)],
@@ -286,7 +288,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         now_mps = float(base.speeds_mps[step - base.first_step])
         wanted = wanted_speed(edit.speed or "", now_mps)
         check_speed(
-            wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} does not drive {edit.speed}", "choose less"
+            wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} cannot drive {edit.speed}", "go slower"
         )
         part = ScriptPart(step, (SpeedAct(step, wanted, rate),), trigger)
         changes, _, track = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
@@ -313,10 +315,10 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
 
 
 def wanted_speed(text: str, now_mps: float) -> float:
-    """Return the speed in m/s that a text means; a sign or a percent sign makes it relative to the current speed.
+    """Return the speed in m/s that a text states; a sign or a percent sign makes it relative to the current speed.
 
     Raises:
-        InvalidRequest: the text is no speed.
+        InvalidRequest: the text is not a speed.
     """
     body = text.strip()
     if body.endswith("%"):
@@ -328,19 +330,19 @@ def wanted_speed(text: str, now_mps: float) -> float:
 
 
 def is_relative(text: str) -> bool:
-    """Return whether a speed is relative to the current speed of a vehicle."""
+    """Return True if a speed is relative to the current speed of a vehicle."""
     body = text.strip()
     return body.endswith("%") or body[:1] == "+" or (body[:1] == "-" and len(body) > 1)
 
 
 TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines crossed", "crossing"
-"""Quantities that are never reached: they are told if what an edit is about did not happen."""
+"""Quantities that are never reached: they report that the effect of an edit did not occur."""
 
 
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
-    """Return a measured value with the one asked for; by default it is reached within a tenth of that."""
+    """Return a measured value with the requested one; by default it is reached within a tenth of that."""
     if reached is None:
         reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
     rounded = None if asked is None else round(asked, 3)
@@ -387,7 +389,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     """Return how far a vehicle has to move to the centre of the next lane; left is positive.
 
     Raises:
-        NotPossible: there is no lane of its direction on that side.
+        NotPossible: there is no lane in its direction on that side.
     """
     match, index = scene.matcher.match(track), step - track.first_step
     lanes = scene.layout.table.lanes
@@ -396,7 +398,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     if neighbour is None or neighbour not in lanes:
         other = {"left": "right", "right": "left"}[side]
         raise NotPossible(
-            f"vehicle {track.obstacle_id} has no lane of its direction to its {side} on lanelet {here}",
+            f"vehicle {track.obstacle_id} has no lane in its direction on its {side} on lanelet {here}",
             valid=[f"lane={other}", "another time_s"],
             next_step="choose another time or another lane",
             remedies=[with_values(lane=other)],
@@ -405,7 +407,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
 
 
 def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Move vehicles aside and back again, in prescribed times.
+    """Move vehicles to the side and back again, in prescribed times.
 
     Raises:
         InvalidRequest: they are not there then.
@@ -429,7 +431,7 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     when = _since(edit, made, scene.step_s)
     what = (
         f"{named_vehicles(vehicles)} swerves {far_m:g} m to the {side} within {duration_s:g} s{when}, stays there "
-        f"{hold_s:g} s and comes back"
+        f"{hold_s:g} s and returns"
     )
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
@@ -448,10 +450,10 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Have a vehicle in the next lane cut in ahead of the ego, or of another vehicle, with a time gap.
 
     It takes on the speed of the vehicle that it cuts off, or the given one, and moves over in the prescribed time. The
-    gap holds at the end of the move. The ego is taken to drive as an ordinary driver would.
+    gap holds at the end of the move. The ego is assumed to drive like an ordinary driver.
 
     Raises:
-        InvalidRequest: several vehicles are named, or the vehicle is not there at that time.
+        InvalidRequest: several vehicles are given, or the vehicle is not there at that time.
         NotPossible: it is not in the next lane, or cannot reach that gap.
     """
     key = select_one(edit, scene, changes)
@@ -489,11 +491,11 @@ def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:
     if text.lower() in EGO_WORDS:
         drive = changes.ego_drive()
         if drive is None:
-            raise NotPossible("the scenario has no ego that drives", next_step="name a vehicle in 'at'")
+            raise NotPossible("the scenario has no driving ego", next_step="give a vehicle in 'at'")
         return drive, "the ego"
     others = select([text.removeprefix("vehicle:")], scene, changes)
     if len(others) != 1:
-        raise NotPossible(f"'{text}' means {len(others)} vehicles", valid=others, next_step="name one by its id")
+        raise NotPossible(f"'{text}' matches {len(others)} vehicles", valid=others, next_step="give one by its id")
     base, earlier = motion_of(scene, changes, others[0])
     track = scripted_track(base, earlier, beyond(scene, base), scene.last_step, scene.step_s) if earlier else base
     return track or base, f"vehicle {others[0]}"
@@ -516,7 +518,7 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     low, high = _BESIDE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
-    where = "drives another way" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m to the side of its path"
+    where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m to the side of its path"
     fitting = [
         key for key in scene.tracks if key != base.obstacle_id and _is_in_next_lane(scene.tracks[key], path, first)
     ]
@@ -575,7 +577,7 @@ def _cut_in_motion(
         if best is None or made.hardest_mps2 < best.hardest_mps2:
             best = made
     if best is None or best.hardest_mps2 > min(_HARDEST_MPS2, hardest_braking_mps2(scene.friction)):
-        what = "needs more than it can brake or speed up" if best else "is not possible before the end"
+        what = "exceeds its acceleration and braking" if best else "is not possible before the end"
         raise NotPossible(
             f"a cut-in of vehicle {base.obstacle_id} ahead of {who} with a gap of {gap_s:g} s {what}",
             valid=[*(["without time_s"] if edit.time_s is not None else []), "a larger gap_s", "another vehicle"],
@@ -605,9 +607,9 @@ def _prepared(
     final_mps = other_mps if edit.speed is None else wanted_speed(edit.speed, other_mps)
     goal = float(path.stations[at]) + gap_s * other_mps + (base.length_m + other.length_m) / 2
     taken_s = (end - first) * step_s
-    way = goal - x0
-    begin_mps2 = 6 * way / taken_s**2 - (4 * v0 + 2 * final_mps) / taken_s
-    end_mps2 = -6 * way / taken_s**2 + (2 * v0 + 4 * final_mps) / taken_s
+    distance = goal - x0
+    begin_mps2 = 6 * distance / taken_s**2 - (4 * v0 + 2 * final_mps) / taken_s
+    end_mps2 = -6 * distance / taken_s**2 + (2 * v0 + 4 * final_mps) / taken_s
     times = np.arange(end - first + 1) * step_s
     slope = (end_mps2 - begin_mps2) / taken_s
     speeds = v0 + begin_mps2 * times + slope * times**2 / 2
@@ -625,7 +627,7 @@ def _prepared(
 def _cut_in_achieved(
     edited: EditedScene, key: int, other: Track, path: _Path, found: _CutIn, gap_s: float
 ) -> tuple[Achieved, ...]:
-    """Measure the gap at the end of the move, in s and in m, on the motions that are written."""
+    """Measure the gap at the end of the move, in s and in m, on the written motions."""
     replay = edited.changes.replays.get(key)
     if replay is None:
         return ()
@@ -637,7 +639,7 @@ def _cut_in_achieved(
     ahead = project(path.line, track.positions[mine])[0] - project(path.line, target.positions[at])[0]
     gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
-    if speed <= TIME_GAP_MPS:  # the time gap to one that stands is no number, and what was asked is not reached
+    if speed <= TIME_GAP_MPS:  # there is no time gap to a standing vehicle, so the request is not fulfilled
         return (achieved(key, TIME_GAP_MISSED, None, gap_m, "m", reached=False),)
     in_s = achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)
     return (in_s, achieved(key, "gap", None, gap_m, "m"))
@@ -648,13 +650,13 @@ def wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: neither vehicles nor a place is given, or both are.
-        NotPossible: there is no oncoming lane, the place is taken, or a vehicle cannot be driven.
+        NotPossible: there is no oncoming lane, the place is occupied, or a vehicle cannot be driven.
     """
     if bool(edit.vehicles) == (edit.at is not None):
         raise InvalidRequest(
-            "wrong_way takes either vehicles, which go over to the oncoming lane, or a place in 'at' for a new one",
+            "wrong_way takes either vehicles, which move to the oncoming lane, or a place in 'at' for a new one",
             valid=["vehicles=['12']", "at=LANELET"],
-            next_step="name one of the two",
+            next_step="give one of the two",
         )
     return _added_wrong_way(edit, scene, changes) if edit.at is not None else _sent_wrong_way(edit, scene, changes)
 
@@ -670,7 +672,7 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
         made[vehicle_id] = step, aside_m, before
     when = _since(edit, made, scene.step_s)
-    what = f"{named_vehicles(vehicles)} goes over to the oncoming lane within {duration_s:g} s{when} and stays there"
+    what = f"{named_vehicles(vehicles)} moves to the oncoming lane within {duration_s:g} s{when} and stays there"
     return EditStep(changes, vehicles, what, measure=lambda edited: _asides(edited, made))
 
 
@@ -691,24 +693,23 @@ def _aside_to_oncoming(scene: Scene, track: Track, step: int) -> float:
     if not found:
         raise NotPossible(
             f"vehicle {track.obstacle_id} has no oncoming lane next to it at {step * scene.step_s:g} s",
-            valid=["at=LANELET, which puts in one that drives against it", "another time_s"],
+            valid=["at=LANELET, which adds one that drives against it", "another time_s"],
             next_step="choose one of these",
             remedies=[with_values(vehicles=None, at=str(scene.matches[track.obstacle_id].at(index)))]
             if track.obstacle_id in scene.matches
             else [],
         )
-    # Seen from the vehicle the oncoming lane lies on the other side than the vehicle lies from that lane, which runs
-    # the other way: the two signs are the same.
+    # The oncoming lane runs the other way, so the vehicle's offset from it has the sign of its offset from the vehicle.
     return min(found)[2]
 
 
 def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    vehicle_class = class_named(edit.vehicle_class or "car")
+    vehicle_class = resolve_class(edit.vehicle_class or "car")
     place = first_place(edit, scene, changes, vehicle_class.length_m)
     table = scene.layout.table
     usual_mps, largest_mps = scene.lane_speeds_mps[place.lanelet_id] * 0.8, vehicle_class.maximum_speed_mps
-    speed = usual_mps if edit.speed is None else asked_speed(edit.speed, largest_mps)
-    check_speed(speed, largest_mps, f"a {vehicle_class.name} does not drive {edit.speed}", "choose less")
+    speed = usual_mps if edit.speed is None else parse_speed(edit.speed, largest_mps)
+    check_speed(speed, largest_mps, f"a {vehicle_class.name} cannot drive {edit.speed}", "choose a lower speed")
     chain = [place.lanelet_id]
     while sum(table.lanes[key].length_m for key in chain) < _LOOK_M:
         before = [key for key in table.predecessors[chain[-1]] if key not in chain]
@@ -743,7 +744,7 @@ def _added_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     replay = Replay(track, scene.matcher.match(track), None, is_scripted=True, from_step=-1, script=script)
     changes = replace(changes.with_replay(replay), next_id=key + 1)
     what = (
-        f"{vehicle_class.name} {key} drives against lanelet {place.lanelet_id} from {place.station_m:.1f} m on at "
-        f"{speed:.1f} m/s, from {step * scene.step_s:.1f} s on"
+        f"{vehicle_class.name} {key} drives against lanelet {place.lanelet_id} from {place.station_m:.1f} m at "
+        f"{speed:.1f} m/s, from {step * scene.step_s:.1f} s"
     )
     return EditStep(changes, (key,), what, added=(key,))

@@ -1,10 +1,10 @@
-"""Edits carried out: SUMO drives the edited vehicles in rounds until nothing collides that could give way.
+"""Simulate edits: SUMO drives the edited vehicles in rounds until no avoidable collision is left.
 
 After each round, replayed vehicles that a driven one hits are handed over to SUMO too, in time to react; of two driven
 ones that collide, one waits.
 
-SUMO knows lanes, not bodies: it does not see a vehicle that stands across two lanes, a rear that cuts a corner,
-or two lanelets that overlap before they meet, and takes no vehicle to be in the way that has passed its stop line.
+SUMO knows lanes, not bodies: it does not see a vehicle that stands across two lanes, a rear that cuts a corner, or two
+lanelets that overlap before they meet, and ignores vehicles that have passed their stop line.
 """
 
 import math
@@ -32,17 +32,17 @@ from .changes import Changes
 from .edited_scene import EditedScene, Overlap, SimulationResult, new_overlaps
 
 _ROUNDS = 8
-"""Each may reach one vehicle farther back in a queue; 8 end within seconds (chosen)."""
+"""Rounds of simulation (chosen): each may reach one vehicle farther back in a queue; 8 end within seconds."""
 _END_M = 0.5
-"""A vehicle whose front is nearer than this to the end of the network when it is handed over has left it."""
+"""A vehicle has left the network if its front is nearer than this to the network's end at its hand-over."""
 _CLEAR_LENGTH_M, _CLEAR_WIDTH_M = 0.5, 0.3
-"""The body that has to find room where a vehicle waits is longer and wider by these (chosen)."""
+"""The body must find room with this extra length and width where a vehicle waits (chosen)."""
 _STOP_BEFORE_M = 0.5
-"""Smoothing moves a vehicle along its path by this at most."""
+"""Smoothing moves a vehicle along its path by at most this."""
 _SAME_PLACE_M = 0.1
-"""Poses nearer to each other than this are looked at once."""
+"""Poses nearer to each other than this are checked once."""
 _AFTER_STEPS = 2
-"""A vehicle that waits goes on this many steps after the other one is gone (chosen)."""
+"""A waiting vehicle continues this many steps after the other one is gone (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,13 @@ class Simulation:
     setup: SimulationSetup
 
     def until_clear(self, shown: tuple[Actor, ...], *, all_react: bool) -> SimulationResult:
-        """Simulate, hand over the vehicles that a driven one hits, and simulate again, at most eight rounds more.
+        """Simulate, hand over the vehicles that a driven one hits, and simulate again, at most eight more rounds.
 
-        Where all that are hit are driven already, one of them gives way, as long as that leaves fewer collisions.
+        If all vehicles that are hit are already driven, one of them gives way, as long as that leaves fewer collisions.
 
         Args:
             shown: further road users that the driven ones see, but that collide with no other (the ego). They are
-                replayed, unless there is a collision left and they drive through a driven vehicle: then they are
-                driven too.
+                replayed, unless a collision is left and they drive through a driven vehicle: then they are driven too.
             all_react: hand over all vehicles at their first step.
         """
         plans = dict(sorted({**(self._all_handed_over() if all_react else {}), **self.changes.driven}.items()))
@@ -79,7 +78,7 @@ class Simulation:
             if len(result.overlaps) < len(best.overlaps) or not any(plan.gives_way for plan in plans.values()):
                 best, seen_by_best = result, shown
         if best is not result and self.setup.keeps_routes:
-            # The last simulation leaves its files behind; they have to be those of the motion that is written.
+            # The last simulation leaves its files behind; they must be those of the written motion.
             return self._round(best.plans, seen_by_best)
         return best
 
@@ -104,10 +103,10 @@ class Simulation:
         return SimulationResult(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
 
     def _new_overlaps(self, tracks: Mapping[int, Track]) -> tuple[Overlap, ...]:
-        """Overlaps of driven vehicles and of recordings moved in time, with each other and with all that stay.
+        """Return overlaps of driven vehicles and of time-shifted recordings, with each other and with all that stay.
 
-        ``tracks``: of the driven, from where they appear on: on its recording, one that is handed over late may hit
-        another that is driven.
+        ``tracks``: of the driven vehicles, from their first appearance: a vehicle that is handed over late may hit
+        another driven one on its recording.
         """
         scene, removed, replays = self.scene, self.changes.removed, self.changes.replays
         known = scene.tracks | scene.standing
@@ -122,7 +121,7 @@ class Simulation:
         return new_overlaps([*moved, *tracks.values()], others, recorded, self.changes.shifts)
 
     def _gone_at_once(self, plan: DrivePlan) -> DrivenTrack | None:
-        """The track of a vehicle that SUMO never showed because its bumper is beyond the end of the network."""
+        """Return the track of a vehicle that SUMO never showed because its bumper is beyond the end of the network."""
         table = self.scene.layout.table
         index = plan.from_step - plan.start.first_step
         match = self.scene.matches.get(plan.start.obstacle_id)
@@ -134,7 +133,7 @@ class Simulation:
         return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
     def _handed_over(self, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:
-        """Plans for the replayed vehicles that are hit, and earlier hand-overs for those handed over too late."""
+        """Return plans for replayed vehicles that are hit, and earlier hand-overs if one came too late."""
         scene, more = self.scene, dict[int, DrivePlan]()
         for hit in overlaps:
             for key in (hit.first, hit.second):
@@ -158,7 +157,7 @@ class Simulation:
         return round(HAND_OVER_S / self.scene.step_s)
 
     def _giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
-        """Plans that give way, but for a vehicle that enters onto another one: a taken place is refused."""
+        """Return plans that give way, except for vehicles that enter onto another one: those are refused."""
         overlaps = tuple(hit for hit in result.overlaps if not self._is_taken_place(result.plans, hit))
         if not overlaps:
             return {}
@@ -172,10 +171,10 @@ class Simulation:
         return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
     def _reacting(self, shown: tuple[Actor, ...], result: SimulationResult) -> tuple[Actor, ...] | None:
-        """The road users shown besides, driven from before they pass through a driven vehicle on; None if none does.
+        """Return the shown road users, driven from before they pass through a driven vehicle on; None if none does.
 
-        SUMO keeps its order of the vehicles on a lane where one is put through another: those behind see it as their
-        leader from then on, and not the one that it passed through, and run into that.
+        SUMO keeps its order of the vehicles on a lane if one is put through another: those behind see it as their
+        leader from then on instead of the one that it passed through, and hit that one.
         """
         if not result.overlaps or any(plan.gives_way for plan in result.plans.values()):
             return None
@@ -190,7 +189,7 @@ class Simulation:
 
 @dataclass(frozen=True)
 class _Wait:
-    """A vehicle that can give way: where it halts, and at which step it gets to the place where it waits."""
+    """A vehicle that can give way: where it halts, and the step at which it reaches the place where it waits."""
 
     plan: DrivePlan
     halt: Halt
@@ -204,14 +203,14 @@ def plans_giving_way(
     overlaps: Iterable[Overlap],
     hardest_mps2: float = HARDEST_BRAKING_MPS2,
 ) -> dict[int, DrivePlan]:
-    """Plans with one more halt for one vehicle of every pair that overlaps, if one of the two can still stop before.
+    """Return plans with one more halt for one vehicle of every overlapping pair, if one of the two can still stop.
 
-    It is the one that was handed over rather than the one that an edit is about, and of two such the later one.
+    A handed-over vehicle waits rather than an edited one; of two handed-over vehicles, the later one waits.
 
     Args:
-        plans: of the driven vehicles, whose new motions are in ``tracks``.
+        plans: of the driven vehicles, with new motions in ``tracks``.
         road_users: as the edits leave them, by id.
-        hardest_mps2: how hard vehicles brake at most.
+        hardest_mps2: the hardest braking of vehicles.
     """
     waiting: dict[int, DrivePlan] = {}
     for hit in overlaps:
@@ -233,7 +232,7 @@ def plans_giving_way(
 
 
 def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
-    """How a vehicle waits until another one is gone from where they meet; None if it cannot stop before.
+    """Return how a vehicle waits until another has left the conflict area; None if it cannot stop before.
 
     It does not react before the other one has entered.
     """
@@ -260,7 +259,7 @@ def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, h
 
 
 def _in_the_way(track: Track, from_step: int) -> list[tuple[int, Points]]:
-    """The places of a road user from a step on, each once: the last step at which it is there, and its corners."""
+    """Return the places of a road user from a step on, each with the last step at which it is there, and corners."""
     places: list[tuple[int, int]] = []
     for index in range(max(from_step - track.first_step, 0), len(track.positions)):
         stays = bool(places) and math.dist(track.positions[places[-1][0]], track.positions[index]) < _SAME_PLACE_M

@@ -1,6 +1,6 @@
 """Edits T and B: when, how fast, in which lane and in which manner recorded or added vehicles drive.
 
-Each edit makes or changes plans of vehicles (``DrivePlan``) or replays of recordings; SUMO drives the plans later.
+Each edit creates or changes plans of vehicles (``DrivePlan``) or replays of recordings; SUMO drives the plans later.
 Times count from the scenario's start.
 """
 
@@ -36,11 +36,11 @@ from .changes import (
     MOST_NAMED,
     Changes,
     EditStep,
-    asked_speed,
     check_speed,
     listed,
     moved_in_time,
     named_vehicles,
+    parse_speed,
     plan_of,
     within_time,
 )
@@ -55,15 +55,15 @@ _NEAR_SHARE = 0.02
 def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Send the selected vehicles one lane to the left or right at a time, as soon as there is a gap.
 
-    A vehicle keeps its route where the new lane leads along it, and drives on in the new lane where it does not.
+    A vehicle keeps its route if the new lane leads along it, and otherwise continues in the new lane.
 
     Raises:
         InvalidRequest: neither left nor right, or a vehicle that is not there at the time.
-        NotPossible: no such lane of the vehicle's direction then, or the vehicle cannot be driven.
+        NotPossible: no such lane in the vehicle's direction then, or the vehicle cannot be driven.
     """
     if edit.lane not in ("left", "right"):
         raise InvalidRequest(
-            "change_lane goes left or right", valid=["lane=left", "lane=right"], next_step="name one in 'lane'"
+            "change_lane goes left or right", valid=["lane=left", "lane=right"], next_step="give one in 'lane'"
         )
     vehicles = select(edit.vehicles, scene, changes)
     if edit.lateral_s is not None or edit.when is not None or edit.dodge or not changes.scripted.isdisjoint(vehicles):
@@ -74,57 +74,57 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s, sends_on=True)
         is_first = vehicle_id not in changes.driven
         here = _lanelets_at(scene, plan, step, exact=is_first)
-        beside = _lanes_beside(scene, here, edit.lane)
-        if not beside:
+        adjacent = _adjacent_lanes(scene, here, edit.lane)
+        if not adjacent:
             raise _no_such_lane(edit, scene, plan, here[0])
-        plan = _with_route_of_lane(scene, plan, here, beside[0])
+        plan = _with_route_of_lane(scene, plan, here, adjacent[0])
         order = Manoeuvre(step, lanes_left=1 if edit.lane == "left" else -1)
         changes = changes.with_plan(_with_manoeuvre(plan, order))
         since[vehicle_id] = step
-        # The change may be done farther on than it was asked for.
-        aims[vehicle_id] = (frozenset({*beside, *_lanes_beside(scene, plan.lanelets, edit.lane)}),)
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+        # The change may happen farther on than requested.
+        aims[vehicle_id] = (frozenset({*adjacent, *_adjacent_lanes(scene, plan.lanelets, edit.lane)}),)
+    when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
         changes, vehicles, f"{named_vehicles(vehicles)} sent one lane to the {edit.lane}{when}", aims=aims, since=since
     )
 
 
 def _lanelets_at(scene: Scene, plan: DrivePlan, step: int, *, exact: bool) -> tuple[int, ...]:
-    """The lanelet at a step (``exact``); for a vehicle that drives another route than recorded, all of its route.
+    """Return the lanelet at a step (``exact``); for a vehicle on another route than recorded, its whole route.
 
-    Changes of lane that were ordered before are taken as done.
+    Lane changes that were ordered before count as done.
     """
     match = scene.matches.get(plan.start.obstacle_id)
     lanelets = (match.at(step - plan.start.first_step),) if exact and match else plan.lanelets
     shift = sum(order.lanes_left for order in plan.manoeuvres if order.from_step <= step)
     for _ in range(abs(shift)):
-        lanelets = tuple(_lanes_beside(scene, lanelets, "left" if shift > 0 else "right")) or lanelets
+        lanelets = tuple(_adjacent_lanes(scene, lanelets, "left" if shift > 0 else "right")) or lanelets
     return lanelets
 
 
-def _lanes_beside(scene: Scene, lanelets: Iterable[int], side: str) -> list[int]:
-    """The lanes to the left or right of lanelets, for each that has one."""
+def _adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[int]:
+    """Return the lanes to the left or right of lanelets, for each that has one."""
     lanes = scene.layout.table.lanes
-    beside = [lanes[key].left if side == "left" else lanes[key].right for key in lanelets]
-    return [key for key in beside if key is not None and key in lanes]
+    adjacent = [lanes[key].left if side == "left" else lanes[key].right for key in lanelets]
+    return [key for key in adjacent if key is not None and key in lanes]
 
 
-def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], beside: int) -> DrivePlan:
-    """The plan as it is if the new lane leads along it, else on straight ahead in the new lane."""
-    edge = scene.layout.lane_of.get(beside, ("", 0))[0]
-    if edge not in plan.edges or _leads_on(scene, plan, beside, edge):
+def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], lane: int) -> DrivePlan:
+    """Return the unchanged plan if the new lane leads along it, else one that continues in the new lane."""
+    edge = scene.layout.lane_of.get(lane, ("", 0))[0]
+    if edge not in plan.edges or _leads_on(scene, plan, lane, edge):
         return plan
     lanes = scene.layout.table.lanes
     start = next(
-        place for place, key in enumerate(plan.lanelets) if key in here or beside in (lanes[key].left, lanes[key].right)
+        place for place, key in enumerate(plan.lanelets) if key in here or lane in (lanes[key].left, lanes[key].right)
     )
-    route = (*plan.lanelets[: start + 1], beside)
+    route = (*plan.lanelets[: start + 1], lane)
     edges = scene.edge_graph.route(route)
-    return plan if edges is None else replace(plan, lanelets=route, edges=scene.edge_graph.extended(edges, beside))
+    return plan if edges is None else replace(plan, lanelets=route, edges=scene.edge_graph.extended(edges, lane))
 
 
 def _leads_on(scene: Scene, plan: DrivePlan, lanelet_id: int, edge: str) -> bool:
-    """Whether a lane leads to the edge that follows on the route (always at its end)."""
+    """Return True if a lane leads to the next edge of the route (always at its end)."""
     onward = plan.edges[plan.edges.index(edge) + 1 :][:1]
     paths, lane_of = scene.layout.paths, scene.layout.lane_of
     indices = scene.edge_graph.paths_from.get(lanelet_id, ())
@@ -133,11 +133,11 @@ def _leads_on(scene: Scene, plan: DrivePlan, lanelet_id: int, edge: str) -> bool
 
 def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPossible:
     other = {"left": "right", "right": "left"}[str(edit.lane)]
-    there = [f"lane={other}"] if _lanes_beside(scene, [here], other) else []
-    later = [f"on lanelet {key}" for key in plan.lanelets if _lanes_beside(scene, [key], str(edit.lane))]
-    times = {lane: _first_time_beside(scene, plan.start.obstacle_id, lane) for lane in (str(edit.lane), other)}
+    there = [f"lane={other}"] if _adjacent_lanes(scene, [here], other) else []
+    later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
+    times = {lane: _first_time_with_lane(scene, plan.start.obstacle_id, lane) for lane in (str(edit.lane), other)}
     return NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no lane of its direction to its {edit.lane} on lanelet {here}",
+        f"vehicle {plan.start.obstacle_id} has no lane in its direction on its {edit.lane} on lanelet {here}",
         valid=[*there, *later],
         next_step="choose another time or another lane",
         remedies=[
@@ -147,20 +147,20 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     )
 
 
-def _first_time_beside(scene: Scene, vehicle_id: int, side: str) -> float | None:
-    """When a recorded vehicle is first in a lane that has another one on that side, in s; None if it never is."""
+def _first_time_with_lane(scene: Scene, vehicle_id: int, side: str) -> float | None:
+    """Return when (s) a recorded vehicle first has another lane on that side, or None if it never has."""
     track, match = scene.tracks.get(vehicle_id), scene.matches.get(vehicle_id)
     if track is None or match is None:
         return None
     steps = range(track.first_step, track.last_step)
-    first = next((step for step in steps if _lanes_beside(scene, [match.at(step - track.first_step)], side)), None)
+    first = next((step for step in steps if _adjacent_lanes(scene, [match.at(step - track.first_step)], side)), None)
     return None if first is None else round(first * scene.step_s, 3)
 
 
 def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Hold the selected vehicles to a speed from a time on, as far as the traffic ahead lets them.
+    """Limit the selected vehicles to a speed from a time on, as far as the traffic ahead allows it.
 
-    They speed up and slow down within their own power and brakes; 0 stops them.
+    They accelerate and brake within their own limits; 0 stops them.
 
     Raises:
         InvalidRequest: no speed, an impossible one, or a vehicle that is not there at the time.
@@ -168,7 +168,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """
     if edit.speed is None:
         raise InvalidRequest(
-            "set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"], next_step="name one in 'speed'"
+            "set_speed needs a speed", valid=["speed='30km/h'", "speed='0m/s'"], next_step="give one in 'speed'"
         )
     vehicles = select(edit.vehicles, scene, changes)
     if edit.rate_mps2 is not None or edit.when is not None or edit.dodge or not changes.scripted.isdisjoint(vehicles):
@@ -180,18 +180,18 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         kind = plan.start.kind
         largest_mps = class_of(kind).maximum_speed_mps
-        wanted = asked_speed(edit.speed, largest_mps)
-        check_speed(wanted, largest_mps, f"a {kind} does not drive {edit.speed}", "choose another speed")
+        wanted = parse_speed(edit.speed, largest_mps)
+        check_speed(wanted, largest_mps, f"a {kind} cannot drive {edit.speed}", "choose another speed")
         changes = changes.with_plan(_with_manoeuvre(plan, Manoeuvre(step, speed_mps=wanted)))
         speeds[vehicle_id] = (wanted, step)
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
-        changes, vehicles, f"{named_vehicles(vehicles)} held to {speeds[vehicles[0]][0]:.1f} m/s{when}", speeds=speeds
+        changes, vehicles, f"{named_vehicles(vehicles)} set to {speeds[vehicles[0]][0]:.1f} m/s{when}", speeds=speeds
     )
 
 
 def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[int, ...]) -> EditStep:
-    """Have vehicles drive faster or slower than they do: at every place of their way by a share or a difference."""
+    """Have vehicles drive faster or slower by a share or a difference at every place of their path."""
     text, since, made = edit.speed or "", dict[int, int](), dict[int, tuple[int, float, float]]()
     for vehicle_id in vehicles:
         motion, orders = motion_of(scene, changes, vehicle_id)
@@ -204,7 +204,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
         check_speed(
             float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
             class_of(motion.kind).maximum_speed_mps,
-            f"a {motion.kind} does not drive {text} of its speed",
+            f"a {motion.kind} cannot drive at speed={text}",
             "choose a smaller change",
         )
         profile = _by_place(now, wanted)
@@ -239,19 +239,19 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
         orders = edited.result.plans[key].manoeuvres
         return next((order.profile_mps for order in reversed(orders) if order.profile_mps), ())
 
-    when = "" if edit.time_s is None else f" from {edit.time_s:g} s on"
+    when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     what = (
-        f"{named_vehicles(vehicles)} driven at {text} of the speed before{when}"
+        f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
         if "%" in text
-        else (f"{named_vehicles(vehicles)} driven {text} relative to the speed before{when}")
+        else (f"{named_vehicles(vehicles)} driven {text} relative to the previous speed{when}")
     )
     return EditStep(changes, vehicles, what, since=since, measure=measured)
 
 
 def _by_place(now: Values, wanted: Values) -> tuple[float, ...]:
-    """The speeds in time of a drive that has the wanted speeds at the places where a motion has its own.
+    """Return the speeds over time of a drive with the wanted speeds at the places where a motion has its own.
 
-    Behind the end of the motion the last speed is kept; where it stood, the drive stands as long.
+    After the end of the motion the last speed is kept; if the motion stood, the drive stands as long.
     """
     speeds, place = [], 0.0
     while place < len(now) - 1:
@@ -268,14 +268,14 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: no time, or one that leaves nothing of a recording.
-        NotPossible: a vehicle that was added, is driven by an earlier edit, or has no trajectory.
+        NotPossible: a vehicle was added, is driven by an earlier edit, or has no trajectory.
     """
     steps = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
     if steps == 0:
         raise InvalidRequest(
             "shift_time needs a time_s of at least one time step",
             valid=["time_s=2", "time_s=-1.5"],
-            next_step=f"name a time_s of {scene.step_s:g} or more, or of {-scene.step_s:g} or less",
+            next_step=f"give a time_s of {scene.step_s:g} or more, or of {-scene.step_s:g} or less",
         )
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
@@ -293,29 +293,29 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:
     if changes.is_added(vehicle_id):
-        raise NotPossible(f"vehicle {vehicle_id} is not recorded", next_step=f"leave it out with '!{vehicle_id}'")
+        raise NotPossible(f"vehicle {vehicle_id} is not recorded", next_step=f"exclude it with '!{vehicle_id}'")
     if vehicle_id in changes.driven:
         raise NotPossible(
-            f"vehicle {vehicle_id} does not drive its recording any more",
+            f"vehicle {vehicle_id} no longer follows its recording",
             next_step="shift it before the edit that drives it, on the scenario without that edit",
         )
     if vehicle_id not in scene.tracks:
         raise NotPossible(
             f"obstacle {vehicle_id} has no trajectory that moves in time",
             valid=nearest_ids(vehicle_id, list(scene.tracks)),
-            next_step="name one that drives",
+            next_step="give a moving vehicle",
         )
 
 
 _SHARES_SHIFTED = (1.0, 0.5, 0.25)
-"""Shares of the largest shift in time that is possible, which a refusal proposes one after the other (chosen)."""
+"""Shares of the largest possible time shift that a refusal proposes in turn (chosen)."""
 
 
 def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
     low = (FEWEST_STATES - 1 - track.last_step) * scene.step_s
     high = (scene.last_step - FEWEST_STATES + 1 - track.first_step) * scene.step_s
     return InvalidRequest(
-        f"{steps * scene.step_s:g} s leave nothing of vehicle {track.obstacle_id}'s recording",
+        f"{steps * scene.step_s:g} s would leave nothing of vehicle {track.obstacle_id}'s recording",
         valid=[f"time_s in {low:g} … {high:g}"],
         next_step="shift it by less",
         remedies=[with_values(time_s=round(share * (low if steps < 0 else high), 3)) for share in _SHARES_SHIFTED],
@@ -325,7 +325,7 @@ def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
 def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Give the selected vehicles a preset, single parameters, or a preset with single parameters on top.
 
-    Class, length and width of a vehicle stay, and so does the minimum gap of a class that has its own, where no
+    Class, length and width of a vehicle stay, and so does the minimum gap of a class that has its own, unless a
     parameter sets it.
 
     Raises:
@@ -336,7 +336,7 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise InvalidRequest(
             "set_behaviour needs a preset or params",
             valid=[*presets(), "params=['tau=0.7']"],
-            next_step="name a preset, or set single parameters",
+            next_step="give a preset, or set single parameters",
         )
     vehicles, undrivable = _drivable(edit, scene, changes)
     kept: list[str] = []
@@ -351,16 +351,16 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         behaviours.append(behaviour)
     words = [edit.preset.strip().lower()] if edit.preset else []
     what = f"{' '.join([*words, *values_set(edit.params, behaviours)])} for {listed(vehicles)}"
-    left = [f"as recorded, as no edit can drive them: {listed(undrivable)}"] if undrivable else []
+    left = [f"as recorded, because edits cannot drive them: {listed(undrivable)}"] if undrivable else []
     notes = "; ".join([what, *left, *kept[:MOST_NAMED]])
     return EditStep(changes, vehicles, notes, parameters=parameters_set(edit.preset, edit.params))
 
 
 def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The selected vehicles that can be driven, and the others where only a whole group was asked for.
+    """Return the selected vehicles that can be driven, and the others if only whole groups were requested.
 
     Raises:
-        NotPossible: one that was asked for by itself cannot be driven, or none of a group.
+        NotPossible: a vehicle requested individually cannot be driven, or no vehicle of a group can.
     """
     vehicles = select(edit.vehicles, scene, changes)
     is_group = all(parse_selector(text).kind in ("all", "class") for text in edit.vehicles if not text.startswith("!"))
@@ -378,10 +378,10 @@ def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ..
 def _plan_from(
     scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None, *, sends_on: bool = False
 ) -> tuple[DrivePlan, int]:
-    """The plan of a vehicle that is driven from a time on at the latest, and the step of that time.
+    """Return the plan of a vehicle that is driven from a time on at the latest, and the step of that time.
 
-    ``time_s``: from the scenario's start; None: from the vehicle's first step on. ``sends_on``: one that was put in to
-    stand does so no more.
+    ``time_s``: from the scenario's start; None means from the vehicle's first step. ``sends_on``: a vehicle that was
+    added to stand starts to move.
 
     Raises:
         InvalidRequest: the vehicle is not there then.
@@ -395,9 +395,9 @@ def _plan_from(
         last = scene.tracks[vehicle_id].last_step - 1
     step = first if time_s is None else round(time_s / scene.step_s)
     if not first <= step <= last:
-        asked_s = step * scene.step_s if time_s is None else time_s
+        requested_s = step * scene.step_s if time_s is None else time_s
         raise InvalidRequest(
-            f"vehicle {vehicle_id} is not there at {asked_s:g} s",
+            f"vehicle {vehicle_id} is not there at {requested_s:g} s",
             valid=[f"time_s in {first * scene.step_s:g} … {last * scene.step_s:g}"],
             next_step="choose a time_s at which it is there",
             remedies=within_time(step, first, last, scene),
@@ -406,6 +406,6 @@ def _plan_from(
 
 
 def _with_manoeuvre(plan: DrivePlan, manoeuvre: Manoeuvre) -> DrivePlan:
-    """The plan with one more manoeuvre; they stay in the order of their steps, later ones of a step last."""
+    """Return the plan with one more manoeuvre, ordered by step; within a step, later ones come last."""
     manoeuvres = sorted((*plan.manoeuvres, manoeuvre), key=lambda order: order.from_step)
     return replace(plan, manoeuvres=tuple(manoeuvres))

@@ -1,7 +1,7 @@
 """Edits S: the scene itself: cut out a time or a place, mirror it, change the phases of lights and the weather.
 
-These change a whole file and not what is in it one by one. The edits before one of them are carried out first; those
-after it begin from what it makes. Lengths are in m; times count from the scenario's start.
+These change a whole file, not single elements. The edits before one of them are applied first; those after it start
+from its result. Lengths are in m; times count from the scenario's start.
 """
 
 import math
@@ -30,9 +30,11 @@ from .writing import set_step
 
 _Element = etree._Element
 Transform = Callable[[Edit, _Element, Scene, Callable[[], Track | None]], str]
-"""Changes the root of a file by an edit, in place, and says what was done; the last argument gives the ego's drive."""
+"""Changes the root of a file by an edit, in place, and returns what was done; the last argument returns the ego's
+drive.
+"""
 _NEGATED = ("orientation", "steeringAngle", "yawRate", "slipAngle", "steeringAngleSpeed")
-"""Values of states that turn their sign when a scene is mirrored."""
+"""Values of states that change their sign when a scene is mirrored."""
 _MIRRORED_TURNS = {"left": "right", "right": "left", "leftStraight": "straightRight", "straightRight": "leftStraight"}
 _COLOURS = {
     "red": "red",
@@ -49,20 +51,20 @@ _MOVING = ("dynamicObstacle", "obstacle")
 _REFERENCES = ("predecessor", "successor", "adjacentLeft", "adjacentRight")
 _FEWEST_STATES = 2
 _LARGER_M = (100.0, 200.0, 500.0, 1000.0)
-"""Sides of the squares that are proposed in the place of a rectangle that is too small (chosen)."""
+"""Sides of the squares that are proposed instead of a rectangle that is too small (chosen)."""
 
 
 def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track | None], output: Path) -> str:
-    """Change a file by an edit of the scene, write it to another, and say what was done.
+    """Change a file by an edit of the scene, write it to another, and return what was done.
 
     Raises:
-        InvalidRequest: arguments that cannot be meant.
-        NotPossible: nothing would be left, or the ego or its goal would not be there any more.
+        InvalidRequest: arguments are not valid.
+        NotPossible: nothing would be left, or the ego or its goal would be gone.
     """
     root = etree.parse(xml, etree.XMLParser(resolve_entities=False, huge_tree=True)).getroot()
     what = TRANSFORMS[edit.op](edit, root, scene, drive)
     if edit.op in _MOVES_PLACES_OR_TIMES and without_scripts(root):
-        what += "; motions that depended on the ego are fixed now, as for an ordinary ego"
+        what += "; motions that depended on the ego are now fixed, as for an ordinary ego"
     output.write_bytes(etree.tostring(root.getroottree(), xml_declaration=True, encoding="UTF-8"))
     return what
 
@@ -87,7 +89,7 @@ def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track 
     _invert_left_of(root)
     for place in root.iter("geoTransformation"):
         place.getparent().remove(place)  # type: ignore[union-attr]
-    return "mirrored: left is right now, and traffic drives on the other side; places on earth do not fit any more"
+    return "mirrored: left is now right, and traffic drives on the other side; the geographic location was removed"
 
 
 def _negate(element: _Element | None) -> None:
@@ -108,7 +110,7 @@ def _negate_value(value: _Element) -> None:
 
 
 def _exchange(parent: _Element, first: str, second: str, *, repeated: bool = False) -> None:
-    """Exchange the names of two kinds of children, and their places, so that their order stays that of the schema."""
+    """Exchange the names of two kinds of children, and their places, so that the schema's order is kept."""
     ones, others = parent.findall(first), parent.findall(second)
     if not repeated and ones and others:
         at, to = parent.index(ones[0]), parent.index(others[0])
@@ -145,14 +147,14 @@ def _invert_left_of(root: _Element) -> None:
 
 
 def _crop(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:
-    """Keep a time, a place, or both."""
+    """Keep a time span, a place, or both."""
     words = []
     if edit.time_s is None and edit.duration_s is None and edit.rectangle_m is None:
         raise InvalidRequest(
             "crop needs a time or a place",
             valid=["time_s=2 duration_s=6", "at=ego rectangle_m=[100, 60]"],
             remedies=[with_values(duration_s=0.5 * scene.last_step * scene.step_s)],
-            next_step="name one of them",
+            next_step="give one of them",
         )
     if edit.rectangle_m is not None:
         words.append(_crop_place(edit, root, scene))
@@ -181,11 +183,11 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
         _shift_light(light, begin)
     moved = _shift_problems(root, scene, drive, begin)
     seconds = f"{begin * scene.step_s:g} to {end * scene.step_s:g} s"
-    return f"cut to {seconds}, counted from 0 now; {gone} road users are not there then{moved}"
+    return f"cut to {seconds}, now counted from 0; removed {gone} road users outside that time{moved}"
 
 
 def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
-    """Keep the states from one step to another, counted from the first; whether any is left, else it is removed."""
+    """Keep the states between two steps and renumber them; remove the obstacle and return False if none is left."""
     kept_any = False
     for series, first in (("trajectory", "initialState"), ("signalSeries", "initialSignalState")):
         initial, states = obstacle.find(first), obstacle.find(series)
@@ -244,7 +246,7 @@ def _shift_light(light: _Element, begin: int) -> None:
 
 
 def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | None], begin: int) -> str:
-    """Count the egos' times from a step on; one that starts before it is put where it drives to by then."""
+    """Count the egos' times from a step on; an ego that starts earlier is put where it drives to by then."""
     words = ""
     for problem in root.iterchildren("planningProblem"):
         initial = problem.find("initialState")
@@ -256,14 +258,14 @@ def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | No
             index = None if track is None else track.index_at(begin)
             if track is None or index is None:
                 raise NotPossible(
-                    f"the ego of planning problem {problem.get('id')} starts at {start * scene.step_s:g} s, and where "
-                    "it is later is not known",
+                    f"the ego of planning problem {problem.get('id')} starts at {start * scene.step_s:g} s, and its "
+                    "later position is unknown",
                     valid=[f"time_s up to {start * scene.step_s:g}"],
                     next_step="choose an earlier time_s",
                     remedies=[with_values(time_s=round(start * scene.step_s, 3))],
                 )
             _place_ego(initial, track, index)
-            words = "; the ego starts where an ordinary driver has brought it by then"
+            words = "; the ego starts where an ordinary driver would be by then"
         set_step(initial, max(start - begin, 0))
         for goal in problem.findall("goalState"):
             time = goal.find("time")
@@ -296,7 +298,7 @@ def _place_ego(initial: _Element, track: Track, index: int) -> None:
 
 
 def _larger_rectangles(sizes: list[float]) -> list[Remedy]:
-    """Squares that a refusal of a rectangle proposes."""
+    """Return squares that a refusal of a rectangle proposes."""
     return [with_values(rectangle_m=[side, side]) for side in _LARGER_M if side > max(sizes, default=0.0)]
 
 
@@ -309,7 +311,7 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
         raise InvalidRequest(
             "rectangle_m is [length, width] in m",
             valid=["rectangle_m=[100, 60]"],
-            next_step="name both",
+            next_step="give both",
             remedies=_larger_rectangles(sizes),
         )
     place = first_place(edit.model_copy(update={"at": edit.at or "ego"}), scene, Changes(next_id=0, driven={}), 0.0)
@@ -328,7 +330,7 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
             raise NotPossible(
                 f"the start or the goal of planning problem {problem.get('id')} is outside the {sizes[0]:g} m by "
                 f"{sizes[1]:g} m",
-                valid=["a larger rectangle_m", "set_goal before"],
+                valid=["a larger rectangle_m", "set_goal first"],
                 next_step="choose a larger rectangle_m, or move the goal first",
                 remedies=_larger_rectangles(sizes),
             )
@@ -339,7 +341,7 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
     gone = 0
     for obstacle in [one for one in root if one.tag in (*_MOVING, "staticObstacle")]:
         gone += not _keeps_inside(obstacle, box, shapely.Point)
-    counts = f"{len(kept)} lanelets kept, {len(lanelets)} gone, {gone} road users gone"
+    counts = f"{len(kept)} lanelets kept, {len(lanelets)} removed, {gone} road users removed"
     return f"cut to {sizes[0]:g} m by {sizes[1]:g} m: {counts}"
 
 
@@ -373,7 +375,7 @@ def _keeps_inside(obstacle: _Element, box: object, point_of: Callable[[float, fl
 
 
 def _drop_references(root: _Element, kept: set[int]) -> None:
-    """Take out what refers to lanelets that are gone, and signs and lights that stand at none any more."""
+    """Remove references to removed lanelets, and signs and lights that no lanelet refers to any more."""
     for lanelet in root.iterchildren("lanelet"):
         for child in list(lanelet):
             if child.tag in _REFERENCES and int(child.get("ref", "0")) not in kept:
@@ -402,19 +404,19 @@ def _drop_references(root: _Element, kept: set[int]) -> None:
 
 
 def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Give the lights of lanelets other phases, and a light to lanelets without one."""
+    """Give the lights of lanelets other phases, and add a light to lanelets without one."""
     lanelets = sorted(target_lanelets(edit.to, scene, Changes(next_id=0, driven={}))) if edit.to else []
     phases = [_phase(text, scene.step_s) for text in edit.params]
     if not lanelets or not phases:
         raise InvalidRequest(
             "set_light needs lanelets in 'to' and phases in 'params'",
             valid=["to=['595'] params=['red=10', 'green=20']"],
-            next_step="name both",
+            next_step="give both",
             remedies=[with_values(params=["red=10", "green=20"])] if lanelets else [LANELETS_LISTED],
         )
     by_id = {one.get("id"): one for one in root.iterchildren("lanelet")}
     lights = {one.get("id"): one for one in root.iterchildren("trafficLight")}
-    changed, made = [], []
+    changed, lit_now = [], []
     for key in lanelets:
         lanelet = by_id[str(key)]
         refs = [ref.get("ref") for ref in lanelet.findall("trafficLightRef")]
@@ -424,14 +426,14 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
             refs = [light.get("id")]
             reference = etree.Element("trafficLightRef", ref=str(light.get("id")))
             _after_last(lanelet, reference, ("trafficLightRef", "trafficSignRef", "userBidirectional", "userOneWay"))
-            made.append(key)
+            lit_now.append(key)
         for ref in refs:
             if ref in lights:
                 _write_cycle(lights[ref], phases)
                 changed.append(int(ref or 0))
-    told = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
-    new = f"; a light was made for lanelet {', '.join(map(str, made))}" if made else ""
-    return f"lights {', '.join(map(str, sorted(set(changed))))} show {told} in turn from 0 s on{new}"
+    cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
+    new = f"; added a light to lanelet {', '.join(map(str, lit_now))}" if lit_now else ""
+    return f"lights {', '.join(map(str, sorted(set(changed))))} show {cycle} in turn from 0 s{new}"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:
@@ -440,16 +442,16 @@ def _phase(text: str, step_s: float) -> tuple[int, str]:
     steps = 0 if given.operand is None else round(given.operand / step_s)
     if colour is None or given.operator != "=" or steps < 1:
         raise InvalidRequest(
-            f"'{text}' is no phase of a light",
+            f"'{text}' is not a phase of a light",
             valid=["red=10", "green=20", "yellow=3"],
-            next_step="write it like this",
+            next_step="write it like these",
             given=text,
         )
     return steps, colour
 
 
 def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
-    """A light at the right edge of a lanelet's end."""
+    """Return a light at the right edge of a lanelet's end."""
     ids = [one.get("id", "") for one in root.iter() if isinstance(one.tag, str)]
     highest = max((int(one) for one in ids if one.isdigit()), default=0)
     light = etree.Element("trafficLight", id=str(highest + 1))
@@ -467,7 +469,7 @@ def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
 
 
 def _after_last(parent: _Element, element: _Element, names: tuple[str, ...]) -> None:
-    """Put an element behind the last one of the first of some names that is there, as the schema's order wants it."""
+    """Insert an element after the last one of the first existing name, as the schema's order requires."""
     for name in names:
         found = parent.findall(name)
         if found:
@@ -499,7 +501,7 @@ def _write_cycle(light: _Element, phases: list[tuple[int, str]]) -> None:
 
 @dataclass(frozen=True)
 class _Conditions:
-    """A weather and the friction of roads (each None if it is left as it is), and what words were taken as."""
+    """A weather and the friction of roads (each None if it is unchanged), and how words were read."""
 
     weather: Weather | None
     friction: float | None
@@ -508,7 +510,7 @@ class _Conditions:
 
 
 def _conditions_named(edit: Edit) -> _Conditions:
-    """The weather and the friction of an edit; without a friction that of roads in such a weather, if it is known.
+    """Return the weather and the friction of an edit; without a friction, that of roads in this weather, if known.
 
     Raises:
         InvalidRequest: neither of them, or something else.
@@ -533,7 +535,7 @@ def _conditions_named(edit: Edit) -> _Conditions:
         wanted = next((known for known in WEATHERS if known == WEATHER_WORDS.get(word, word)), None)
         if wanted is None or name != "weather" or weather is not None:
             raise InvalidRequest(
-                f"{quoted(text)} is no weather" if weather is None else "set_weather takes one weather",
+                f"{quoted(text)} is not a weather" if weather is None else "set_weather takes one weather",
                 valid=[*valid, *_VALID_FRICTIONS],
                 next_step="choose one of these",
                 remedies=[
@@ -542,7 +544,7 @@ def _conditions_named(edit: Edit) -> _Conditions:
                 ],
                 complete=True,
             )
-        weather, taken = wanted, f" ('{value}' is taken as {wanted})" if word != wanted else ""
+        weather, taken = wanted, f" ('{value}' read as {wanted})" if word != wanted else ""
     if friction is None and weather in WEATHER_ROADS:
         road = WEATHER_ROADS[weather]
         friction = ROAD_FRICTIONS[road]
@@ -550,7 +552,7 @@ def _conditions_named(edit: Edit) -> _Conditions:
 
 
 def _friction_named(text: str, value: str) -> tuple[float, str]:
-    """A coefficient of friction by number or by what the road is, and the latter in words."""
+    """Return a coefficient of friction, given as a number or as a road condition, and the latter as text."""
     word = re.sub(r"[\s-]+", "_", value)
     if word in ROAD_FRICTIONS:
         return ROAD_FRICTIONS[word], word
@@ -564,7 +566,7 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
             misspelt(value, ROAD_FRICTIONS) if math.isnan(friction) else [with_values(params=[f"friction={nearest:g}"])]
         )
         raise InvalidRequest(
-            f"{quoted(text)} is no coefficient of friction between tyres and road",
+            f"{quoted(text)} is not a coefficient of friction between tyres and road",
             valid=_VALID_FRICTIONS,
             next_step="choose one of these",
             given=text,
@@ -575,35 +577,36 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
 
 
 def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """State the weather and the friction of the roads in the file; a note tells what uses them."""
-    asked = _conditions_named(edit)
-    told = []
-    if asked.weather is not None:
-        _write_weather(root, asked.weather)
-        told.append(f"the file says {asked.weather} now{asked.taken}, and searches find it by that")
-    if asked.friction is None:
+    """Write the weather and the friction of the roads into the file; a note lists what uses them."""
+    conditions = _conditions_named(edit)
+    notes = []
+    if conditions.weather is not None:
+        _write_weather(root, conditions.weather)
+        notes.append(f"the file now states {conditions.weather}{conditions.taken}, and searches find it by that")
+    if conditions.friction is None:
         return (
-            f"{'; '.join(told)}; it changes no friction, as no figure of it is known for this weather, and the traffic "
+            f"{'; '.join(notes)}; friction stays unchanged, because this weather has no known value, and traffic "
             "drives as before"
         )
-    set_friction(root, asked.friction)
-    of_road = f" (a road that is {asked.road.replace('_', ' ')})" if asked.road else ""
+    set_friction(root, conditions.friction)
+    of_road = f" (a road that is {conditions.road.replace('_', ' ')})" if conditions.road else ""
     before = "" if scene.friction is None else f", {scene.friction:g} before"
-    told.append(
-        f"friction {asked.friction:g}{of_road}{before}: tyres hold {asked.friction * GRAVITY_MPS2:.2f} m/s² at most, "
-        "along and across together. Planners, reference drivers and the judges of motions use it, and so does SUMO for "
-        "vehicles that it drives from now on; motions that were recorded or driven before stay"
+    notes.append(
+        f"friction {conditions.friction:g}{of_road}{before}: tyres hold at most "
+        f"{conditions.friction * GRAVITY_MPS2:.2f} m/s², "
+        "longitudinal and lateral combined. Planners, reference drivers, motion checks and vehicles that SUMO drives "
+        "from now on use it; motions that were recorded or driven before stay unchanged"
     )
-    return "; ".join(told)
+    return "; ".join(notes)
 
 
 def _write_weather(root: _Element, weather: Weather) -> None:
     location = root.find("location")
     if location is None:
         raise NotPossible(
-            "the file has no location, which the weather belongs to",
+            "the file has no location element to store the weather in",
             valid=_VALID_FRICTIONS,
-            next_step="state the friction alone, or leave this edit out",
+            next_step="set only the friction, or remove this edit",
         )
     for old in location.findall("environment"):
         location.remove(old)

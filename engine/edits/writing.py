@@ -1,6 +1,6 @@
 """Edited scenes as CommonRoad files: states, obstacles, goals and the ego's start as XML elements.
 
-Only elements of touched road users and of the planning problem are made anew; all others keep their bytes.
+Only elements of touched road users and of the planning problem are rewritten; all others keep their bytes.
 """
 
 import numpy as np
@@ -18,16 +18,16 @@ _DECIMALS = 6
 """Coordinates to a micrometre (chosen)."""
 _USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
 USUAL_GOAL_SIZE_M = (6.0, 2.0)
-"""Length and width of a goal region where neither the request nor the file gives one, as in the paper's code."""
+"""Length and width of a goal region if neither the request nor the file gives one, as in the paper's code."""
 _Element = etree._Element
 _INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
-"""Where an obstacle has the first state of each list of states."""
+"""The element with the first state of each list of states."""
 _AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
-"""What a new start of the ego does not say of its motion."""
+"""Motion values for a new start of the ego, which does not specify them."""
 
 
 def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
-    """Bring what the edits change into a document.
+    """Write the changes of the edits into a document.
 
     Returns:
         Sentences on what else had to change.
@@ -59,7 +59,7 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
 
 
 def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
-    """Replace the states of a recorded obstacle after its hand-over; those up to it stay as they are."""
+    """Replace the states of a recorded obstacle after its hand-over; those up to it stay unchanged."""
     trajectory = document.obstacle(track.obstacle_id).find("trajectory")
     if trajectory is None:
         return
@@ -74,7 +74,7 @@ def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: fl
 
 
 def _state_elements(track: Track, motion: Motion, fields: tuple[str, ...], step_s: float) -> list[_Element]:
-    """``<state>`` elements for the motion along a track, with the fields that are wanted."""
+    """Return ``<state>`` elements for the motion along a track, with the given fields."""
     rates = np.gradient(motion.headings_rad, step_s)
     steering = steering_angles(motion, step_s, nearest_class(track.kind, track.length_m).wheelbase_m)
     states = []
@@ -100,7 +100,7 @@ def _state_elements(track: Track, motion: Motion, fields: tuple[str, ...], step_
 
 
 def _sub(parent: _Element, name: str, **texts: str) -> _Element:
-    """A new element at the end of another, with an element for each text."""
+    """Append a new element to another, with a child for each text."""
     element = etree.SubElement(parent, name)
     for tag, text in texts.items():
         etree.SubElement(element, tag).text = text
@@ -108,7 +108,7 @@ def _sub(parent: _Element, name: str, **texts: str) -> _Element:
 
 
 def _obstacle_element(track: Track, motion: Motion, step_s: float, *, is_2018b: bool) -> _Element:
-    """The element of a moving road user."""
+    """Return the element of a moving road user."""
     obstacle = etree.Element("obstacle" if is_2018b else "dynamicObstacle", id=str(track.obstacle_id))
     if is_2018b:
         etree.SubElement(obstacle, "role").text = "dynamic"
@@ -123,7 +123,7 @@ def _obstacle_element(track: Track, motion: Motion, step_s: float, *, is_2018b: 
 
 
 def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
-    """Replace the goal of a planning problem; what the edit does not name stays.
+    """Replace the goal of a planning problem; what the edit does not give stays.
 
     Returns:
         Sentences on what else had to change.
@@ -132,7 +132,7 @@ def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
     states = problem.findall("goalState") or [_first_goal(problem)]
     notes = []
     if len(states) > 1:
-        notes.append(f"the {len(states)} goal states of problem {goal.problem_id} became one")
+        notes.append(f"the {len(states)} goal states of problem {goal.problem_id} were merged into one")
         for state in states[1:]:
             problem.remove(state)
     old = states[0]
@@ -141,7 +141,7 @@ def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
     orientation = old.find("orientation")
     if orientation is not None:
         new.append(_turned(orientation, goal.heading_rad))
-        notes.append("the goal's orientation interval was turned into the direction of its lanelet")
+        notes.append("the goal's orientation interval was rotated to its lanelet's direction")
     for name, interval in (("time", goal.steps), ("velocity", goal.speed_mps)):
         element = old.find(name)
         if interval is not None:
@@ -154,7 +154,7 @@ def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
 
 
 def _first_goal(problem: _Element) -> _Element:
-    """An empty goal state at the end of a problem that has none, indented like the others."""
+    """Append an empty goal state to a problem without one, indented like the others."""
     before = problem[-1]
     goal = etree.SubElement(problem, "goalState")
     before.tail, goal.tail = problem.text, before.tail
@@ -174,7 +174,7 @@ def _goal_position(old: _Element, goal: GoalChange) -> _Element:
 
 
 def _turned(orientation: _Element, heading_rad: float) -> _Element:
-    """The interval with its old width around a new heading."""
+    """Return the interval with its old width around a new heading."""
     start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
     half = min(abs(end - start) / 2, 3.14)
     middle = wrap_angle(heading_rad)
@@ -189,14 +189,14 @@ def _interval(name: str, start: float, end: float) -> _Element:
 
 
 def _point_element(position: Points) -> _Element:
-    """A ``<position>`` with one point."""
+    """Return a ``<position>`` with one point."""
     element = etree.Element("position")
     _sub(element, "point", x=_number(float(position[0])), y=_number(float(position[1])))
     return element
 
 
 def _state_step(state: _Element) -> int:
-    """The time step of a state; the first one of an interval."""
+    """Return the time step of a state; the first one of an interval."""
     exact = state.findtext("time/exact")
     return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
 
@@ -207,7 +207,7 @@ def _number(value: float) -> str:
 
 
 def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
-    """Move the states of a recorded obstacle in time, write those that an edit prescribes, or put an added one in."""
+    """Write a replay: shift a recorded obstacle's states in time, replace them, or add a new obstacle."""
     if replay.is_parked:
         document.add_obstacle(_parked_element(replay.track, is_2018b=document.is_2018b), is_static=True)
         return
@@ -224,7 +224,7 @@ def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> 
 
 
 def _write_prescribed(document: ScenarioDocument, obstacle: _Element, replay: Replay, step_s: float) -> None:
-    """Replace the states that an edit prescribes, and the body where it is another one; the others keep their bytes."""
+    """Replace the states that an edit prescribes, and the body if it changed; the others keep their bytes."""
     track, recording, trajectory = replay.track, replay.recording, obstacle.find("trajectory")
     if recording is None or trajectory is None:
         return
@@ -251,20 +251,20 @@ def _write_body(document: ScenarioDocument, obstacle: _Element, track: Track) ->
     if kind is not None:
         kind.text = track.kind
     if shape is not None:
-        made = etree.Element("shape")
-        _sub(made, "rectangle", length=_number(track.length_m), width=_number(track.width_m))
-        document.replace_children(obstacle, [shape], [made])
+        new = etree.Element("shape")
+        _sub(new, "rectangle", length=_number(track.length_m), width=_number(track.width_m))
+        document.replace_children(obstacle, [shape], [new])
 
 
 def _write_first_state(document: ScenarioDocument, initial: _Element, track: Track, step_s: float) -> None:
-    """Write another place, heading and speed into an initial state; what else it holds is kept."""
+    """Write another place, heading and speed into an initial state; its other values are kept."""
     fields = tuple(str(child.tag) for child in initial if isinstance(child.tag, str))
     first = _state_elements(track.part(0, 2), replayed_motion(track.part(0, 2), step_s), fields, step_s)[0]
     document.replace_children(initial, [one for one in initial if isinstance(one.tag, str)], list(first))
 
 
 def _parked_element(track: Track, *, is_2018b: bool) -> _Element:
-    """The element of a vehicle that is parked."""
+    """Return the element of a parked vehicle."""
     obstacle = etree.Element("obstacle" if is_2018b else "staticObstacle", id=str(track.obstacle_id))
     if is_2018b:
         etree.SubElement(obstacle, "role").text = "static"
@@ -278,13 +278,13 @@ def _parked_element(track: Track, *, is_2018b: bool) -> _Element:
 
 
 def replayed_motion(track: Track, step_s: float) -> Motion:
-    """A given track as a motion."""
+    """Return a given track as a motion."""
     accelerations = np.gradient(track.speeds_mps, step_s) if len(track.speeds_mps) > 1 else np.zeros(1)
     return Motion(track.positions, track.headings_rad, track.speeds_mps, accelerations)
 
 
 def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
-    """Replace place, heading and speed of a planning problem's initial state; the rest of its motion is at rest."""
+    """Replace place, heading and speed of a planning problem's initial state; its other motion values become 0."""
     state = document.problem(ego.problem_id).find("initialState")
     if state is None:
         return
@@ -299,7 +299,7 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
 
 
 def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
-    """Return whether an ego starts at another place, heading or speed than its planning problem says."""
+    """Return True if an ego starts at another place, heading or speed than its planning problem states."""
     state = loaded.problem(ego.problem_id).initial_state
     is_there = bool(np.array_equal(ego.position, np.asarray(center_of(state.position), dtype=float)))
     is_as_fast = ego.speed_mps == middle_of(state.velocity) and ego.heading_rad == middle_of(state.orientation)
@@ -307,7 +307,7 @@ def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
 
 
 def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> None:
-    """Move an initial state and those of a list by the replay's steps; those outside its track go."""
+    """Shift an initial state and those of a list by the replay's steps; those outside its track are removed."""
     initial, series = obstacle.find(initial_tag), obstacle.find(tag)
     states = [one for one in (initial, *([] if series is None else series)) if one is not None]
     kept = []
@@ -327,7 +327,7 @@ def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> Non
 
 
 def set_step(state: _Element, step: int) -> None:
-    """Give a state of a file another time step; one without a time stays as it is."""
+    """Give a state of a file another time step; a state without a time stays unchanged."""
     time = state.find("time")
     if time is None:
         return

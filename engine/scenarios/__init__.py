@@ -1,11 +1,11 @@
-"""A scenario for others: facts with computed features, the description in words, files in the formats of other tools.
+"""Facts and descriptions of a scenario, and its export to the formats of other tools.
 
-``Manoeuvre``: What a road user does on the ego's way, and when.
-``manoeuvres_met``: What road users would do on the way of an ego with a planning problem of its own.
-``read_facts``: An operation: the facts of one CommonRoad file, for the catalogue.
-``describe``: An operation: ego, vehicles and lanelets near the focus of a scenario.
-``write_opendrive``: An operation: write the lanelets of a scenario as OpenDRIVE; what is lost, how near the bounds are.
-``write_openscenario``: An operation: write the recording of a scenario as OpenSCENARIO XML; what is lost.
+``Manoeuvre``: what a road user does on the ego's path, and when.
+``manoeuvres_met``: returns what road users would do on the path of an ego with its own planning problem.
+``read_facts``: operation that returns the facts of one CommonRoad file, for the catalogue.
+``describe``: operation that returns ego, vehicles and lanelets near the focus of a scenario.
+``write_opendrive``: operation that writes the lanelets of a scenario as OpenDRIVE, and returns losses and deviations.
+``write_openscenario``: operation that writes the recording of a scenario as OpenSCENARIO XML, and returns losses.
 """
 
 from typing import TYPE_CHECKING

@@ -1,7 +1,7 @@
-"""Describing a scenario in words and ids, so that an edit can be written from it.
+"""Describe a scenario in words and ids, so that an edit can be written from it.
 
-Described are the ego (start, goal, route), vehicles and lanelets near a focus, and a few checks: whether the file is
-valid, the goal can be reached, and anything overlaps at the start. Lengths in m, speeds in m/s.
+The description covers the ego (start, goal, route), vehicles and lanelets near a focus, and a few checks: whether the
+file is valid, the goal can be reached, and anything overlaps at the start. Lengths in m, speeds in m/s.
 """
 
 from collections.abc import Collection, Mapping
@@ -47,18 +47,18 @@ if TYPE_CHECKING:
     from commonroad.planning.planning_problem import PlanningProblem
 
 CHECKED_SHOWN = 3
-"""Vehicles that a failed check names, at most."""
+"""Largest number of vehicles that a failed check lists."""
 REACH_SHOWN, _REACH_M = 8, 300.0
-"""Lanelets that a focus is told to reach, at most, and how far they may be (chosen)."""
-OWN_RECORDING = "where the ego starts, as fast: its own recording, which counts as a collision until it is removed"
+"""Largest number of lanelets listed as reachable from a focus, and their largest distance (chosen)."""
+OWN_RECORDING = "at the ego's start and speed: its own recording, which counts as a collision until it is removed"
 
 
 def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
-    """Ego, vehicles and lanelets near the focus; how many depends on the detail.
+    """Return ego, vehicles and lanelets near the focus; how many depends on the detail.
 
     Raises:
-        UnknownName: a focus that is no vehicle, lanelet or selector.
-        NotPossible: the motion of what has none, or a time at which no vehicle is there.
+        UnknownName: the focus is not a vehicle, lanelet or selector.
+        NotPossible: the focus has no motion, or no vehicle is there at the requested time.
         UnsafeInput: the file is broken.
     """
     report(0.0, "reading the scenario")
@@ -95,10 +95,10 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
 
 
 def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
-    """The vehicles that are there at a step.
+    """Return the vehicles that are there at a step.
 
     Raises:
-        NotPossible: no vehicle is.
+        NotPossible: there is no such vehicle.
     """
     there = {key: track for key, track in tracks.items() if track.index_at(step) is not None}
     if there or not tracks:
@@ -109,10 +109,10 @@ def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int,
 
 
 def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
-    """The focus with its whole motion; for the ego that of its own recording.
+    """Return the focus with its whole motion; for the ego that of its own recording.
 
     Raises:
-        NotPossible: a lanelet, a vehicle that stands without a recording, or an ego that was not recorded.
+        NotPossible: the focus is a lanelet, a vehicle without a recording, or an ego that was not recorded.
     """
     moving = [f"focus={key}" for key in list(scene.tracks)[:CHECKED_SHOWN]]
     if asked is None:
@@ -123,7 +123,7 @@ def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
             raise NotPossible(
                 "the ego has no recorded motion: a planner drives it",
                 valid=moving,
-                next_step="run_planner, or ask for the motion of another vehicle",
+                next_step="call run_planner, or request the motion of another vehicle",
             )
         asked, key = DescribedFocus(name=f"vehicle {own[0]}", what="the ego's own recording"), own[0]
     else:
@@ -136,7 +136,7 @@ def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
 
 
 def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, DescribedFocus | None]:
-    """The point (2,) around which everything is listed, and what was asked about; None for ego and map."""
+    """Return the point (2,) around which everything is listed, and the requested focus; None for ego and map."""
     tracks = scene.tracks | scene.standing
     word = (focus or "ego").strip()
     if word.lower() == "ego":
@@ -152,8 +152,8 @@ def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, Describ
         middle = np.asarray(lanelet.center_vertices[len(lanelet.center_vertices) // 2], dtype=float)
         what = f"{scene.lanelet_graph.length_m[int(word)]:.0f} m long"
         return middle, DescribedFocus(name=f"lanelet {word}", what=what, reach=_reach(scene, int(word), 0.0))
-    meant = select([word], scene, Changes(next_id=0, driven={}))
-    chosen, others = meant[0], f", the first of {len(meant)}" if len(meant) > 1 else ""
+    matched = select([word], scene, Changes(next_id=0, driven={}))
+    chosen, others = matched[0], f", the first of {len(matched)}" if len(matched) > 1 else ""
     index = tracks[chosen].index_at(step) or 0
     match, point = scene.matches.get(chosen), tracks[chosen].positions[index]
     described = DescribedFocus(name=f"vehicle {chosen}", what="" if word == str(chosen) else f"{word}{others}")
@@ -165,7 +165,7 @@ def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, Describ
 
 
 def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
-    """The nearest lanelets outside junctions that a vehicle on a lanelet can get to, as SUMO's vehicles drive."""
+    """Return the nearest lanelets outside junctions that a vehicle on a lanelet can reach, as SUMO's vehicles drive."""
     if start not in scene.layout.table.lanes:
         return ()
     graph, ways = scene.driven_graph, []
@@ -185,20 +185,20 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
 
 
 def _near(tracks: Mapping[int, Track], begin: int, center: Points, radius_m: float) -> list[int]:
-    """Vehicles within a distance of the centre, the nearest first; each where it is described."""
+    """Return vehicles within a distance of the centre, the nearest first, at their described positions."""
     away = sorted((_distance_m(track, begin, center), key) for key, track in tracks.items())
     return [key for distance_m, key in away if distance_m <= radius_m]
 
 
 def _distance_m(track: Track, begin: int, center: Points) -> float:
-    """That of a vehicle from a place, as it is described."""
+    """Return the distance of a vehicle from a place, at its described position."""
     return round(float(np.linalg.norm(track.positions[track.index_at(begin) or 0] - center)), 1)
 
 
 def _vehicles(
     scene: Scene, center: Points, keys: Collection[int], roles: Mapping[int, str], at_step: int
 ) -> dict[int, DescribedVehicle]:
-    """Some vehicles by id; each where it is at a step, or first appears."""
+    """Return some vehicles by id, each at a step or at its first appearance."""
     if not keys:
         return {}
     lane, known = ego_lane(scene, scene.ego) if scene.ego else None, scene.tracks | scene.standing
@@ -208,7 +208,7 @@ def _vehicles(
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """The vehicle with its role: the ego's own recording, ``lead`` or ``follow`` outside its lane, not drivable."""
+    """Return the vehicle with its role: own recording, ``lead`` or ``follow`` outside the ego's lane, not drivable."""
     track = scene.tracks.get(vehicle.vehicle_id)
     if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
         return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
@@ -217,11 +217,11 @@ def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]
     return vehicle.model_copy(update={"where": ", ".join(filter(None, [vehicle.where, role, undrivable]))})
 
 
-_UNDRIVABLE = "its way leaves the lanes: edits cannot drive it"
+_UNDRIVABLE = "its route leaves the lanes: edits cannot drive it"
 
 
 def _is_undrivable(scene: Scene, track: Track) -> bool:
-    """Whether no edit can drive a vehicle of a kind that is driven elsewhere."""
+    """Return True if edits cannot drive a vehicle although its kind can be driven."""
     return track.kind not in NOT_DRIVEN and bool(not_drivable(scene, track.obstacle_id))
 
 
@@ -233,7 +233,7 @@ def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
 def _vehicle(
     scene: Scene, lane: EgoLane | None, track: Track, steps: tuple[int, int], center: Points, *, moves: bool
 ) -> DescribedVehicle:
-    """A vehicle at the second of two steps; times are counted from the first."""
+    """Return a vehicle at the second of two steps; times count from the first."""
     begin, at_step = steps
     index = track.index_at(at_step) or 0
     match = scene.matches.get(track.obstacle_id)
@@ -257,7 +257,7 @@ def _vehicle(
 
 
 def _describe_ego(scene: Scene) -> DescribedEgo | None:
-    """The planning problem that the scene is about; None where the file has none."""
+    """Return the planning problem of the scene; None if the file has no problem."""
     if scene.ego is None:
         return None
     problem = scene.loaded.problem(scene.ego.problem_id)
@@ -265,7 +265,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
-    way = "the goal has no place" if not goals else "no way leads to the goal"
+    way = "the goal has no place" if not goals else "no route leads to the goal"
     if route is not None:
         way = route.words
     return DescribedEgo(
@@ -284,7 +284,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
 
 
 def _goal_figures(problem: "PlanningProblem", step_s: float, start: Any) -> dict[str, float]:
-    """Return the figures of a goal that has one state: its time, and how far the middle of its region is."""
+    """Return the figures of a goal with one state: its time, and the distance of the centre of its region."""
     states = problem.goal.state_list
     if len(states) != 1:
         return {}
@@ -299,20 +299,20 @@ def _goal_figures(problem: "PlanningProblem", step_s: float, start: Any) -> dict
 def _friction_words(friction: float | None) -> str:
     if friction is None:
         return ""
-    return f"; friction {friction:g} of the road: tyres hold {friction * GRAVITY_MPS2:.2f} m/s² at most"
+    return f"; road friction {friction:g}: tyres hold at most {friction * GRAVITY_MPS2:.2f} m/s²"
 
 
 def vehicle_words(name: str) -> str:
-    """Return what an ego of a class is, its motion model, and where its limits come from."""
+    """Return an ego class as text: its name, its motion model, and the source of its limits."""
     known = ego_class(name)
     return f"{known.in_words}, {MODEL_WORDS[known.motion_model]}; limits: {known.source}"
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
-    """What the goal asks for: position, time, speed and heading, where it states them."""
+    """Return the goal's position, time, speed and heading as text, as far as it states them."""
     states = problem.goal.state_list
     if not states:
-        return "none stated"
+        return "not stated"
     parts = []
     if lanelets and problem.goal.lanelets_of_goal_position:
         parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
@@ -338,7 +338,7 @@ def _span(value: Any, factor: float) -> str:
 def _describe_lanelets(
     scene: Scene, ego: DescribedEgo | None, center: Points, radius_m: float, most: int
 ) -> tuple[tuple[DescribedLanelet, ...], int]:
-    """The lanelets within the radius, those of the ego's route first, then the nearest; and how many there are."""
+    """Return the lanelets within the radius, those of the ego's route first, then the nearest; and their total."""
     distances = {
         lanelet.lanelet_id: float(np.min(np.linalg.norm(lanelet.center_vertices - center, axis=1)))
         for lanelet in scene.network.lanelets
@@ -374,12 +374,12 @@ def _role(ego: DescribedEgo | None, key: int) -> str:
         return ""
     roles = ["ego starts here"] if key in ego.lanelets else []
     roles += ["goal"] if key in ego.goal_lanelets else []
-    roles += ["on the ego's way"] if key in ego.route and not roles else []
+    roles += ["on the ego's route"] if key in ego.route and not roles else []
     return ", ".join(roles)
 
 
 def _direction(scene: Scene, key: int) -> str:
-    """Where a lanelet turns from its beginning to its end."""
+    """Return the direction in which a lanelet turns from its start to its end."""
     line = center_line(scene.network, key)
     if len(line) < 2:
         return "straight"
@@ -390,7 +390,7 @@ def _direction(scene: Scene, key: int) -> str:
 
 
 def _vehicles_by_lanelet(scene: Scene) -> dict[int, tuple[int, ...]]:
-    """The vehicles by the lanelet on which each begins."""
+    """Return the vehicles by the lanelet on which each starts."""
     begins: dict[int, list[int]] = {}
     for key, match in sorted(scene.matches.items()):
         begins.setdefault(match.lanelets[0], []).append(key)
@@ -409,22 +409,22 @@ def _goal(scene: Scene) -> str:
         return "problem: no planning problem"
     problem = scene.loaded.problem(scene.ego.problem_id)
     if not goal_center_lanelets(scene.network, problem):
-        return "ok: the goal states no place on a lanelet"
+        return "ok: the goal has no place on a lanelet"
     if ego_route(scene.network, scene.lanelet_graph, problem) is None:
-        return "problem: no way leads from the ego's start to its goal"
+        return "problem: no route leads from the ego's start to its goal"
     return "ok: lanelets lead from the ego's start to its goal"
 
 
 def _overlaps(scene: Scene) -> str:
     if scene.ego is None:
-        return "ok: no ego that could overlap"
+        return "ok: there is no ego to overlap"
     own = oriented_rectangle(np.asarray(scene.ego.position), scene.ego.heading_rad, scene.ego.size_m)
     step = scene.ego.step
     there = [(track, track.index_at(step)) for _, track in sorted((scene.tracks | scene.standing).items())]
     boxes = [(track.obstacle_id, track.corners_at(index)) for track, index in there if index is not None]
     hit = [key for key, corners in boxes if rectangles_overlap(own, corners)]
     if not hit:
-        return "ok: nobody overlaps the ego at its start"
+        return "ok: no road user overlaps the ego at its start"
     return f"problem: the ego overlaps vehicle {', '.join(map(str, hit[:CHECKED_SHOWN]))} at its start"
 
 
@@ -432,8 +432,8 @@ def _off_the_road(scene: Scene) -> str:
     lost = sorted(set(scene.tracks) - set(scene.matches))
     if not lost:
         return "ok: every moving vehicle is on or near a lanelet"
-    return f"problem: {len(lost)} moving vehicles are on no lanelet: {', '.join(map(str, lost[:CHECKED_SHOWN]))}"
+    return f"problem: {len(lost)} moving vehicles are not on a lanelet: {', '.join(map(str, lost[:CHECKED_SHOWN]))}"
 
 
 _CHECKS = (_schema, _goal, _overlaps, _off_the_road)
-"""Each says in a sentence what it found, beginning with ``ok`` or ``problem``."""
+"""Each returns a sentence on its result that starts with ``ok`` or ``problem``."""

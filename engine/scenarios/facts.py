@@ -1,6 +1,6 @@
-"""Reading the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
+"""Read the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
 
-Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). Of the recording, the
+Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). About the recording, the
 facts state how dense the traffic is, and when it meets an ego that does not react.
 """
 
@@ -40,7 +40,7 @@ from ..network import LaneletGraph, read_net
 from ..scene import EgoRoute, ego_route, lanelets_of_pose, path_ahead
 from ..traffic import words_of_hour
 from ..vehicles import ego_class
-from .features import AHEAD_OF_START_M, along_line, features, may_be_beside
+from .features import AHEAD_OF_START_M, along_line, features, is_near_line
 from .manoeuvres import Manoeuvre, manoeuvres, unprotected_left
 
 if TYPE_CHECKING:
@@ -49,42 +49,42 @@ if TYPE_CHECKING:
 
 
 def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioFacts:
-    """The facts of one CommonRoad file.
+    """Return the facts of one CommonRoad file.
 
     Raises:
-        UnsafeInput: the file is hostile, broken, no CommonRoad file, or holds numbers that no scenario has; or the SUMO
-            network beside it is no such network.
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file, or contains numbers that no scenario has; or
+            the SUMO network next to it is not valid.
     """
     report(0.0, f"reading {shown_name(request.path.name)}")
     if request.net is not None:
         _check_net(request.net, request.file_bytes)
     recorded = kept_recording(request.path, request.file_bytes, keep=request.keep)
-    report(0.6, "looking at the geometry")
+    report(0.6, "analysing the geometry")
     return _facts_of(recorded)
 
 
 def _check_net(path: Path, file_bytes: int) -> None:
-    """It is stored beside the scenario for whoever exports it, so it must be what its name says."""
+    """Refuse an invalid network: it is stored with the scenario for exports."""
     try:
         scan_xml(path, XmlLimits(size_bytes=file_bytes))
         read_net(path)
     except (UnsafeInput, ValueError) as error:
         reason = error.message if isinstance(error, UnsafeInput) else f"{shown_name(path.name)}: {cited(error)}"
         raise UnsafeInput(
-            f"the network beside the scenario cannot be taken in: {reason}",
-            next_step=f"correct {shown_name(path.name)}, or move it away: a scenario is imported without it too",
+            f"the network next to the scenario cannot be imported: {reason}",
+            next_step=f"correct {shown_name(path.name)}, or remove it: the scenario can be imported without it",
         ) from error
 
 
 _TAG_NAMES = {"illegal_cutin": "illegal_cut_in"}
-"""commonroad-io's names of tags that are spelled otherwise here."""
+"""commonroad-io's names of tags that have another spelling here."""
 
 
 def _facts_of(read: RecordedScenario) -> ScenarioFacts:
-    """The facts of a scenario in memory.
+    """Return the facts of a scenario in memory.
 
     Raises:
-        UnsafeInput: an id outside the naming rules.
+        UnsafeInput: an id violates the naming rules.
     """
     loaded, tracks = read.loaded, read.tracks
     scenario, network = loaded.scenario, loaded.scenario.lanelet_network
@@ -124,26 +124,28 @@ def _facts_of(read: RecordedScenario) -> ScenarioFacts:
 
 
 _OUR_AUTHOR = "PlannerForge"
-"""Who wrote a file of this program, as the file states it."""
+"""The author of files written by this program, as stated in the file."""
 
 
 def _circumstances(scenario: "Scenario") -> tuple[str, ...]:
-    """Bad weather, night and rush hour, as far as the environment of a file of this program says so.
+    """Return bad weather, night and rush hour, as stated by the environment of a file of this program.
 
-    Other files are not believed: of CommonRoad's public ones, one of 195 states an environment, a test of the format.
+    Other files are not trusted: of CommonRoad's public ones, one of 195 states an environment, a test of the format.
     """
     environment = getattr(scenario.location, "environment", None)
     if environment is None or scenario.author != _OUR_AUTHOR:
         return ()
     words = {getattr(part, "value", "") for part in (environment.weather, environment.time_of_day)}
     if environment.time is not None:
-        words |= set(words_of_hour(int(environment.time.hours) % 24)) - {"night"}  # a file says itself what it calls so
+        words |= set(words_of_hour(int(environment.time.hours) % 24)) - {
+            "night"
+        }  # the file itself states what counts as night
     return tuple(word for word in CIRCUMSTANCES if word in words)
 
 
 @dataclass(frozen=True)
 class _Recording:
-    """What the facts of every ego are read from; ``bodies`` are the tracks and the static obstacles."""
+    """The source of the facts of every ego; ``bodies`` are the tracks and the static obstacles."""
 
     loaded: LoadedScenario
     scenario: "Scenario"
@@ -160,9 +162,9 @@ def manoeuvres_met(
     problem: "PlanningProblem",
     vehicle_class: str,
 ) -> tuple[Manoeuvre, ...]:
-    """Return what road users would do on the way of an ego with a planning problem of its own, in a scenario's lanes.
+    """Return what road users would do on the path of an ego with its own planning problem, in a scenario's lanes.
 
-    The result is that of :func:`read_facts` for a file that holds these tracks and this problem.
+    The result is that of :func:`read_facts` for a file with these tracks and this problem.
 
     Args:
         loaded: the scenario that has the lanes.
@@ -200,7 +202,7 @@ def _ego(recording: _Recording, problem: "PlanningProblem") -> EgoFacts:
 def _placed_ego(
     recording: _Recording, problem: "PlanningProblem", route: EgoRoute | None, vehicle_class: str
 ) -> EgoFacts:
-    """Return where the ego starts and what its goal states, without what is computed from the traffic."""
+    """Return the ego's start and stated goal, without facts computed from the traffic."""
     network, state = recording.scenario.lanelet_network, problem.initial_state
     point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     lanelets = lanelets_of_pose(network, point, heading)
@@ -228,53 +230,53 @@ def _placed_ego(
 
 
 _FARTHEST_M = 1000.0
-"""Along its way an ego is watched up to here (chosen)."""
+"""Longest part of the ego's path that is examined (chosen)."""
 
 
 def _manoeuvres(
     recording: _Recording, ego: EgoFacts, route: EgoRoute | None, start_step: int
 ) -> tuple[tuple[Manoeuvre, ...], bool]:
-    """What the recorded traffic does on the ego's way, and whether the ego turns left unprotected."""
+    """Return what the recorded traffic does on the ego's path, and whether the ego turns left unprotected."""
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is None:
         return (), False
     network, graph, step_s = recording.scenario.lanelet_network, recording.graph, recording.loaded.step_s
     driven_m = ego.speed_mps * step_s * max(recording.last_step - start_step, 0)
     route_m = sum(graph.length_m[key] for key in ego.route)
-    way = path_ahead(network, graph, start, ego.route, min(max(driven_m + AHEAD_OF_START_M, route_m), _FARTHEST_M))
+    path = path_ahead(network, graph, start, ego.route, min(max(driven_m + AHEAD_OF_START_M, route_m), _FARTHEST_M))
     length_m = ego_class(ego.vehicle_class).vehicle.size_m[0]
-    found = manoeuvres(network, graph, recording.tracks, ego, length_m, way, start_step, step_s)
-    return found, unprotected_left(network, route, way)
+    found = manoeuvres(network, graph, recording.tracks, ego, length_m, path, start_step, step_s)
+    return found, unprotected_left(network, route, path)
 
 
 def _first_step(problems: Iterable["PlanningProblem"], tracks: Iterable[Track]) -> int:
-    """When the scenario begins: with the first ego or the first recorded state, whatever its number; 0 without any."""
+    """Return the first step of the scenario: that of the first ego or recorded state, or 0 without any."""
     starts = [int(problem.initial_state.time_step) for problem in problems]
     return min([*starts, *(track.first_step for track in tracks)], default=0)
 
 
 def _density_per_km(graph: LaneletGraph, tracks: Iterable[Track], first_step: int, last_step: int) -> float:
-    """Recorded vehicles per kilometre of lanelets: the mean from the first to the last step, rounded to 0.1."""
+    """Return recorded vehicles per kilometre of lanelets: the mean over all steps, rounded to 0.1."""
     length_km = sum(graph.length_m.values()) / 1000.0
     steps = sum(len(track.positions) for track in tracks)
     return round(steps / max(last_step - first_step + 1, 1) / length_km, 1) if length_km > 0 else 0.0
 
 
 LONGEST_LOOK_M = 1000.0
-"""Of the ego's path, no more is looked along (chosen)."""
+"""Longest part of the ego's path that is examined (chosen)."""
 BEYOND_M = 50.0
-"""Beyond the distance that the ego drives during the recording, the path is looked along by this much (chosen)."""
+"""Length of path examined beyond the distance that the ego drives during the recording (chosen)."""
 INSIDE_END_M = 0.1
-"""Projections within this of the path's end belong to bodies that are beyond it (chosen)."""
+"""Projections within this of the path's end belong to bodies beyond it (chosen)."""
 
 
 def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -> float | None:
-    """Seconds until an ego that keeps its path and initial speed meets the recording; None where it never does.
+    """Return the seconds until an ego that keeps its path and initial speed meets the recording, or None.
 
-    Another quantity than a run's time to collision (:mod:`plannerforge.engine.criticality`), which supposes that both
-    road users keep course and speed from one moment on, in the plane: here the others move as recorded, and the ego
-    follows its lanes. Both are rectangles along the path's coordinates, the ego of the size of a BMW 320i. Bodies that
-    overlap the ego at its start are left out, and so are those that run into it from behind.
+    This differs from a run's time to collision (:mod:`plannerforge.engine.criticality`), which assumes that both road
+    users keep course and speed from one time on, in the plane: here the others move as recorded, and the ego follows
+    its lanes. Both are rectangles along the path's coordinates, the ego with the size of a BMW 320i. Bodies that
+    overlap the ego at its start are left out, and so are those that hit it from behind.
     """
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is None or not recording.bodies:
@@ -293,19 +295,19 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
             continue
         skipped = max(start_step - track.first_step, 0)
         steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
-        looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # one pose of what stands still
+        looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # one pose of a static obstacle
         positions, facing = track.positions[looked_at], track.headings_rad[looked_at]
         if key in recording.tracks:
-            near = may_be_beside(line, positions, track.length_m + track.width_m + own_width_m)
+            near = is_near_line(line, positions, track.length_m + track.width_m + own_width_m)
             positions, facing, steps = positions[near], facing[near], steps[near]
         if not len(positions):
             continue
-        stations, beside, turn = along_line(line, positions, facing)
+        stations, offsets, turn = along_line(line, positions, facing)
         along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
         reach = (along * track.length_m + across * track.width_m + own_length_m) / 2
         room = (across * track.length_m + along * track.width_m + own_width_m) / 2
         ahead = stations - here - ego.speed_mps * step_s * steps
-        on_path = (np.abs(beside) < room) & (stations > 0.0) & (stations < length - INSIDE_END_M)
+        on_path = (np.abs(offsets) < room) & (stations > 0.0) & (stations < length - INSIDE_END_M)
         meets = np.flatnonzero(on_path & (np.abs(ahead) < reach))
         if len(meets) and steps[meets[0]] > 0 and ahead[meets[0]] > 0:
             times_s.append(float(steps[meets[0]]) * step_s)
@@ -336,7 +338,7 @@ def _location(country: str, place: str, scenario: "Scenario") -> LocationFacts:
 
 
 def _degrees(scenario: "Scenario", name: str, limit: float) -> float | None:
-    """A coordinate of the file; None where it is missing or the placeholder 999."""
+    """Return a coordinate of the file; None if it is missing or the placeholder 999."""
     value = getattr(scenario.location, name, None) if scenario.location else None
     if value is None or not math.isfinite(float(value)) or abs(float(value)) > limit:
         return None

@@ -1,7 +1,7 @@
-"""What the geometry says about a scenario, apart from the tags that its author wrote into the file.
+"""What the geometry shows about a scenario, apart from the tags that its author wrote into the file.
 
 Found in the lanelet network: crossings (lanelets that cross at an angle), roundabouts (short round cycles of successors
-with several entries) and motorway ramps (roads of one direction that part or join at a small angle). Angles in rad.
+with several entries) and motorway ramps (roads of one direction that diverge or merge at a small angle). Angles in rad.
 """
 
 import math
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 AHEAD_OF_START_M = 100.0
-"""From the ego's start, crossings and oncoming traffic count up to here (chosen)."""
+"""Crossings and oncoming traffic count up to this distance from the ego's start (chosen)."""
 LEAD_M, LEAD_ASIDE_M = 50.0, 1.5
-"""A lead vehicle is at most this far ahead, and this far beside the path (chosen; half a lane is 1.5 to 1.9 m)."""
+"""Largest distance of a lead vehicle ahead and to the side of the path (chosen; half a lane is 1.5 to 1.9 m)."""
 CROSSING_RAD = math.radians(25.0)
-"""Lanelets that meet at a smaller angle merge or part (chosen)."""
+"""Lanelets that meet at a smaller angle merge or diverge (chosen)."""
 ONCOMING_RAD, ONCOMING_BESIDE_M = math.radians(135.0), 12.0
-"""Oncoming traffic heads away from the path by more than this angle, within this distance beside it (chosen)."""
+"""Oncoming traffic is turned from the path by more than this angle, within this lateral distance (chosen)."""
 MOVING_MPS = 1.0
-"""Below it a vehicle's direction of travel says nothing (chosen)."""
+"""Below this speed a vehicle's direction of travel is undefined (chosen)."""
 SAMPLED_EVERY = 5
-"""Recorded states that are looked at for oncoming traffic: every fifth (0.5 s)."""
+"""Sampling of recorded states for oncoming traffic: every fifth (0.5 s)."""
 
 
 def features(
@@ -55,7 +55,7 @@ def features(
     route: EgoRoute | None,
     start_step: int,
 ) -> tuple[str, ...]:
-    """The features of the vocabulary that hold for this ego, which starts at a step; sorted."""
+    """Return the features of the vocabulary that hold for this ego, which starts at a step; sorted."""
     start_point = np.array([ego.x_m, ego.y_m])
     crossing, circle = _has_crossing(network, graph, start_point, ego.route), has_roundabout(network, graph)
     holding = {
@@ -83,9 +83,9 @@ def features(
 
 
 def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
-    """Whether two lanelets cross at an angle above 25° within 100 m of the point, or one on the route is crossed.
+    """Return True if two lanelets cross at over 25° within 100 m of the point, or one on the route is crossed.
 
-    Lanelets that share an end (a fork, a merge) do not cross. Heights are not known to CommonRoad: a bridge counts.
+    Lanelets that share an end (a fork, a merge) do not cross. CommonRoad has no heights, so a bridge counts.
     """
     from shapely.geometry import LineString
 
@@ -107,45 +107,45 @@ def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points,
 
 
 def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool:
-    """Whether a recorded vehicle moves against the line's direction within 12 m beside it, ahead of the ego."""
+    """Return True if a recorded vehicle moves against the line's direction within 12 m of it, ahead of the ego."""
     length = arc_length(line)[-1]
     for track in tracks.values():
         sampled = track.positions[::SAMPLED_EVERY]
-        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & may_be_beside(line, sampled, ONCOMING_BESIDE_M)
+        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & is_near_line(line, sampled, ONCOMING_BESIDE_M)
         if not moving.any():
             continue
         positions, facing = sampled[moving], track.headings_rad[::SAMPLED_EVERY][moving]
-        stations, beside, turn = along_line(line, positions, facing)
+        stations, offsets, turn = along_line(line, positions, facing)
         against = np.abs(wrap_angles(turn)) > ONCOMING_RAD
-        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(beside) <= ONCOMING_BESIDE_M)
+        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(offsets) <= ONCOMING_BESIDE_M)
         if np.any(against & on_path):
             return True
     return False
 
 
-def may_be_beside(line: Points, positions: Points, reach_m: float) -> NDArray[np.bool_]:
-    """Whether positions (n, 2) lie in the box around a line, wider by a reach; all others are farther beside it."""
+def is_near_line(line: Points, positions: Points, reach_m: float) -> NDArray[np.bool_]:
+    """Return which positions (n, 2) are in the box around a line, extended by a reach; all others are farther away."""
     low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
     inside: NDArray[np.bool_] = ((positions >= low) & (positions <= high)).all(axis=1)
     return inside
 
 
 def along_line(line: Points, positions: Points, headings_rad: Values) -> tuple[Points, Points, Values]:
-    """Stations and offsets in m of positions (n, 2) along a line, and by how much headings turn from it, each (n,)."""
+    """Return stations and offsets in m of positions (n, 2) along a line, and the turn of headings from it; (n,)."""
     directions = headings(line)
-    stations, beside = project_all(line, positions)
+    stations, offsets = project_all(line, positions)
     segments = np.clip(np.searchsorted(arc_length(line), stations, side="right") - 1, 0, len(directions) - 1)
-    return stations, beside, headings_rad - directions[segments]
+    return stations, offsets, headings_rad - directions[segments]
 
 
 def _has_lead(line: Points, here_m: float, tracks: dict[int, Track], start_step: int) -> bool:
-    """Whether a vehicle is on the line within 50 m ahead of the ego when the ego starts."""
+    """Return True if a vehicle is on the line within 50 m ahead of the ego when the ego starts."""
     for track in tracks.values():
         index = track.index_at(start_step)
         if index is None:
             continue
-        station, beside = project(line, track.positions[index])
-        if 0.5 < station - here_m < LEAD_M and abs(beside) < LEAD_ASIDE_M:
+        station, offset = project(line, track.positions[index])
+        if 0.5 < station - here_m < LEAD_M and abs(offset) < LEAD_ASIDE_M:
             return True
     return False
 
@@ -162,7 +162,7 @@ def _share_an_end(graph: LaneletGraph, one: int, two: int) -> bool:
 
 
 def _cross_at_angle(first: Points, second: Points, point: Points) -> bool:
-    """Whether the lines meet there at more than the crossing angle, whatever their directions."""
+    """Return True if the lines meet there at more than the crossing angle, regardless of their directions."""
     angles = []
     for line in (first, second):
         station = project(line, point)[0]
@@ -174,19 +174,19 @@ def _cross_at_angle(first: Points, second: Points, point: Points) -> bool:
 
 
 LONGEST_RING_M = 400.0
-"""Of a roundabout, about 127 m in diameter (chosen)."""
+"""Longest cycle of a roundabout, about 127 m in diameter (chosen)."""
 ROUNDNESS = 0.88
 """4π·area / perimeter² of the cycle: 1 for a circle, 0.785 for a square block of houses."""
 FEWEST_ENTRIES = 2
-"""Lanelets that lead into a roundabout; a turning circle has one."""
+"""Fewest lanelets that enter a roundabout; a turning circle has one."""
 
 
 def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
-    """Whether lanelets form a circular junction.
+    """Return True if lanelets form a circular junction.
 
-    A round one-way cycle of at most 400 m that at least two lanelets enter, driven against the clock where traffic
-    keeps right and with it where traffic keeps left. The round trip about a block of houses is neither one-way nor
-    driven that way.
+    That is a round one-way cycle of at most 400 m that at least two lanelets enter, driven anticlockwise if traffic
+    keeps right and clockwise if it keeps left. The round trip around a block of houses is neither one-way nor driven
+    that way.
     """
     seen: set[int] = set()
     keeps_right = _keeps_right(network)
@@ -204,7 +204,7 @@ def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
 
 
 def _keeps_right(network: "LaneletNetwork") -> bool | None:
-    """Side of the traffic by where the opposite lanes lie; None where no road has both directions."""
+    """Return the side of the traffic from the positions of opposite lanes; None if no road has both directions."""
     left = sum(1 for lane in network.lanelets if lane.adj_left is not None and not lane.adj_left_same_direction)
     right = sum(1 for lane in network.lanelets if lane.adj_right is not None and not lane.adj_right_same_direction)
     return None if left == right else left > right
@@ -216,12 +216,12 @@ def _is_one_way(network: "LaneletNetwork", cycle: tuple[int, ...]) -> bool:
 
 
 def _neighbours(lane: "Lanelet") -> tuple[tuple[int | None, bool | None], ...]:
-    """On the left and on the right, the lanelet beside this one and whether it leads in the same direction."""
+    """Return the adjacent lanelets on the left and on the right, and whether each leads in the same direction."""
     return (lane.adj_left, lane.adj_left_same_direction), (lane.adj_right, lane.adj_right_same_direction)
 
 
 def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
-    """Fewest successors that lead back to the start, within the longest length; empty where none do."""
+    """Return the fewest successors that lead back to the start, within the longest length; empty if there are none."""
     came_from: dict[int, int] = {}
     lengths = {start: graph.length_m[start]}
     queue = deque([start])
@@ -241,7 +241,7 @@ def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
 
 
 def _shape(network: "LaneletNetwork", cycle: tuple[int, ...]) -> tuple[float, bool]:
-    """Roundness of the cycle, and whether it is driven against the clock."""
+    """Return the roundness of the cycle, and whether it is driven anticlockwise."""
     points = np.vstack([network.find_lanelet_by_id(key).center_vertices for key in cycle])
     following = np.roll(points, -1, axis=0)
     perimeter = float(np.linalg.norm(following - points, axis=1).sum())
@@ -255,20 +255,20 @@ def _entries(graph: LaneletGraph, cycle: tuple[int, ...]) -> int:
 
 
 RAMP_NEAR_M = 200.0
-"""From the ego's start, ramps count up to here: they are longer than junctions (chosen)."""
+"""Ramps count up to this distance from the ego's start: they are longer than junctions (chosen)."""
 RAMP_RAD = math.radians(20.0)
-"""At a larger angle roads part or join at a junction (chosen)."""
+"""At a larger angle, roads diverge or merge at a junction (chosen)."""
 STRETCH_M = 15.0
-"""How far from the joint the angle is measured: at the joint itself it is zero."""
+"""Distance from the joint at which the angle is measured: at the joint itself it is zero."""
 APART_M = 0.3
-"""Branches that lie closer over that stretch are the same road twice."""
+"""Branches that are closer over that stretch are the same road twice."""
 
 
 def _has_ramp(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
-    """Whether roads part or join as at a motorway ramp, within 200 m of the point or on the route.
+    """Return True if roads diverge or merge as at a motorway ramp, within 200 m of the point or on the route.
 
-    Two lanelets that leave (or reach) the same one at less than 20°, on carriageways without oncoming lanes. Crossings
-    and roundabouts are for the caller to rule out.
+    That is two lanelets that leave (or reach) the same one at less than 20°, on carriageways without oncoming lanes.
+    The caller must exclude crossings and roundabouts.
     """
     for key in graph.successors:
         vertices = network.find_lanelet_by_id(key).center_vertices
@@ -294,7 +294,7 @@ def _is_ramp_pair(
 
 
 def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
-    """Whether any lane of the carriageway has a neighbour of the other direction."""
+    """Return True if any lane of the carriageway has a neighbour of the other direction."""
     seen: set[int] = set()
     waiting = [lanelet_id]
     while waiting:
@@ -302,9 +302,9 @@ def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
         if lane is None or lane.lanelet_id in seen:
             continue
         seen.add(lane.lanelet_id)
-        for beside, same in _neighbours(lane):
-            if beside is not None and not same:
+        for neighbour, same in _neighbours(lane):
+            if neighbour is not None and not same:
                 return True
-            if beside is not None:
-                waiting.append(beside)
+            if neighbour is not None:
+                waiting.append(neighbour)
     return False

@@ -1,9 +1,9 @@
-"""What the recorded traffic does on the ego's way: it cuts in or out, merges, overtakes, brakes hard ahead, crosses.
+"""What the recorded traffic does on the ego's path: cut-ins and cut-outs, merging, overtaking, hard braking, crossing.
 
 Everything is measured along the line that the ego follows, from its start along its route to the goal. If the file
-holds a recording of the ego, the ego is where that has it; otherwise it keeps its initial speed. A vehicle is close
-ahead within a headway of 3 s: the Highway Capacity Manual (2010, chapter 15) counts such a vehicle as followed. Angles
-are in rad, lengths in m.
+contains a recording of the ego, the ego follows it; otherwise it keeps its initial speed. A vehicle is close ahead
+within a headway of 3 s: the Highway Capacity Manual (2010, chapter 15) counts such a vehicle as followed. Angles are in
+rad, lengths in m.
 """
 
 import math
@@ -20,7 +20,7 @@ from ..commonroad import Track, has_light
 from ..geometry import Points, Values, arc_length, point_at, project, wrap_angle, wrap_angles
 from ..network import LaneletGraph
 from ..scene import NOT_DRIVEN, TURN_RAD, EgoRoute, center_line, lanelets_at
-from .features import AHEAD_OF_START_M, along_line, may_be_beside
+from .features import AHEAD_OF_START_M, along_line, is_near_line
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -34,37 +34,40 @@ HARD_BRAKING_MPS2 = 3.4
 BRAKED_FOR_S = 0.5
 """Noise of the recorded speeds averages out over this time (chosen)."""
 SAME_RAD, OPPOSITE_RAD = math.radians(45.0), math.radians(135.0)
-"""Below the first angle a vehicle drives the ego's way, above the second it is oncoming, between them it crosses."""
+"""Below the first angle a vehicle drives in the ego's direction, above the second it is oncoming, in between it
+crosses.
+"""
 MOVING_MPS = 0.5
-"""The heading of a slower road user is no direction of travel (chosen; people walk faster)."""
+"""Below this speed the heading of a road user is not a direction of travel (chosen; people walk faster)."""
 REACH_M = 12.0
-"""Vehicles farther to the side have no part in what happens on the ego's way (chosen: three lanes)."""
+"""Vehicles farther to the side do not affect the ego's path (chosen: three lanes)."""
 SEEN_EVERY_S = 0.2
 """Tracks are sampled at this interval (chosen; a lane change takes seconds)."""
 OUTSIDE, INSIDE = 0.6, 0.25
 """Offsets from the centre line in lane widths: beyond the first a vehicle is in another lane, within the second it is
 in the ego's (chosen)."""
 LINE_END_M = 0.5
-"""Points that project this close to an end of the line may lie beyond it, so they are left out (chosen)."""
+"""Points that project this close to an end of the line may be beyond it, so they are left out (chosen)."""
 JOINS_WITHIN = 4
-"""A vehicle that merges reaches the ego's way, or the end of its own lane next to it, over at most this many lanelets;
-they are short inside junctions."""
+"""A merging vehicle reaches the ego's path, or the end of its own lane next to it, over at most this many lanelets;
+they are short inside junctions.
+"""
 APPROACH_M = 25.0
 """A turning ego still has the heading of its approach this far before the lane that it crosses (chosen)."""
 
 
-def unprotected_left(network: "LaneletNetwork", route: EgoRoute | None, way: tuple[Points, tuple[int, ...]]) -> bool:
-    """Return whether the ego turns left across an oncoming lane without a traffic light.
+def unprotected_left(network: "LaneletNetwork", route: EgoRoute | None, path: tuple[Points, tuple[int, ...]]) -> bool:
+    """Return True if the ego turns left across an oncoming lane without a traffic light.
 
     Args:
-        way: the line that the ego follows and its lanelets.
+        path: the line that the ego follows and its lanelets.
     """
     from shapely import LineString
 
-    line = way[0]
+    line = path[0]
     if route is None or "left" not in route.turns or has_light(network, route.lanelets[:-1]) or len(line) < 2:
         return False
-    own = [key for key in way[1] if key in route.lanelets]
+    own = [key for key in path[1] if key in route.lanelets]
     turning = [LineString(center_line(network, key)) for key in own if len(center_line(network, key)) > 1]
     for lane in network.lanelets:
         other = center_line(network, lane.lanelet_id)
@@ -93,7 +96,7 @@ class _Ego:
 
     @property
     def reach_m(self) -> float:
-        """Return the station that the ego reaches within the recording, at least the distance that counts as near."""
+        """The station that the ego reaches within the recording, at least the distance that counts as near."""
         return max(float(self.stations[-1]), float(self.stations[0]) + AHEAD_OF_START_M)
 
     def gap_m(self, seen: "_Seen", index: int) -> float:
@@ -102,7 +105,7 @@ class _Ego:
         return float(seen.stations[index] - self.stations[step]) - (seen.track.length_m + self.length_m) / 2
 
     def is_close(self, seen: "_Seen", index: int) -> bool:
-        """Return whether a vehicle is ahead of the ego within the headway."""
+        """Return True if a vehicle is ahead of the ego within the headway."""
         step = min(int(seen.steps[index]), len(self.stations) - 1)
         return 0.0 < self.gap_m(seen, index) <= max(HEADWAY_S * float(self.speeds[step]), STANDING_GAP_M)
 
@@ -123,7 +126,7 @@ class _Seen:
 
 @dataclass(frozen=True, order=True)
 class Manoeuvre:
-    """A manoeuvre of the vocabulary that a road user makes: CommonRoad's type, its id, and the step when it happens.
+    """A manoeuvre of the vocabulary that a road user makes: CommonRoad's type, its id, and its step.
 
     Steps count from the ego's start. Manoeuvres are ordered by name, type, step and id.
     """
@@ -143,11 +146,11 @@ def manoeuvres(
     tracks: dict[int, Track],
     ego: EgoFacts,
     length_m: float,
-    way: tuple[Points, tuple[int, ...]],
+    path: tuple[Points, tuple[int, ...]],
     start_step: int,
     step_s: float,
 ) -> tuple[Manoeuvre, ...]:
-    """Return what road users do on the ego's way, sorted; of each road user the first manoeuvre of a name.
+    """Return what road users do on the ego's path, sorted; of each road user the first manoeuvre of a name.
 
     Args:
         network: the lanelets.
@@ -155,15 +158,15 @@ def manoeuvres(
         tracks: the recorded road users by id.
         ego: the ego at its start.
         length_m: the ego's length.
-        way: the line that the ego follows and its lanelets, as ``path_ahead`` gives them.
+        path: the line that the ego follows and its lanelets, as ``path_ahead`` returns them.
         start_step: the ego's first step.
         step_s: the length of a step.
     """
-    if len(way[0]) < 2:
+    if len(path[0]) < 2:
         return ()
     own = next((track for track in tracks.values() if _is_own(track, ego, start_step)), None)
     steps = max((track.last_step for track in tracks.values()), default=start_step) - start_step
-    driver = _driver(network, way, ego, own, length_m, max(steps, 0), start_step, step_s)
+    driver = _driver(network, path, ego, own, length_m, max(steps, 0), start_step, step_s)
     every = max(round(SEEN_EVERY_S / step_s), 1)
     found: list[Manoeuvre] = []
     driving: list[_Seen] = []
@@ -185,7 +188,7 @@ def manoeuvres(
 
 
 def _is_own(track: Track, ego: EgoFacts, start_step: int) -> bool:
-    """Return whether a track begins at the ego's place and speed, so that it is the ego's own recording."""
+    """Return True if a track starts at the ego's place and speed, so that it is the ego's own recording."""
     index = track.index_at(start_step)
     if index is None:
         return False
@@ -195,7 +198,7 @@ def _is_own(track: Track, ego: EgoFacts, start_step: int) -> bool:
 
 def _driver(
     network: "LaneletNetwork",
-    way: tuple[Points, tuple[int, ...]],
+    path: tuple[Points, tuple[int, ...]],
     ego: EgoFacts,
     own: Track | None,
     length_m: float,
@@ -203,7 +206,7 @@ def _driver(
     start_step: int,
     step_s: float,
 ) -> _Ego:
-    line, lanelets = way
+    line, lanelets = path
     here = project(line, np.array([ego.x_m, ego.y_m]))[0]
     speeds = np.full(steps + 1, ego.speed_mps)
     if own is not None:
@@ -216,10 +219,10 @@ def _driver(
 
 
 def _seen(line: Points, track: Track, start_step: int, every: int) -> _Seen | None:
-    """Return the samples of a road user near the line from the ego's start on, or None if there are fewer than two."""
+    """Return the samples of a road user near the line from the ego's start on; None if there are fewer than two."""
     begin = max(start_step - track.first_step, 0)
     indices = np.arange(begin, len(track.positions), every)
-    indices = indices[may_be_beside(line, track.positions[indices], REACH_M)]
+    indices = indices[is_near_line(line, track.positions[indices], REACH_M)]
     if len(indices) < 2:
         return None
     stations, offsets, turned = along_line(line, track.positions[indices], track.headings_rad[indices])
@@ -267,7 +270,7 @@ def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _S
 
 
 def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -> bool:
-    """Return whether lanelets lead onto a way within a few successors."""
+    """Return True if lanelets lead onto a path within a few successors."""
     reached = set(lanelets)
     for _ in range(JOINS_WITHIN):
         reached = {after for key in reached for after in graph.successors[key]}
@@ -277,9 +280,9 @@ def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -
 
 
 def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -> bool:
-    """Return whether lanelets lead only to lanes that end next to a way, as an acceleration lane does.
+    """Return True if lanelets lead only to lanes that end next to a path, as an acceleration lane does.
 
-    A lane ends if the next lane goes on. At the end of the file all lanes stop, and no lane ends.
+    A lane ends if the next lane continues. At the end of the file all lanes stop, and no lane ends.
     """
 
     def ends(key: int, within: int) -> bool:
@@ -323,7 +326,7 @@ def _crossings(ego: _Ego, seen: _Seen) -> dict[str, int]:
 
 
 def _overtaking(driving: Sequence[_Seen], width_m: float) -> Iterator[Manoeuvre]:
-    """Find vehicles that come up behind another one in its lane, pass it in the next lane and are ahead of it later."""
+    """Yield vehicles that approach another one from behind in its lane, pass it in the next lane and are then ahead."""
     for one in driving:
         if float(np.ptp(one.offsets)) < OUTSIDE * width_m:
             continue

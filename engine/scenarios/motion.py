@@ -1,7 +1,7 @@
 """How a recorded vehicle moves over time: speed, acceleration, lane, and the vehicle that it follows, with its gap.
 
-Phases of braking come with what lay ahead when they began: a slower vehicle, one that crosses, a light, a turn of its
-own, a lower limit. That is what the recording shows and not what a driver thought.
+Phases of braking list what was ahead when they started: a slower vehicle, a crossing one, a light, a turn, a lower
+limit. That is what the recording shows, not what a driver thought.
 """
 
 import math
@@ -13,27 +13,27 @@ from ...schemas.scenarios import DescribedMotion, MotionEvent, MotionMoment
 from ..commonroad import Track, has_light, limits_kmh, signs_of
 from ..geometry import Values, arc_length, gaussian, project, wrap_angle
 from ..scene import NOT_DRIVEN, TURN_RAD, Scene, path_ahead
-from .features import along_line, may_be_beside
+from .features import along_line, is_near_line
 from .manoeuvres import HEADWAY_S, SAME_RAD, STANDING_GAP_M
 
 MOMENTS = 12
-"""Moments that are told, at most (chosen: a line each)."""
+"""Largest number of reported states (chosen: a line each)."""
 LOOK_M = 100.0
-"""A vehicle ahead is looked for up to here (chosen)."""
+"""Search distance for a vehicle ahead (chosen)."""
 HALF_LANE_M = 1.75
 """Half a lane of 3.5 m."""
 SMOOTHED_S = 0.3
 """Standard deviation of the smoothing before speeds become accelerations (chosen: files round their speeds)."""
 BRAKES_MPS2, LOST_MPS = 1.0, 1.0
-"""A phase of braking: smoothed deceleration above this, over which the vehicle loses this much speed (chosen)."""
+"""A braking phase: smoothed deceleration above the first, with a loss of speed of at least the second (chosen)."""
 AHEAD_S = 3.0
-"""What a vehicle brakes for is met within this time at its speed, or where it comes to a halt (as the headway)."""
+"""A vehicle brakes for what it meets within this time at its speed, or where it stops (as the headway)."""
 EVENTS = 8
-"""Events that are told, at most (chosen)."""
+"""Largest number of reported events (chosen)."""
 
 
 def motion_of(scene: Scene, track: Track, begin: int) -> DescribedMotion:
-    """The whole recorded motion of a vehicle.
+    """Return the whole recorded motion of a vehicle.
 
     Args:
         begin: the step from which times are counted.
@@ -52,7 +52,7 @@ def _from(event: MotionEvent) -> float:
 
 
 def _accelerations(track: Track, step_s: float) -> Values:
-    """Along the track in m/s², (n,), from smoothed speeds."""
+    """Return accelerations along the track in m/s², (n,), from smoothed speeds."""
     if len(track.speeds_mps) < 2:
         return np.zeros(len(track.speeds_mps))
     smoothed = gaussian(track.speeds_mps.reshape(-1, 1), SMOOTHED_S / step_s)[:, 0]
@@ -76,7 +76,7 @@ def _time_s(scene: Scene, track: Track, index: int, begin: int) -> float:
 
 
 def leader_of(scene: Scene, track: Track, index: int) -> tuple[int, float] | None:
-    """The nearest vehicle ahead in a vehicle's lane at an index of its track, and the gap between them in m."""
+    """Return the nearest vehicle ahead in a vehicle's lane at an index of its track, and the gap between them in m."""
     match = scene.matches.get(track.obstacle_id)
     if match is None:
         return None
@@ -89,7 +89,7 @@ def leader_of(scene: Scene, track: Track, index: int) -> tuple[int, float] | Non
         at = other.index_at(step)
         if key == track.obstacle_id or at is None or other.kind in NOT_DRIVEN:
             continue
-        if not may_be_beside(line, other.positions[at : at + 1], HALF_LANE_M)[0]:
+        if not is_near_line(line, other.positions[at : at + 1], HALF_LANE_M)[0]:
             continue
         stations, offsets, turned = along_line(line, other.positions[at : at + 1], other.headings_rad[at : at + 1])
         ahead_m = float(stations[0]) - here
@@ -102,7 +102,7 @@ def leader_of(scene: Scene, track: Track, index: int) -> tuple[int, float] | Non
 
 
 def _braking(scene: Scene, track: Track, begin: int, acceleration: Values) -> Iterator[MotionEvent]:
-    """Each phase of braking with what lay ahead when it began."""
+    """Yield each braking phase with what was ahead when it started."""
     braking = np.concatenate([[False], acceleration < -BRAKES_MPS2, [False]])
     edges = np.flatnonzero(braking[1:] != braking[:-1])
     for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -122,7 +122,7 @@ def _braking(scene: Scene, track: Track, begin: int, acceleration: Values) -> It
 
 
 def _cause(scene: Scene, track: Track, first: int, last: int) -> tuple[str, str]:
-    """What lay ahead when a vehicle began to brake: a code, and words with the evidence."""
+    """Return what was ahead when a vehicle started to brake: a code, and text with the evidence."""
     speed = float(track.speeds_mps[first])
     reach_m = max(HEADWAY_S * speed, STANDING_GAP_M)
     leader = leader_of(scene, track, first)
@@ -135,14 +135,14 @@ def _cause(scene: Scene, track: Track, first: int, last: int) -> tuple[str, str]
             return "leader", f"vehicle {leader[0]} is {now} in its lane"
     crossing = _crosses(scene, track, first, last)
     if crossing is not None:
-        return "crossing", f"{other_kind(scene, crossing)} {crossing} crosses its way"
+        return "crossing", f"{other_kind(scene, crossing)} {crossing} crosses its path"
     match = scene.matches.get(track.obstacle_id)
     if match is not None and has_light(scene.network, [match.at(last)]) and track.speeds_mps[last] < speed / 2:
-        return "light", f"a traffic light stands at the end of lanelet {match.at(last)}"
+        return "light", f"a traffic light is at the end of lanelet {match.at(last)}"
     behind = _index_after(track, last, 2 * STANDING_GAP_M)
     turned = wrap_angle(float(track.headings_rad[behind] - track.headings_rad[first]))
     if abs(turned) > TURN_RAD:
-        return "turn", f"it turns {'left' if turned > 0 else 'right'} then"
+        return "turn", f"it then turns {'left' if turned > 0 else 'right'}"
     if match is not None:
         before, after = (limits_kmh(signs_of(scene.network, [match.at(index)])) for index in (first, last))
         if before and after and after[0] < before[0]:
@@ -151,18 +151,18 @@ def _cause(scene: Scene, track: Track, first: int, last: int) -> tuple[str, str]
 
 
 def other_kind(scene: Scene, key: int) -> str:
-    """The obstacle type of a road user, in a word."""
+    """Return the obstacle type of a road user."""
     return (scene.tracks | scene.standing)[key].kind
 
 
 def _index_after(track: Track, index: int, further_m: float) -> int:
-    """The index at which a vehicle has driven so much farther, or its last one."""
+    """Return the index at which a vehicle has driven so much farther, or its last one."""
     driven = arc_length(track.positions)
     return min(int(np.searchsorted(driven, driven[index] + further_m)), len(driven) - 1)
 
 
 def _crosses(scene: Scene, track: Track, first: int, last: int) -> int | None:
-    """A road user that passes across what a vehicle drives over next, until a headway after it has braked."""
+    """Return a road user that crosses a vehicle's path until a headway after the braking, or None."""
     end = min(last + round(AHEAD_S / scene.step_s), len(track.positions) - 1)
     match = scene.matches.get(track.obstacle_id)
     if match is None:
@@ -176,7 +176,7 @@ def _crosses(scene: Scene, track: Track, first: int, last: int) -> int | None:
         begin, stop = (track.first_step + index - other.first_step for index in (first, end))
         positions = other.positions[max(begin, 0) : max(stop + 1, 0)]
         facing = other.headings_rad[max(begin, 0) : max(stop + 1, 0)]
-        if key == track.obstacle_id or not len(positions) or not may_be_beside(line, positions, HALF_LANE_M).any():
+        if key == track.obstacle_id or not len(positions) or not is_near_line(line, positions, HALF_LANE_M).any():
             continue
         stations, offsets, turned = along_line(line, positions, facing)
         across = np.abs(np.cos(turned)) < math.cos(SAME_RAD)
@@ -187,7 +187,7 @@ def _crosses(scene: Scene, track: Track, first: int, last: int) -> int | None:
 
 
 def _lane_changes(scene: Scene, track: Track, begin: int) -> Iterator[MotionEvent]:
-    """Each change to a lane beside the one before."""
+    """Yield each change to an adjacent lane."""
     match = scene.matches.get(track.obstacle_id)
     if match is None:
         return

@@ -1,30 +1,30 @@
-"""A recorded scenario made ready to be simulated: its SUMO net, its vehicles on their lanelets, its ego.
+"""A recorded scenario prepared for simulation: its SUMO net, its vehicles on their lanelets, its ego.
 
-``Scene``: A recorded scenario ready to be edited and simulated; ``Scene.of`` makes it from a loaded file.
-``Ego``: A planning problem's start: position in m, heading in rad, speed in m/s, and the lanelets there.
-``NOT_DRIVEN``: Obstacle types that SUMO's vehicles cannot stand for.
-``obstacle_of``: The id of the obstacle that a track stands for.
-``MapMatcher``: The drivable lanelets of a network, ready for queries by position: which lanelets a track drove on.
-``LaneMatch``: Lanelets of a track, by index.
-``EgoLane``: The lane that the ego follows; says in words where a vehicle is.
-``ego_lane``: The ``EgoLane`` from the ego's start along its route to its goal; None where it starts on no lanelet.
-``leader_and_follower``: Ids of the nearest vehicles ahead and behind along the ego's lane, or None.
-``is_own_recording``: Whether a track begins as the ego does, in place, heading and speed.
-``find_route``: The shortest ``Route`` from a position to any goal lanelet, led on straight for a length in m.
-``Route``: Lanelets in driving order, and where among them the goal is.
-``ego_route``: The ``EgoRoute`` of a planning problem; None where the goal has no place or cannot be reached.
-``EgoRoute``: Lanelets from the ego's start to its goal, and the turns in rad at its junctions.
-``TURN_RAD``: A heading change beyond this inside the lanelets of a junction is a turn.
-``goal_lanelets``: Lanelets of a goal for planners: those that its regions touch, too; None for a free position.
-``goal_center_lanelets``: Lanelets that a goal names, or that lie under the centre of its region; may be empty.
-``goal_centers``: Centres (2,) in m of a goal's regions, one per goal state that has one.
-``start_lanelets``: The lanelets of a pose; ``NotPossible`` if there are none.
-``lanelets_of_pose``: The lanelets that a position and heading lie on, the one that fits best first; may be empty.
-``lanelets_at``: All lanelets that a point lies on, ascending.
-``straight_on``: A route with the straightest successors behind it, for a length in m.
-``path_ahead``: Centre line (n, 2) in m from a lanelet on, along a route and then the straightest successors.
-``center_line``: A lanelet's centre line (n, 2) in m without repeated vertices.
-``straightness``: Cosine between the end of one polyline and the beginning of another, rounded to a tenth.
+``Scene``: a recorded scenario ready to be edited and simulated; ``Scene.of`` builds it from a loaded file.
+``Ego``: a planning problem's start: position in m, heading in rad, speed in m/s, and the lanelets there.
+``NOT_DRIVEN``: obstacle types that SUMO's vehicles cannot represent.
+``obstacle_of``: returns the id of the obstacle that a track belongs to.
+``MapMatcher``: the drivable lanelets of a network, ready for queries by position: which lanelets a track drove on.
+``LaneMatch``: lanelets of a track, by index.
+``EgoLane``: the lane that the ego follows; describes where a vehicle is.
+``ego_lane``: returns the ``EgoLane`` from the ego's start along its route to its goal; None if it starts off lanelets.
+``leader_and_follower``: returns the ids of the nearest vehicles ahead and behind along the ego's lane, or None.
+``is_own_recording``: returns whether a track starts as the ego does, in place, heading and speed.
+``find_route``: returns the shortest ``Route`` from a position to any goal lanelet, continued straight for a length.
+``Route``: lanelets in driving order, and the index of the goal.
+``ego_route``: returns the ``EgoRoute`` of a planning problem; None if the goal has no place or cannot be reached.
+``EgoRoute``: lanelets from the ego's start to its goal, and the turns in rad at its junctions.
+``TURN_RAD``: a heading change beyond this inside the lanelets of a junction is a turn.
+``goal_lanelets``: returns a goal's lanelets for planners, including touched ones; None for a free position.
+``goal_center_lanelets``: returns the lanelets that a goal lists, or those under the centre of its region; may be empty.
+``goal_centers``: returns the centres (2,) in m of a goal's regions, one per goal state that has one.
+``start_lanelets``: returns the lanelets of a pose; raises ``NotPossible`` if there are none.
+``lanelets_of_pose``: returns the lanelets that a pose is on, the one that fits best first; may be empty.
+``lanelets_at``: returns all lanelets that a point is on, ascending.
+``straight_on``: returns a route extended by the straightest successors, for a length in m.
+``path_ahead``: returns the centre line (n, 2) in m from a lanelet along a route and then the straightest successors.
+``center_line``: returns a lanelet's centre line (n, 2) in m without repeated vertices.
+``straightness``: returns the cosine between the end of one polyline and the start of another, rounded to a tenth.
 """
 
 from typing import TYPE_CHECKING

@@ -1,6 +1,6 @@
 """Routes of SUMO edges for sequences of lanelets.
 
-A recording names lanelets, with gaps and lanelets inside junctions; SUMO wants connected edges. A *path* leads through
+A recording gives lanelets, with gaps and lanelets inside junctions; SUMO needs connected edges. A *path* leads through
 a junction, from the lanelet before it to the one after it (``NetLayout.paths``).
 """
 
@@ -14,16 +14,16 @@ from ..network import Digraph, NetLayout
 from .map_matching import straightness
 
 _EXTENSION_M = 2000.0
-"""A route is led on this far (chosen): 40 s at 50 m/s, longer than scenarios last."""
+"""How far a route is continued (chosen): 40 s at 50 m/s, longer than scenarios last."""
 _TURNS_BACK = math.cos(math.radians(150.0))
-"""Of two headings: a path that turns back is driven only where no other lane leads on (chosen); hardly a car can."""
+"""A U-turn is driven only if no other lane leads on (chosen), because most cars hardly manage it."""
 _LONGEST_REPAIR_EDGES = 6
-"""A gap in a recording is closed by no more edges than this, its ends included (chosen): a longer one is a detour."""
+"""A gap in a recording is closed by at most this many edges, including its ends (chosen): a longer one is a detour."""
 
 
 @dataclass(frozen=True)
 class EdgeGraph:
-    """Which edge leads to which, and how routes are made from lanelets."""
+    """The successors of edges, and routes for lanelets."""
 
     layout: NetLayout
 
@@ -48,9 +48,9 @@ class EdgeGraph:
         return {key: tuple(indices) for key, indices in leaving.items()}
 
     def route(self, lanelets: Sequence[int]) -> tuple[str, ...] | None:
-        """Edges for a drive over lanelets, from the edge that leads into the first to the edge after the last.
+        """Return the edges for a drive over lanelets, from the one into the first to the one after the last.
 
-        Gaps are closed by the fewest edges; None where that takes too many.
+        Gaps are closed by the fewest edges; None if that takes too many.
         """
         edges: list[str] = []
         for edge in self._edges_of(lanelets):
@@ -64,16 +64,16 @@ class EdgeGraph:
         return tuple(edges) or None
 
     def first_gap(self, lanelets: Sequence[int]) -> tuple[int, int] | None:
-        """The first two lanelets of a drive between which there is no way; None where there is a route for all."""
+        """Return the first two consecutive lanelets of a drive that are not connected, or None."""
         if self.route(lanelets) is not None:
             return None
         broken = (pair for pair in pairwise(lanelets) if self.route(pair) is None)
         return next(broken, (lanelets[0], lanelets[-1]))
 
     def extended(self, edges: Sequence[str], last_lanelet: int | None = None) -> tuple[str, ...]:
-        """The route led on straight ahead, so that a vehicle does not end with its recording.
+        """Return the route continued straight ahead, so that a vehicle does not end with its recording.
 
-        ``last_lanelet``: the lane in which the vehicle arrives; the route goes on from it where that leads on and not
+        ``last_lanelet``: the lane in which the vehicle arrives; the route continues from it if it leads on and not
         back.
         """
         route, total, lanelet = list(edges), 0.0, last_lanelet
@@ -90,7 +90,7 @@ class EdgeGraph:
         return tuple(route)
 
     def straight_on(self, lanelet_id: int) -> tuple[int, ...]:
-        """The lanelets over which a route is led on from one, through a junction and behind it; none at the end."""
+        """Return the lanelets of a route's continuation from one, through a junction and after it; empty at the end."""
         successors = self.layout.table.successors[lanelet_id]
         index = self._straightest([lanelet_id], ())
         if index is None:
@@ -99,13 +99,13 @@ class EdgeGraph:
         return (*path.through, path.exit)
 
     def _straightest(self, lanelets: Iterable[int], route: Collection[str]) -> int | None:
-        """Index of the straightest path that leaves some lanelets for an edge that is not on a route; None without."""
+        """Return the index of the straightest path from some lanelets to an edge that is not on a route, or None."""
         leaving = [index for key in lanelets for index in self.paths_from.get(key, ())]
         onward = [index for index in leaving if self.layout.lane_of[self.layout.paths[index].exit][0] not in route]
         return max(onward, key=lambda index: (self._straightness(index), -index), default=None)
 
     def path_for(self, lanelet_id: int, edges: Sequence[str]) -> int | None:
-        """Index of the path that uses an internal lanelet and fits a route best; None if no path uses it."""
+        """Return the index of the path that uses an internal lanelet and fits a route best; None if no path uses it."""
         paths = self.layout.paths_through.get(lanelet_id, ())
         return max(paths, key=lambda index: (self._fit(index, edges), -index)) if paths else None
 
@@ -126,7 +126,7 @@ class EdgeGraph:
         return [*before, *outside, *after]
 
     def _inside_exits(self, lanelets: Sequence[int]) -> list[str]:
-        """Exits of paths that use all of the leading internal lanelets: they tell apart paths that share the first."""
+        """Return exits of paths that use all leading internal lanelets: they distinguish paths that share the first."""
         inside: list[int] = []
         for key in lanelets:
             if key in self.layout.lane_of:
@@ -140,7 +140,7 @@ class EdgeGraph:
         return sorted(set(exits))
 
     def _end_edge(self, lanelet_id: int, edges: Sequence[str], *, entry: bool) -> list[str]:
-        """The edge before (entry) or after a lanelet inside a junction; none for a lanelet outside."""
+        """Return the edge before (entry) or after a lanelet inside a junction; empty for a lanelet outside."""
         if lanelet_id in self.layout.lane_of:
             return []
         index = self.path_for(lanelet_id, edges)

@@ -1,9 +1,8 @@
-"""The vehicles around the ego: which are ahead and behind along its lane, and where each is in words.
+"""The vehicles around the ego: which are ahead and behind along its lane, and a description of their positions.
 
-In edits and descriptions, ``lead`` and ``follow`` mean the vehicles of :func:`leader_and_follower`. A vehicle counts
-that is on the ego's lanelet, on any that follows it (whichever branch the ego takes) or on any that leads to it, and
-one whose lanelet is another but which is in the ego's lane where it is. :class:`EgoLane` says where a vehicle is in
-words that a driver would use.
+In edits and descriptions, ``lead`` and ``follow`` are the vehicles of :func:`leader_and_follower`. A vehicle counts if
+it is on the ego's lanelet, on any successor (on every branch) or on any predecessor, or if it is on another lanelet but
+in the ego's lane. :class:`EgoLane` describes where a vehicle is in a driver's words.
 """
 
 import math
@@ -25,16 +24,16 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 _LOOK_M = 300.0
-"""The search along lanelets ends here (chosen): farther ahead no vehicle matters to the ego."""
+"""Search distance along lanelets (chosen): vehicles farther ahead do not matter to the ego."""
 _SAME_PLACE_M, _SAME_SPEED_MPS, _SAME_HEADING_RAD = 0.5, 1.0, math.radians(10.0)
-"""A track that begins within these of the ego's start is the ego's own recording (chosen: rounding in files)."""
+"""A track that starts within these of the ego's start is the ego's own recording (chosen: rounding in files)."""
 
 
 def leader_and_follower(scene: Scene, ego: Ego) -> tuple[int | None, int | None]:
-    """The nearest vehicles ahead and behind along the ego's lane; None where there is none.
+    """Return the nearest vehicles ahead and behind along the ego's lane; None if there is no such vehicle.
 
-    Distances are along the centre lines, at the ego's first time step; the search along lanelets ends after 300 m.
-    A vehicle that overtakes beside the lane is neither, nor is the ego's own recording.
+    Distances are along the centre lines, at the ego's first time step; the search along lanelets ends after 300 m. A
+    vehicle that overtakes next to the lane is neither, nor is the ego's own recording.
     """
     gaps = [*_gaps_along_lanelets(scene, ego), *_gaps_in_lane(scene, ego)]
     ahead = [(gap, key) for key, gap in gaps if gap > 0.0]
@@ -43,9 +42,9 @@ def leader_and_follower(scene: Scene, ego: Ego) -> tuple[int | None, int | None]
 
 
 def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
-    """The lane from the ego's start along its route to its goal and then straight on; behind, the straightest ones.
+    """Return the lane from the ego's start along its route to its goal, extended straight at both ends.
 
-    None where it starts on no lanelet.
+    None if it does not start on a lanelet.
     """
     network = scene.network
     starts = lanelets_of_pose(network, ego.position, ego.heading_rad) or ego.lanelets
@@ -57,12 +56,12 @@ def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
     ahead, onward = path_ahead(network, scene.lanelet_graph, start, route, _AHEAD_M)
     behind, before = _backwards(network, scene.lanelet_graph, start)
     line = without_repeats(np.vstack([*behind, ahead])) if behind else ahead
-    here_m, beside = project(line, ego.position)[0], _lanes_beside(network, (*before, *onward))
-    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, beside, ego.size_m[0])
+    here_m, lanes_left = project(line, ego.position)[0], _count_lanes_left(network, (*before, *onward))
+    return EgoLane(network, line, here_m, ego.position, ego.heading_rad, lanes_left, ego.size_m[0])
 
 
 def is_own_recording(track: Track, ego: Ego) -> bool:
-    """Whether a track begins as the ego does, in place, heading and speed: what the ego did when it was recorded."""
+    """Return True if a track starts as the ego does, in place, heading and speed: the ego's own recording."""
     index = track.index_at(ego.step)
     if index is None:
         return False
@@ -73,7 +72,7 @@ def is_own_recording(track: Track, ego: Ego) -> bool:
 
 
 def _others(scene: Scene, ego: Ego) -> Iterator[tuple[int, Track, int]]:
-    """Vehicles that are there at the ego's first step, with their index at it."""
+    """Yield vehicles that are there at the ego's first step, with their index at it."""
     for key, track in scene.tracks.items():
         index = track.index_at(ego.step)
         if index is not None and track.kind not in NOT_DRIVEN and not is_own_recording(track, ego):
@@ -92,7 +91,7 @@ def _gaps_in_lane(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
-    """Distances to the vehicles on the ego's lanelet and on those before and after it, ahead positive."""
+    """Yield distances to the vehicles on the ego's lanelet and on those before and after it, ahead positive."""
     if not ego.lanelets:
         return
     own, table = ego.lanelets[0], scene.layout.table
@@ -109,7 +108,7 @@ def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple[int, int, float]]:
-    """Vehicles on some lanelets, and their arc length on them, at the ego's first time step."""
+    """Yield vehicles on some lanelets, and their arc length on them, at the ego's first time step."""
     for key, track, index in _others(scene, ego):
         match = scene.matches.get(key)
         if match is None or (lanelet := match.at(index)) not in wanted:
@@ -119,7 +118,7 @@ def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple
 
 
 def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], first_m: float) -> dict[int, float]:
-    """Lanelets in one direction → distance in m from the ego to their near end."""
+    """Return lanelets in one direction → distance in m from the ego to their near end."""
     lanes = scene.layout.table.lanes
     graph = Digraph[int](lambda key: ((after, lanes[key].length_m) for after in onward[key] if after != start))
     return graph.costs({key: first_m for key in onward[start] if key != start}, _LOOK_M)
@@ -129,26 +128,27 @@ _AHEAD_M = 300.0
 _BEHIND_M = 150.0
 """How far the ego's lane is followed (chosen)."""
 _LANE_HALF_WIDTH_M = 1.75
-"""Half a lane of 3.5 m: a vehicle on no lanelet is in the ego's lane if it is no farther beside its centre line."""
+"""Half a lane of 3.5 m: a vehicle off lanelets is in the ego's lane if it is no farther from its centre line."""
 _ONCOMING_REACH_M = 15.0
-"""A vehicle that comes the other way on the same road is no farther beside the ego's lane (chosen: four lanes)."""
+"""Largest lateral distance of an oncoming vehicle on the same road from the ego's lane (chosen: four lanes)."""
 _LINE_END_M = 0.5
-"""Beside the last half metre of the ego's line a place may as well lie beyond it (chosen)."""
+"""Next to the last half metre of the ego's line, a place may also be beyond it (chosen)."""
 _ROUND_ABOUT = 2.0
-"""A place that is this many times farther along the lane than straight across has both distances (chosen)."""
+"""A place this many times farther along the lane than in a straight line has both distances (chosen)."""
 _SAME_RAD = math.radians(45.0)
 _OPPOSITE_RAD = math.radians(135.0)
-"""Headings turned by less drive the same way, by more the other way, and between them across (quarters of a circle)."""
+"""Headings turned by less than the first have the same direction, by more than the second the opposite; others cross.
+"""
 _ALONGSIDE_M = 3.0
-"""Centres that are no farther apart along the lane are alongside (chosen: less than a car's length)."""
-_MOST_LANES_BESIDE = 8
-"""Lanes to one side that are looked at (chosen): rings of neighbours in broken files end there."""
+"""Headings turned by less than the first have the same direction, by more than the second the opposite."""
+_MOST_ADJACENT_LANES = 8
+"""Number of lanes to one side that are examined (chosen); it ends cycles of neighbours in broken files."""
 _OWN, _ONCOMING = "same lane", "oncoming"
 
 
 @dataclass(frozen=True)
 class _Where:
-    """Words, distance in m along the ego's lane (ahead positive; None off its road), and the gap in m in that lane."""
+    """A description, the distance in m along the ego's lane (ahead positive; None off its road), and the gap."""
 
     words: str
     ahead_m: float | None
@@ -162,9 +162,9 @@ class _Where:
 
 @dataclass(frozen=True)
 class EgoLane:
-    """The lane that the ego follows: its centre line from behind the ego to far ahead, and the lanes beside it.
+    """The lane that the ego follows: its centre line from behind the ego to far ahead, and the adjacent lanes.
 
-    ``beside``: lanelet → lanes to the left of the ego's (right negative) in the same direction; 0 is its own.
+    ``lanes_left``: lanelet → lanes to the left of the ego's (right negative) in its direction; 0 is its own.
     ``length_m``: the ego's length.
     """
 
@@ -173,11 +173,11 @@ class EgoLane:
     here_m: float
     position: Points
     heading_rad: float
-    beside: dict[int, int]
+    lanes_left: dict[int, int]
     length_m: float
 
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
-        """Where the track is at an index of its arrays."""
+        """Return where the track is at an index of its arrays."""
         point, heading = track.positions[index], float(track.headings_rad[index])
         station, offset = project(self.line, point)
         ahead = station - self.here_m
@@ -198,16 +198,16 @@ class EgoLane:
         return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:
-        """The lane that a vehicle is in, at an arc length and an offset of the line; None on another road."""
+        """Return the lane that a vehicle is in, at an arc length and an offset of the line; None on another road."""
         station, offset = at
-        if lanelet not in self.beside and not _LINE_END_M < station < arc_length(self.line)[-1] - _LINE_END_M:
+        if lanelet not in self.lanes_left and not _LINE_END_M < station < arc_length(self.line)[-1] - _LINE_END_M:
             return None
         turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(self.line, station)[1]))
         if turned > _OPPOSITE_RAD and abs(offset) < _ONCOMING_REACH_M:
             return _ONCOMING
         if turned > _SAME_RAD:
             return None
-        lanes = self.beside.get(lanelet) if lanelet is not None else None
+        lanes = self.lanes_left.get(lanelet) if lanelet is not None else None
         if lanelet is None or lanes is None:
             return _OWN if abs(offset) <= _LANE_HALF_WIDTH_M else None
         if lanes == 0:
@@ -216,12 +216,12 @@ class EgoLane:
         return f"{side} lane" if abs(lanes) == 1 else f"{abs(lanes)} lanes to the {side}"
 
     def _outside(self, lanelet: int, offset: float) -> str:
-        """What a vehicle is on that drives along a lane outside of it."""
+        """Return the description of a vehicle that drives along a lane but outside of it."""
         lane = self.network.find_lanelet_by_id(lanelet)
-        beside = lane.adj_left if offset > 0 else lane.adj_right
+        adjacent = lane.adj_left if offset > 0 else lane.adj_right
         same = lane.adj_left_same_direction if offset > 0 else lane.adj_right_same_direction
         side = "left" if offset > 0 else "right"
-        if beside is None:
+        if adjacent is None:
             return f"{side} of the lane"
         return f"{side} lane" if same else "in the oncoming lane"
 
@@ -230,7 +230,7 @@ class EgoLane:
         distance = float(np.linalg.norm(step))
         bearing = wrap_angle(math.atan2(step[1], step[0]) - self.heading_rad)
         turned = wrap_angle(heading - self.heading_rad)
-        motion = "standing, facing the other way" if stands else "coming the other way"
+        motion = "standing, facing the other way" if stands else "coming the opposite way"
         if abs(turned) < _SAME_RAD:
             motion = "same direction, another road"
         elif abs(turned) < _OPPOSITE_RAD:
@@ -239,7 +239,7 @@ class EgoLane:
 
 
 def _outside_lane(network: "LaneletNetwork", lanelet: int, track: Track, index: int) -> bool:
-    """Whether a vehicle is beside a lanelet with its whole width, as one that overtakes on the oncoming lane."""
+    """Return True if a vehicle is next to a lanelet with its whole width, as when it overtakes on the oncoming lane."""
     lane, line, point = network.find_lanelet_by_id(lanelet), center_line(network, lanelet), track.positions[index]
     nearest = int(np.argmin(np.linalg.norm(lane.center_vertices - point, axis=1)))
     width = float(np.linalg.norm(lane.left_vertices[nearest] - lane.right_vertices[nearest]))
@@ -259,7 +259,7 @@ def _bearing(angle_rad: float) -> str:
 
 
 def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tuple[list[Points], list[int]]:
-    """The centre lines behind a lanelet, the farthest first, and their lanelets, the nearest first."""
+    """Return the centre lines behind a lanelet, the farthest first, and their lanelets, the nearest first."""
     chosen: list[int] = []
     total, current = 0.0, start
     while total < _BEHIND_M:
@@ -273,7 +273,7 @@ def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tu
 
 
 def _turn_rad(network: "LaneletNetwork", before: int, after: int) -> float:
-    """Angle in rad between the course of a lanelet and the beginning of one that follows it."""
+    """Return the angle in rad between the course of a lanelet and the start of one that follows it."""
     first, second = center_line(network, before), center_line(network, after)
     if len(first) < 2 or len(second) < 2:
         return math.inf
@@ -281,17 +281,17 @@ def _turn_rad(network: "LaneletNetwork", before: int, after: int) -> float:
     return abs(wrap_angle(math.atan2(*arriving[::-1]) - math.atan2(*leaving[::-1])))
 
 
-def _lanes_beside(network: "LaneletNetwork", own: tuple[int, ...]) -> dict[int, int]:
+def _count_lanes_left(network: "LaneletNetwork", own: tuple[int, ...]) -> dict[int, int]:
     lanes = dict.fromkeys(own, 0)
     for key in own:
         for sign in (1, -1):
             lane, count = network.find_lanelet_by_id(key), 0
-            while lane is not None and abs(count) < _MOST_LANES_BESIDE:
-                beside = lane.adj_left if sign > 0 else lane.adj_right
+            while lane is not None and abs(count) < _MOST_ADJACENT_LANES:
+                adjacent = lane.adj_left if sign > 0 else lane.adj_right
                 same = lane.adj_left_same_direction if sign > 0 else lane.adj_right_same_direction
-                if beside is None or not same:
+                if adjacent is None or not same:
                     break
                 count += sign
-                lanes.setdefault(int(beside), count)
-                lane = network.find_lanelet_by_id(beside)
+                lanes.setdefault(int(adjacent), count)
+                lane = network.find_lanelet_by_id(adjacent)
     return lanes

@@ -1,8 +1,8 @@
 """Map matching: which lanelets a recorded vehicle drove on.
 
-A Viterbi search over the lanelets near the sampled positions of a track. Each lanelet costs by how far the position is
-outside of it and beside its centre line and by how far the heading is turned from it; each step costs by whether the
-next lanelet follows or lies beside the present one. Costs are plain numbers, weighed by hand on recorded traffic.
+A Viterbi search over the lanelets near the sampled positions of a track. Each lanelet has a cost for the distance
+outside of it and from its centre line and for the difference in heading; each step has a cost for whether the next
+lanelet follows or is adjacent. Costs are plain numbers, weighted by hand on recorded traffic.
 """
 
 import itertools
@@ -19,19 +19,19 @@ from ..commonroad import Track
 from ..geometry import Points, Values, wrap_angles
 from ..network import NetLayout
 from ..vehicles import HEADING_MPS
-from .poses import COST_OF_NO_DIFFERENCE, COST_PER_M_BESIDE, COST_PER_M_OUTSIDE, COST_PER_RAD, REACH_M
+from .poses import COST_OF_NO_DIFFERENCE, COST_PER_M_LATERAL, COST_PER_M_OUTSIDE, COST_PER_RAD, REACH_M
 
 if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 _LARGEST_TURN_RAD = 1.2
-"""A vehicle that moves is on no lanelet that it is turned farther from (chosen: 69°, short of driving across it)."""
+"""A moving vehicle is not on lanelets that it is turned from by more (chosen: 69°, short of driving across it)."""
 _SAMPLES = 40
-"""About how many positions of a track are looked at (chosen): one every half second of a usual recording."""
+"""Approximate number of examined positions per track (chosen): one every half second of a usual recording."""
 _COST_OF_A_STEP, _COST_OF_A_LEAP = 0.3, 8.0
-"""Costs (chosen): a leap to a lanelet that neither follows nor lies beside costs as much as 2.7 m outside."""
+"""Costs (chosen): a jump to a lanelet that neither follows nor is adjacent costs as much as 2.7 m outside."""
 _MOST_COMPARED = 64
-"""Lanelets under a pose that are compared with those of the next (chosen): all but where a file stacks lanelets."""
+"""Number of lanelets per pose that are compared with the next pose's (chosen): only stacked lanelets exceed it."""
 
 
 @dataclass(frozen=True)
@@ -42,18 +42,18 @@ class LaneMatch:
     lanelets: tuple[int, ...]
 
     def at(self, index: int) -> int:
-        """The lanelet at an array index of the track (the last sample not after it)."""
+        """Return the lanelet at an array index of the track (the last sample not after it)."""
         place = int(np.searchsorted(self.indices, index, side="right")) - 1
         return self.lanelets[max(place, 0)]
 
     def at_each(self, count: int) -> list[int]:
-        """The lanelets at the first ``count`` array indices of the track."""
+        """Return the lanelets at the first ``count`` array indices of the track."""
         places = np.searchsorted(self.indices, np.arange(count), side="right") - 1
         return [self.lanelets[place] for place in np.maximum(places, 0).tolist()]
 
     @property
     def sequence(self) -> tuple[int, ...]:
-        """The lanelets in order without repeats in a row."""
+        """The lanelets in order without consecutive repeats."""
         return tuple(key for place, key in enumerate(self.lanelets) if place == 0 or self.lanelets[place - 1] != key)
 
 
@@ -82,7 +82,7 @@ class MapMatcher:
         return cls(layout, keys, tuple(polygons), STRtree(polygons), related)
 
     def area(self, lanelet_id: int) -> Any:
-        """Shapely's polygon of a drivable lanelet, valid whatever its bounds."""
+        """Return shapely's polygon of a drivable lanelet, valid regardless of its bounds."""
         return self.polygons[self._place_of[lanelet_id]]
 
     @cached_property
@@ -90,11 +90,11 @@ class MapMatcher:
         return {key: place for place, key in enumerate(self.keys)}
 
     def match(self, track: Track) -> LaneMatch | None:
-        """The most likely lanelets of a track; None where it is never near a lanelet of its direction."""
+        """Return the most likely lanelets of a track; None if it is never near a lanelet of its direction."""
         return self.match_all({track.obstacle_id: track}).get(track.obstacle_id)
 
     def match_all(self, tracks: Mapping[int, Track]) -> dict[int, LaneMatch]:
-        """The same by key for many tracks, looked at together; those that are never near a lanelet are left out."""
+        """Return the matches of many tracks by key, computed together; tracks never near a lanelet are left out."""
         if not tracks:
             return {}
         samples = {key: _samples(len(track.positions)) for key, track in tracks.items()}
@@ -113,23 +113,23 @@ class MapMatcher:
         return matches
 
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
-        """Lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
+        """Return lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
         return self._near(position[None], np.array([heading_rad]), np.array([speed_mps]))[0]
 
     def near_as_well(self, position: Points, heading_rad: float, speed_mps: float, key: int) -> tuple[int, ...]:
-        """The other lanelets that a pose on one fits nearly as well, best first: there they lie over one another."""
+        """Return the other lanelets that a pose on one fits nearly as well, best first: they overlap there."""
         costs = dict(self.near(position, heading_rad, speed_mps))
         most = costs.get(key, 0.0) + COST_OF_NO_DIFFERENCE
         others = sorted((cost, other) for other, cost in costs.items() if other != key and cost <= most)
         return tuple(other for _, other in others)
 
     def _near(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> list[list[tuple[int, float]]]:
-        """Lanelets and costs, as ``near`` has them, for n poses at once."""
+        """Return lanelets and costs, as ``near`` does, for n poses at once."""
         import shapely
 
         points = shapely.points(positions)
         near: list[list[tuple[int, float]]] = [[] for _ in positions]
-        # Looking up boxes is ten times as fast as distances, which are needed below anyway.
+        # Box queries are ten times as fast as distances, which are needed below anyway.
         (left, below), (right, above) = (positions - REACH_M).T, (positions + REACH_M).T
         nearby, places = self.tree.query(shapely.box(left, below, right, above))
         order = np.lexsort((nearby, places))
@@ -137,16 +137,16 @@ class MapMatcher:
         for place, samples in zip(reached.tolist(), np.split(nearby[order], begins[1:]), strict=False):
             outside = _outside_m(self.polygons[place], points[samples])
             samples, outside = samples[outside <= REACH_M], outside[outside <= REACH_M]
-            beside, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
+            lateral, direction = _offsets(self.layout.table.lanes[self.keys[place]].center, positions[samples])
             turn = np.abs(wrap_angles(direction - headings_rad[samples]))
-            costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turn
+            costs = COST_PER_M_OUTSIDE * outside + COST_PER_M_LATERAL * lateral + COST_PER_RAD * turn
             fits = (turn <= _LARGEST_TURN_RAD) | (speeds_mps[samples] <= HEADING_MPS)
             for sample, cost in zip(samples[fits].tolist(), costs[fits].tolist(), strict=True):
                 near[sample].append((self.keys[place], cost))
         return near
 
     def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
-        """The cheapest sequence of one candidate per sample."""
+        """Return the cheapest sequence of one candidate per sample."""
         if all(len(lanelets) == 1 for lanelets in candidates):
             return tuple(lanelets[0][0] for lanelets in candidates)
         costs = [cost for _, cost in candidates[0]]
@@ -163,7 +163,7 @@ class MapMatcher:
         return tuple(reversed(chosen))
 
     def _cheapest(self, costs: list[float], before: list[tuple[int, float]], new: int) -> tuple[float, int]:
-        """The least cost of coming to a lanelet from one of those before, whose costs are given, and from which."""
+        """Return the least cost of reaching a lanelet from the previous ones, and the index of the best of these."""
         least, place = math.inf, 0
         for at, (old, _) in enumerate(before):
             cost = costs[at]
@@ -175,7 +175,7 @@ class MapMatcher:
 
 
 def _outside_m(polygon: Any, points: NDArray[np.object_]) -> Values:
-    """Distances (n,) in m of points from a prepared polygon: nearly all are inside, which is soon told."""
+    """Return distances (n,) in m of points from a prepared polygon; most are inside, which is quick to test."""
     import shapely
 
     outside_m = np.zeros(len(points))
@@ -185,7 +185,7 @@ def _outside_m(polygon: Any, points: NDArray[np.object_]) -> Values:
 
 
 def _likeliest(lanelets: list[tuple[int, float]]) -> list[tuple[int, float]]:
-    """Those of the lanelets under a pose that are compared with those of the next: the cheapest ones, as ordered."""
+    """Return the lanelets of a pose that are compared with the next pose's: the cheapest ones, as ordered."""
     if len(lanelets) <= _MOST_COMPARED:
         return lanelets
     return sorted(sorted(lanelets, key=lambda one: (one[1], one[0]))[:_MOST_COMPARED])
@@ -197,18 +197,18 @@ def _samples(count: int) -> list[int]:
 
 
 def _related(layout: NetLayout, key: int) -> frozenset[int]:
-    """Lanelets that a vehicle may be on one sample later: followers, neighbours, and their followers."""
+    """Return the lanelets that a vehicle may be on one sample later: followers, neighbours, and their followers."""
     following = layout.table.successors
     lane = layout.table.lanes[key]
-    beside = [other for other in (lane.left, lane.right) if other is not None and other in layout.table.lanes]
-    direct = {*following[key], *beside}
+    adjacent = [other for other in (lane.left, lane.right) if other is not None and other in layout.table.lanes]
+    direct = {*following[key], *adjacent}
     return frozenset(direct | {after for other in direct for after in following[other]})
 
 
 def _offsets(center: Points, points: Points) -> tuple[Values, Values]:
-    """Distance to a polyline in m, and its heading in rad there, both (n,), for n points."""
+    """Return the distance to a polyline in m and its heading in rad there, both (n,), for n points."""
     step_x, step_y = np.diff(center, axis=0).T
-    # Coordinate by coordinate: numpy is slow at reducing axes of two.
+    # Coordinate by coordinate, because numpy is slow at reducing axes of two.
     away_x, away_y = points[:, :1] - center[:-1, 0], points[:, 1:] - center[:-1, 1]
     squared = np.maximum(step_x * step_x + step_y * step_y, 1e-12)
     along = np.clip((away_x * step_x + away_y * step_y) / squared, 0.0, 1.0)
@@ -221,7 +221,7 @@ def _offsets(center: Points, points: Points) -> tuple[Values, Values]:
 
 
 def straightness(first: Points, second: Points) -> float:
-    """Cosine between the end of one polyline and the beginning of another, rounded to a tenth."""
+    """Return the cosine between the end of one polyline and the start of another, rounded to a tenth."""
     one, two = first[-1] - first[-2], second[1] - second[0]
     norm = float(np.linalg.norm(one) * np.linalg.norm(two))
     return round(float(one @ two) / max(norm, 1e-9), 1) if math.isfinite(norm) else 0.0

@@ -1,7 +1,7 @@
-"""Obstacles without a trajectory as bounding tracks: where a set-based prediction says that they may be.
+"""Obstacles without a trajectory as bounding tracks of the places where a set-based prediction says that they may be.
 
-Such an obstacle cannot be driven, but is in the way like all others. Each part of an occupancy counts by an oriented
-rectangle around it. As these grow and turn from step to step and a track has one size, an obstacle becomes several
+Such an obstacle cannot be driven, but blocks the road like all others. Each part of an occupancy becomes an oriented
+rectangle around it. Because these grow and turn from step to step and a track has one size, an obstacle becomes several
 tracks, one after the other or side by side.
 """
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from commonroad.scenario.scenario import Scenario
 
 _SIZE_STEP_M = 0.5
-"""Rectangles whose sides round up to the same multiple make one track, as large as the largest of them (chosen)."""
+"""Rectangles with sides that round up to the same multiple form one track, as large as the largest of them (chosen)."""
 _MOVED_M = 0.05
-"""A centre that moves less than this in a step says nothing about a direction (chosen)."""
+"""A centre that moves less than this in a step gives no direction (chosen)."""
 _PIECES_PER_OBSTACLE = 10_000
 """Ids of tracks are negative: -(10 000 × the obstacle's + a number)."""
 
@@ -38,15 +38,15 @@ class _Box:
 
     @property
     def size_class(self) -> tuple[int, int]:
-        """Its sides in whole steps of size."""
+        """Its sides in whole size steps."""
         return math.ceil(self.size_m[0] / _SIZE_STEP_M), math.ceil(self.size_m[1] / _SIZE_STEP_M)
 
 
 def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
-    """Bounding tracks of all dynamic obstacles without a trajectory, by their id in ascending order.
+    """Return bounding tracks of all dynamic obstacles without a trajectory, by obstacle id in ascending order.
 
-    Each track has an id of its own below zero. One obstacle's tracks cover all its occupancies at every step. Phantom
-    obstacles are left out: whether they exist is not known.
+    Each track has its own negative id. One obstacle's tracks cover all its occupancies at every step. Phantom obstacles
+    are left out, because it is unknown whether they exist.
     """
     regions = {
         int(obstacle.obstacle_id): _tracks(obstacle, float(scenario.dt))
@@ -57,7 +57,7 @@ def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
 
 
 def obstacle_of(track_id: int) -> int:
-    """The id of the obstacle that a track stands for: the track's own, unless it is of an occupied region."""
+    """Return the id of the obstacle that a track belongs to: the track's own, unless it is of an occupied region."""
     return track_id if track_id >= 0 else -track_id // _PIECES_PER_OBSTACLE
 
 
@@ -80,7 +80,7 @@ def _tracks(obstacle: "DynamicObstacle", step_s: float) -> tuple[Track, ...]:
 
 
 def _chains(obstacle: "DynamicObstacle") -> Iterator[list[_Box]]:
-    """The rectangles of each part of an obstacle's occupancies, by step."""
+    """Yield the rectangles of each part of an obstacle's occupancies, by step."""
     first = int(obstacle.initial_state.time_step)
     parts = {first: _parts(obstacle.occupancy_at_time(first).shape)}
     for occupancy in getattr(obstacle.prediction, "occupancy_set", ()):
@@ -98,7 +98,7 @@ def _parts(shape: Any) -> list[Any]:
 
 
 def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
-    """Rectangles that point where their centre moves, or on as before where it stands."""
+    """Return rectangles that point where their centre moves, or as before if it stands."""
     boxes: list[_Box] = []
     for step, shape in shapes:
         center, side_rad, size = _rectangle(shape, heading_rad)
@@ -112,7 +112,7 @@ def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
 
 
 def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], float, tuple[float, float]]:
-    """Centre in m, direction of one side in rad, and the sides in m (that one first) of a rectangle around a shape."""
+    """Return centre in m, direction of one side in rad, and the sides in m (that one first) of a bounding rectangle."""
     if hasattr(shape, "length") or hasattr(shape, "radius"):
         x, y = center_of(shape)
         return (float(x), float(y)), float(getattr(shape, "orientation", heading_rad)), size_of(shape)
@@ -124,7 +124,7 @@ def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], flo
 
 
 def _pieces(chain: list[_Box]) -> Iterator[tuple[list[_Box], _Box | None]]:
-    """A chain cut where steps are missing or the size changes, each piece with the rectangle that follows it."""
+    """Yield pieces of a chain cut at missing steps and size changes, each with the rectangle that follows it."""
     begin = 0
     for index, box in enumerate(chain):
         following = chain[index + 1] if index + 1 < len(chain) else None
@@ -134,7 +134,7 @@ def _pieces(chain: list[_Box]) -> Iterator[tuple[list[_Box], _Box | None]]:
 
 
 def _speeds(piece: list[_Box], following: _Box | None, step_s: float) -> Values:
-    """How fast the centres move, in m/s; the last one as fast as the one before where nothing follows."""
+    """Return the speeds of the centres in m/s; the last equals the one before if nothing follows."""
     onward = [*piece, following] if following is not None else piece
     centers, steps = np.array([box.center for box in onward]), np.array([box.step for box in onward])
     if len(onward) == 1:

@@ -1,7 +1,7 @@
-"""Which lanelets a pose lies on: the one answer for starts of routes, edits, descriptions and checks.
+"""Find the lanelets that a pose is on, for starts of routes, edits, descriptions and checks.
 
 A vehicle drives on a lanelet that leads in its direction. If its centre is a few centimetres over the centre line of a
-two-way road, it lies on the oncoming lanelet by position only, and on its own lanelet by position and heading.
+two-way road, it is on the oncoming lanelet by position only, and on its own lanelet by position and heading.
 """
 
 import math
@@ -16,22 +16,22 @@ if TYPE_CHECKING:
 
 REACH_M = 2.5
 """A vehicle cannot be on a lanelet farther from its position (chosen: a vehicle half off its lane)."""
-COST_PER_M_OUTSIDE, COST_PER_M_BESIDE, COST_PER_RAD = 3.0, 0.6, 2.0
+COST_PER_M_OUTSIDE, COST_PER_M_LATERAL, COST_PER_RAD = 3.0, 0.6, 2.0
 """Costs of a pose on a lanelet: outside it, off its centre line, and turned from it. Weighted by hand on
 recorded traffic; the match of a whole track (``map_matching.py``) uses the same costs."""
 COST_OF_NO_DIFFERENCE = 0.5
-"""A pose also lies on another lanelet that fits worse by no more than this (0.8 m off, or 14° turned; chosen)."""
+"""A pose is also on another lanelet that fits worse by no more than this (0.8 m off, or 14° turned; chosen)."""
 _FARTHEST_CENTER_M = 3.0
 """A pose off all lanelets counts as on those with a centre line within this (chosen: nearly a lane's width)."""
 
 
 def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
-    """Return the lanelets that a pose lies on, the one that fits best first; empty if there are none.
+    """Return the lanelets that a pose is on, the one that fits best first; empty if there are none.
 
-    They lie under the position and lead in the direction of the heading, within 90°. An adjacent lanelet is
-    among them if it fits better than each of those: the vehicle then hangs over its edge. If no lanelet within reach
-    leads in the direction of the heading, they are the lanelets under the position, or those with a near centre line,
-    whatever their direction.
+    They are under the position and lead in the direction of the heading, within 90°. An adjacent lanelet is included if
+    it fits better than each of those: the vehicle then extends over its edge. If no lanelet within reach leads in the
+    direction of the heading, they are the lanelets under the position, or those with a near centre line, regardless of
+    direction.
 
     Args:
         network: the lanelets.
@@ -45,11 +45,11 @@ def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: f
     around = Rectangle(2 * REACH_M, 2 * REACH_M, np.asarray(position, dtype=float))
     fits: list[tuple[float, float, float, int]] = []
     for lanelet in map(network.find_lanelet_by_id, network.find_lanelet_by_shape(around)):
-        turned, beside = _pose_on(lanelet, position, heading_rad)
+        turned, offset = _pose_on(lanelet, position, heading_rad)
         outside = float(lanelet.polygon.shapely_object.distance(point))
         if outside > REACH_M:
             continue
-        cost = COST_PER_M_OUTSIDE * outside + COST_PER_M_BESIDE * beside + COST_PER_RAD * turned
+        cost = COST_PER_M_OUTSIDE * outside + COST_PER_M_LATERAL * offset + COST_PER_RAD * turned
         fits.append((round(cost, 3), outside, turned, int(lanelet.lanelet_id)))
     aligned = [fit for fit in sorted(fits) if fit[2] < math.pi / 2]
     if aligned:
@@ -59,7 +59,7 @@ def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: f
     if under:
         return tuple(fit[3] for fit in under)
     near = [(*_pose_on(lanelet, position, heading_rad), int(lanelet.lanelet_id)) for lanelet in network.lanelets]
-    return tuple(key for turned, beside, key in sorted(near) if beside < _FARTHEST_CENTER_M)
+    return tuple(key for turned, offset, key in sorted(near) if offset < _FARTHEST_CENTER_M)
 
 
 def _pose_on(lanelet: "Lanelet", position: Points, heading_rad: float) -> tuple[float, float]:

@@ -1,11 +1,11 @@
-"""Routes over lanelets: where a position lies, which lanelets a goal means, and how the ego gets there.
+"""Routes over lanelets: the lanelets of a position and of a goal, and how the ego gets there.
 
-Two questions are answered here for two kinds of callers, and their answers differ on purpose:
+Two kinds of callers need different answers:
 
 * planners drive :func:`find_route`, from the lanelet nearest to the ego to any that the goal's regions touch
-  (:func:`goal_lanelets`), led on straight behind the goal; it raises where there is none.
-* descriptions, facts and edits speak of :func:`ego_route`, from the lanelets under the ego to those that the goal names
-  or that lie under its centre (:func:`goal_center_lanelets`), with its turns; it is None where there is none.
+  (:func:`goal_lanelets`), continued straight after the goal; it raises an error if there is no route.
+* descriptions, facts and edits use :func:`ego_route`, from the lanelets under the ego to those that the goal lists or
+  that are under its centre (:func:`goal_center_lanelets`), with its turns; it is None if there is no route.
 
 A network is commonroad-io's; positions are (2,) in m, headings in rad.
 """
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 class Route:
     """Lanelets in driving order; a lane change is a step to a neighbour.
 
-    ``lanelets`` goes on beyond the goal as straight as the network allows; ``goal_index`` is the place of the goal
-    lanelet in it, or None where the goal has no position.
+    ``lanelets`` continues beyond the goal as straight as the network allows; ``goal_index`` is the index of the goal
+    lanelet in it, or None if the goal has no position.
     """
 
     lanelets: tuple[int, ...]
@@ -44,10 +44,10 @@ class Route:
 def find_route(
     network: "LaneletNetwork", goal: "GoalRegion", position: Points, heading_rad: float, *, ahead_m: float
 ) -> Route:
-    """The shortest route from a position to any goal lanelet, continued until ``ahead_m`` metres lie behind the goal.
+    """Return the shortest route from a position to any goal lanelet, continued for ``ahead_m`` metres after the goal.
 
     Raises:
-        NotPossible: the position is on no lanelet, the goal touches none, or no route leads there.
+        NotPossible: the position is not on a lanelet, the goal touches none, or no route leads there.
     """
     graph = LaneletGraph.of(network)
     starts = start_lanelets(network, position, heading_rad)
@@ -57,7 +57,7 @@ def find_route(
     if goals is None:
         return Route(straight_on(network, graph, (starts[0],), ahead_m), None)
     if not goals:
-        raise NotPossible("the goal region touches no lanelet")
+        raise NotPossible("the goal region does not touch a lanelet")
     route = graph.shortest_route(starts, goals)
     if route is None:
         raise NotPossible(f"no route leads from lanelet {starts[0]} to the goal on {', '.join(map(str, goals[:6]))}")
@@ -68,20 +68,20 @@ def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: flo
     """Return the lanelets of a pose, the one that fits best first (:func:`~.poses.lanelets_of_pose`).
 
     Raises:
-        NotPossible: no lanelet is there.
+        NotPossible: there is no lanelet.
     """
     starts = lanelets_of_pose(network, position, heading_rad)
     if not starts:
-        raise NotPossible(f"the ego at ({position[0]:.1f}, {position[1]:.1f}) m is on no lanelet")
+        raise NotPossible(f"the ego at ({position[0]:.1f}, {position[1]:.1f}) m is not on a lanelet")
     return starts
 
 
 def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
-    """Lanelets that a goal names, or that lie under the centres of its regions, else touch them; ascending.
+    """Return the lanelets that a goal lists, or that are under the centres of its regions, else touch them; ascending.
 
-    None where a goal state leaves the position free. A planner aims at these, so that a region beside the lanes still
-    has a lanelet. :func:`goal_center_lanelets` is narrower; of the 195 public planning problems at hand they differ in
-    one (ZAM_test_0-1, whose second region only touches lanelets).
+    None if a goal state leaves the position free. A planner aims at these, so a region next to the lanes still has a
+    lanelet. :func:`goal_center_lanelets` is narrower; of the 195 available public planning problems they differ in one
+    (ZAM_test_0-1, with a second region that only touches lanelets).
     """
     named = goal.lanelets_of_goal_position or {}
     goals: set[int] = set()
@@ -96,7 +96,7 @@ def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | 
 
 
 def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
-    """Lanelets under the centre of a shape, else those that it touches."""
+    """Return the lanelets under the centre of a shape, else those that it touches."""
     lanelets: set[int] = set()
     for part in getattr(shape, "shapes", [shape]):
         under = network.find_lanelet_by_position([np.asarray(part.center, dtype=float)])[0]
@@ -110,7 +110,7 @@ def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
 def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
-    """The route with the straightest successors behind it, until they are ``ahead_m`` long or the network ends."""
+    """Return the route with its straightest successors, until they are ``ahead_m`` long or the network ends."""
     longer, passed, length = list(route), set(route), 0.0
     while length < ahead_m:
         following = [key for key in graph.successors.get(longer[-1], ()) if key not in passed]
@@ -125,7 +125,7 @@ def straight_on(
 
 
 def _turn(current: "Lanelet", following: "Lanelet") -> float:
-    """How far the heading changes from the end of one lanelet to the end of the next, in rad."""
+    """Return how far the heading changes from the end of one lanelet to the end of the next, in rad."""
     last = current.center_vertices[-1] - current.center_vertices[-2]
     center = following.center_vertices
     step = point_at(center, float(arc_length(center)[-1]))[1]
@@ -137,17 +137,17 @@ TURN_RAD = math.radians(40.0)
 BACK_RAD = math.radians(150.0)
 """A turn beyond this leads back where the ego came from (chosen; as for generated egos)."""
 PART_RAD = math.radians(25.0)
-"""Lanes of a carriageway that part, or join, at a larger angle do so at a junction (chosen; as for crossings)."""
+"""Lanes of a carriageway that diverge or merge at a larger angle do so at a junction (chosen; as for crossings)."""
 _APART_M = 40.0
-"""Forks on a route that lie farther apart are two junctions (chosen): left and later right is not straight on."""
+"""Forks on a route that are farther apart are two junctions (chosen): left and later right is not straight on."""
 
 
 @dataclass(frozen=True)
 class EgoRoute:
-    """Lanelets from the ego's start to its goal, both included, and how the ego has to drive.
+    """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
     ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: that of the whole
-    way, from the lane's heading at the start to the one at the goal.
+    route, from the lane's heading at the start to the one at the goal.
     """
 
     lanelets: tuple[int, ...]
@@ -163,12 +163,12 @@ class EgoRoute:
 
     @property
     def goes_straight(self) -> bool:
-        """Whether the route turns nowhere, keeps its lane, and ends about in the direction in which it began."""
+        """Whether the route has no turn, keeps its lane, and ends roughly in its initial direction."""
         return not self.turns and not self.changes_lane and abs(self.bend_rad) <= TURN_RAD
 
     @property
     def words(self) -> str:
-        """The way in words: its turns, else a bend of its road, and whether it changes lane."""
+        """A description of the route: its turns, else a bend of its road, and whether it changes lanes."""
         if self.turns:
             way = f"turns {', then '.join(self.turns)}"
         elif abs(self.bend_rad) > TURN_RAD:
@@ -180,20 +180,20 @@ class EgoRoute:
 
 
 def lanelets_at(network: "LaneletNetwork", point: Points) -> tuple[int, ...]:
-    """All lanelets that the point lies on, ascending."""
+    """Return all lanelets that the point is on, ascending."""
     return tuple(sorted(network.find_lanelet_by_position([np.asarray(point, dtype=float)])[0]))
 
 
 def center_line(network: "LaneletNetwork", lanelet_id: int) -> Points:
-    """The lanelet's centre line without repeated vertices, shape (n, 2)."""
+    """Return the lanelet's centre line without repeated vertices, shape (n, 2)."""
     return without_repeats(network.find_lanelet_by_id(lanelet_id).center_vertices)
 
 
 def goal_center_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
-    """Lanelets that a goal names, or that lie under the centre of its region; empty for goals without a place.
+    """Return the lanelets that a goal lists, or those under the centre of its region; empty for goals without a place.
 
-    Descriptions and edits speak of these. Unlike :func:`goal_lanelets`, a region that only touches lanelets has none,
-    and where some goal states name lanelets, the regions of the others do not count.
+    Descriptions and edits use these. Unlike :func:`goal_lanelets`, a region that only touches lanelets has none, and if
+    some goal states list lanelets, the regions of the others do not count.
     """
     named: set[int] = set()
     for keys in (problem.goal.lanelets_of_goal_position or {}).values():
@@ -206,13 +206,13 @@ def goal_center_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") 
 
 
 def goal_centers(problem: "PlanningProblem") -> list[Points]:
-    """Centres of the goal's regions, one per goal state that has one."""
+    """Return the centres of the goal's regions, one per goal state that has one."""
     regions = [getattr(state, "position", None) for state in problem.goal.state_list]
     return [np.asarray(center_of(region), dtype=float) for region in regions if region is not None]
 
 
 def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
-    """The ego's route to its goal; None where the goal has no place or cannot be reached from the start."""
+    """Return the ego's route to its goal; None if the goal has no place or cannot be reached from the start."""
     state = problem.initial_state
     point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     starts = lanelets_of_pose(network, point, heading)
@@ -232,10 +232,10 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
 def path_ahead(
     network: "LaneletNetwork", graph: LaneletGraph, start: int, route: tuple[int, ...], ahead_m: float
 ) -> tuple[Points, tuple[int, ...]]:
-    """Centre line from the start lanelet on, along the route and then the straightest successors.
+    """Return the centre line from the start lanelet on, along the route and then the straightest successors.
 
     Returns:
-        Points (n, 2) and the lanelets that they come from; at least ``ahead_m`` beyond the start where the map allows.
+        Points (n, 2) and their lanelets; at least ``ahead_m`` beyond the start if the map allows.
     """
     chosen, line, length = [start], center_line(network, start), 0.0
     while length < ahead_m:
@@ -263,9 +263,9 @@ def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> 
 def _turns(
     network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
 ) -> tuple[float, ...]:
-    """Sums of the heading changes inside the lanelets of junctions, from the start's to the goal's station.
+    """Return sums of the heading changes inside the lanelets of junctions, from the start's to the goal's station.
 
-    One sum for each junction: a route round a roundabout is one turn, or none.
+    One sum for each junction: a route through a roundabout is one turn, or none.
     """
     sums: list[float] = []
     since_fork_m = math.inf
@@ -278,7 +278,7 @@ def _turns(
                 since_fork_m += graph.length_m[key]
                 continue
             since_fork_m += max(end - begin - _APART_M, 0.0)
-            begin = max(begin, end - _APART_M)  # what comes before is the road that leads there
+            begin = max(begin, end - _APART_M)  # before that, it is the approach road
         turned = wrap_angle(point_at(line, end)[1] - point_at(line, begin)[1])
         if since_fork_m > _APART_M:
             sums.append(0.0)
@@ -290,7 +290,7 @@ def _turns(
 def _driven(
     network: "LaneletNetwork", lanelets: tuple[int, ...], index: int, start: Points, goal: Points | None
 ) -> tuple[float, float]:
-    """The stations in m between which the route lies on one of its lanelets."""
+    """Return the stations in m between which the route is on one of its lanelets."""
     line = center_line(network, lanelets[index])
     if len(line) < 2:
         return 0.0, 0.0
@@ -301,7 +301,7 @@ def _driven(
 
 
 def _bend(network: "LaneletNetwork", lanelets: tuple[int, ...], start: Points, goal: Points | None) -> float:
-    """By how much the lane's heading at the end of the route differs from that at its start, left positive."""
+    """Return the change of the lane's heading from the start to the end of the route, left positive."""
     first, last = center_line(network, lanelets[0]), center_line(network, lanelets[-1])
     if len(first) < 2 or len(last) < 2:
         return 0.0
@@ -311,14 +311,14 @@ def _bend(network: "LaneletNetwork", lanelets: tuple[int, ...], start: Points, g
 
 
 def _in_intersections(network: "LaneletNetwork") -> frozenset[int]:
-    """The lanelets that the file's intersections name as leading from an arm to the left, straight on or right."""
+    """Return the lanelets that the file's intersections list as leading from an arm to the left, ahead or right."""
     arms = [arm for intersection in network.intersections for arm in intersection.incomings]
     ways = [way for arm in arms for way in (arm.successors_left, arm.successors_straight, arm.successors_right) if way]
     return frozenset(int(key) for way in ways for key in way)
 
 
 def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
-    """Whether a lanelet follows on one that forks, or on a lane for it alone beside lanes that lead elsewhere."""
+    """Return True if a lanelet follows one that forks, or a dedicated lane next to lanes that lead elsewhere."""
     before = graph.predecessors[key]
     if any(len(graph.successors[one]) > 1 for one in before):
         return True
@@ -328,13 +328,13 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
-    """Whether the end of a lanelet meets one that comes from elsewhere, as where a side street ends on a road."""
-    beside = graph.beside([key])
-    others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - beside
+    """Return True if the end of a lanelet meets one from elsewhere, such as a side street that joins a road."""
+    row = graph.beside([key])
+    others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - row
     own = _heading_after(center_line(network, key)[::-1])
     return any(abs(wrap_angle(_heading_after(center_line(network, one)[::-1]) - own)) > PART_RAD for one in others)
 
 
 def _heading_after(line: Points) -> float:
-    """The heading of a line the length of a junction behind its beginning, or at its end."""
+    """Return the heading of a line one junction length after its start, or at its end."""
     return point_at(line, min(_APART_M, float(arc_length(line)[-1])))[1] if len(line) > 1 else 0.0

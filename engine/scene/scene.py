@@ -1,4 +1,4 @@
-"""A scenario made ready for edits and simulation: lanes as a SUMO network, vehicles on their lanelets, the ego."""
+"""A scenario prepared for edits and simulation: lanes as a SUMO network, vehicles on their lanelets, the ego."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 NOT_DRIVEN = ("pedestrian",)
-"""Obstacle types that SUMO's vehicles cannot stand for: they are replayed, never driven."""
+"""Obstacle types that SUMO's vehicles cannot represent: they are replayed, never driven."""
 
 
 @dataclass(frozen=True)
 class Ego:
-    """A planning problem's start, the middle of an uncertain one.
+    """A planning problem's start; the middle if it is uncertain.
 
     The centre (2,) in m, heading in rad, speed, the lanelets there (best first), the class of vehicle, and the
     coefficient of friction of the road (None if the file does not state it).
@@ -64,7 +64,7 @@ class Ego:
 
 @dataclass(frozen=True)
 class _Region:
-    """A bounding track of an obstacle that is given by occupancies, and its lanelets; None where it is near none."""
+    """A bounding track of an obstacle given by occupancies, and its lanelets; None if it is not near any."""
 
     obstacle_id: int
     track: Track
@@ -73,17 +73,17 @@ class _Region:
 
 @dataclass(frozen=True)
 class Scene:
-    """A recorded scenario ready to be edited and simulated; nothing here changes while edits are applied.
+    """A recorded scenario ready to be edited and simulated; it does not change while edits are applied.
 
-    Made by :meth:`of` when it is opened: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable
-    lanelets as SUMO's edges, lanes and paths through junctions; ``matcher``, for questions by position; ``tracks``,
-    recorded vehicles that move by a trajectory, by id; ``standing``, static obstacles as tracks of one pose;
-    ``regions``, dynamic obstacles without a trajectory as bounding tracks, which are in the way of all others;
-    ``matches``, the lanelets of each track, moving or standing, that is near any; ``last_step``, that of the recording;
-    ``ego``, the start of the planning problem, None without one.
+    :meth:`of` sets: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable lanelets as SUMO's edges,
+    lanes and paths through junctions; ``matcher``, for queries by position; ``tracks``, recorded vehicles with a
+    trajectory, by id; ``standing``, static obstacles as tracks of one pose; ``regions``, dynamic obstacles without a
+    trajectory as bounding tracks, which block all others; ``matches``, the lanelets of each moving or standing track
+    that is near any; ``last_step``, that of the recording; ``ego``, the start of the planning problem, None without
+    one.
 
-    Made when first asked for, and kept: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
-    lanes, which are posted or usual ones raised to what was recorded (``straight_speeds_mps``, ``lane_speeds_mps``,
+    Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
+    lanes, which are posted or usual ones raised to the recorded speeds (``straight_speeds_mps``, ``lane_speeds_mps``,
     ``driven_speeds_mps``, ``slow_places``), the traffic lights (``signals``) and SUMO's network (``sumo_net``).
     """
 
@@ -103,7 +103,7 @@ class Scene:
 
         Args:
             loaded: the scenario, which is kept.
-            problem_id: the planning problem whose ego this is about; None for the first.
+            problem_id: the planning problem of the ego; None for the first.
         """
         network = loaded.scenario.lanelet_network
         layout = NetLayout.of(network)
@@ -137,25 +137,27 @@ class Scene:
 
     @cached_property
     def lanelet_graph(self) -> LaneletGraph:
-        """Which lanelets can be reached from which."""
+        """The reachability of lanelets."""
         return LaneletGraph.of(self.network)
 
     @cached_property
     def driven_graph(self) -> LaneletGraph:
-        """The same for SUMO's vehicles, which keep their lanes inside junctions."""
+        """The reachability of lanelets for SUMO's vehicles, which keep their lanes inside junctions."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
-        beside = {k: tuple(n for n in near if k in outside and n in outside) for k, near in graph.neighbours.items()}
-        return replace(graph, neighbours=beside)
+        neighbours = {
+            k: tuple(n for n in near if k in outside and n in outside) for k, near in graph.neighbours.items()
+        }
+        return replace(graph, neighbours=neighbours)
 
     def graph_from_inside(self, start: int) -> LaneletGraph:
-        """``driven_graph`` for a vehicle inside a junction, which may steer over to the lanelets beside it there."""
+        """Return ``driven_graph`` for a vehicle inside a junction, which may change to the adjacent lanelets there."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
-        beside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
-        return replace(graph, neighbours={**self.driven_graph.neighbours, **beside})
+        inside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
+        return replace(graph, neighbours={**self.driven_graph.neighbours, **inside})
 
     @cached_property
     def straight_speeds_mps(self) -> dict[int, float]:
-        """Speed of every drivable lanelet but for its curves: posted or usual, raised to what was recorded."""
+        """Speed of every drivable lanelet without its curves: posted or usual, raised to the recorded speed."""
         fastest: dict[int, float] = {}
         for key, match in self.matches.items():
             track = self.tracks.get(key)
@@ -166,12 +168,12 @@ class Scene:
 
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
-        """The same, lowered to what the sharpest curve of a lanelet takes, where that is less."""
+        """The same, lowered to the speed of a lanelet's sharpest curve if that is less."""
         return lowered_by_curves(self.layout, self.straight_speeds_mps, self.friction)
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
-        """Where SUMO's lanes of long lanelets bend: a driven vehicle is slowed there, and not all along."""
+        """Where SUMO's lanes of long lanelets curve: a driven vehicle is slowed only there."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
             f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key), self.friction)
@@ -180,7 +182,7 @@ class Scene:
         }
 
     def _recorded_on(self, lanelet_id: int) -> list[tuple[float, float]]:
-        """Arc lengths in m on a lanelet and the speeds there of all vehicles that were recorded on it."""
+        """Return arc lengths in m on a lanelet and the speeds there of all vehicles that were recorded on it."""
         center = self.layout.table.lanes[lanelet_id].center
         return [
             (project(center, self.tracks[key].positions[index])[0], float(self.tracks[key].speeds_mps[index]))

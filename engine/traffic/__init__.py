@@ -1,42 +1,42 @@
-"""Traffic in SUMO: the only access to libsumo, and how a generated site is filled with traffic.
+"""Traffic in SUMO: the only access to libsumo, and the traffic of generated sites.
 
-``Sumo``: The running simulation: puts vehicles in, gives them orders, reads what they and the lanes are like.
-``sumo_running``: A simulation with its network, vehicle types and options, as a context manager; yields ``Sumo``.
-``sumo_version``: The installed version of SUMO.
-``vehicle_type``: A ``vType`` element of SUMO.
-``sumo_pose``: Front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
-``LaneChanges``: Which changes of lane a vehicle of SUMO does.
+``Sumo``: the running simulation: inserts vehicles, gives them orders, reads their state and that of the lanes.
+``sumo_running``: context manager of a simulation with its network, vehicle types and options; yields ``Sumo``.
+``sumo_version``: returns the installed version of SUMO.
+``vehicle_type``: returns a ``vType`` element of SUMO.
+``sumo_pose``: returns front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
+``LaneChanges``: which lane changes a vehicle of SUMO performs.
 ``LaneHint``: SUMO's edge and lane index.
-``NO_LANE``: The ``LaneHint`` for an unknown lane.
-``Demand``: Vehicles wanted by class.
-``plan_counts``: The ``Demand`` of a density and the classes asked for, on a site with kilometres of lane.
-``lane_km_of``: Kilometres of lane that are open to cars, the insides of junctions left out.
-``FEWEST``: The least number of vehicles on a site.
-``PAPER_TRIPS``: The paper's numbers of trips by density.
-``VEHICLES_PER_LANE_KM``: Vehicles on a kilometre of lane at the first step, the ego included, by density.
-``OpenEdges``: The edges of a net that are open to a class: how long, fast and wide they are, and what follows them.
-``TripMaker``: Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
-``TooFewFoundRoom``: What is raised where too few vehicles are there at step 0.
-``simulate_traffic``: Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
-``DrivingStyle``: How all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
-``published_calibrations``: All published calibrations of drivers by name.
-``SPEED_FACTORS``: Free speeds in bad weather over those in good weather.
-``SPEED_FACTORS_SOURCE``: Whose figures they are.
-``SHARES_OF_DAY_SOURCE``: Whose figures the hours' shares of a day are.
-``heavy_factor``: The share of goods vehicles in an hour's traffic over that in the whole day's.
-``NIGHT_HOURS``: Hours that are night.
-``words_of_hour``: What a catalogue calls an hour: night, rush hour or nothing.
-``vehicles_per_lane_km``: How dense traffic is in an hour of a working day.
-``WalkedPerson``: A person who was simulated, and whether he is on a crossing during the recording.
-``Pedestrians``: Puts people onto the pavements of a simulation, and records them.
-``apart``: The people who overlap no vehicle and nobody before them.
-``plan_walks``: Walks along pavements and over crossings near a place.
-``WARM_UP_S``: How long vehicles drive before the first recorded step, in s.
-``GeneratedVehicle``: A generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
-``generated_vehicles``: The recorded vehicles with smoothed, drivable motions.
-``drop_infeasible``: Removes the fewest vehicles so that the others are drivable and apart; returns both.
-``DroppedVehicle``: A recorded vehicle that is left out, and why.
-``DECIMALS``: Decimal places of the motions.
+``NO_LANE``: the ``LaneHint`` for an unknown lane.
+``Demand``: vehicles wanted by class.
+``plan_counts``: returns the ``Demand`` of a density and the requested classes, on a site with kilometres of lane.
+``lane_km_of``: returns the kilometres of lane open to cars, without the insides of junctions.
+``FEWEST``: the least number of vehicles on a site.
+``PAPER_TRIPS``: the paper's numbers of trips by density.
+``VEHICLES_PER_LANE_KM``: vehicles per kilometre of lane at the first step, including the ego, by density.
+``OpenEdges``: the edges of a net that are open to a class: length, speed, lanes and successors.
+``TripMaker``: creates trips of a class on a net, each long enough to last through the recording if the net allows it.
+``TooFewFoundRoom``: raised if too few vehicles are there at step 0.
+``simulate_traffic``: fills a site with the wanted vehicles, lets them drive for the warm-up and records what follows.
+``DrivingStyle``: how all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
+``published_calibrations``: returns all published calibrations of drivers by name.
+``SPEED_FACTORS``: free speeds in bad weather relative to those in good weather.
+``SPEED_FACTORS_SOURCE``: the source of these factors.
+``SHARES_OF_DAY_SOURCE``: the source of the hours' shares of a day.
+``heavy_factor``: returns the share of goods vehicles in an hour's traffic relative to the whole day's.
+``NIGHT_HOURS``: hours that are night.
+``words_of_hour``: returns the catalogue's words for an hour: night, rush hour or nothing.
+``vehicles_per_lane_km``: returns the density of traffic in an hour of a working day.
+``WalkedPerson``: a simulated person, and whether they are on a crossing during the recording.
+``Pedestrians``: puts people onto the pavements of a simulation, and records them.
+``apart``: returns the people who overlap no vehicle and no earlier person.
+``plan_walks``: returns walks along pavements and over crossings near a place.
+``WARM_UP_S``: how long vehicles drive before the first recorded step, in s.
+``GeneratedVehicle``: a generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
+``generated_vehicles``: returns the recorded vehicles with smoothed, drivable motions.
+``drop_infeasible``: removes the fewest vehicles so that the others are drivable and do not overlap; returns both.
+``DroppedVehicle``: a recorded vehicle that is left out, and why.
+``DECIMALS``: decimal places of the motions.
 """
 
 from typing import TYPE_CHECKING

@@ -1,15 +1,15 @@
-"""What time of day, weather and drivers do to traffic: published figures, and what is made of them.
+"""How time of day, weather and drivers affect traffic: published figures, and what is derived from them.
 
 Hourly shares of a working day's traffic (Tuesday to Thursday, streets of West German cities at the border of the inner
 city): G. Schmidt, B. Thomas, Hochrechnungsfaktoren für manuelle und automatische Kurzzeitzählungen im Innerortsbereich,
-Forschung Straßenbau und Straßenverkehrstechnik 732, Bonn 1996, p. 95 and 98, as SUMO's documentation of od2trips states
-them. Speeds in bad weather: freeways of the Twin Cities, thesis, Iowa State University (lib.dr.iastate.edu/rtd/18916):
-4 to 7 % slower in heavy rain, 11 to 15 % in heavy snow, 12 % at visibilities below a quarter of a mile; the middle is
-taken.
+Forschung Straßenbau und Straßenverkehrstechnik 732, Bonn 1996, p. 95 and 98, as quoted in SUMO's documentation of
+od2trips. Speeds in bad weather: freeways of the Twin Cities, thesis, Iowa State University
+(lib.dr.iastate.edu/rtd/18916): 4 to 7 % slower in heavy rain, 11 to 15 % in heavy snow, 12 % at visibilities below a
+quarter of a mile; the middle is used.
 
-Calibrations of drivers are what somebody measured or fitted, under a name; what its source does not say stays as usual.
-Not set is the time in which drivers react: SUMO's two parameters for it, ``actionStepLength`` and EIDM's ``treaction``,
-let a platoon that follows a steady leader break down at published values (0.9 and 1.5 s, tried in SUMO 1.28).
+Calibrations of drivers are published measurements or fits, by name; what a source does not state stays at its default.
+The reaction time of drivers is not set: SUMO's two parameters for it, ``actionStepLength`` and EIDM's ``treaction``,
+make a platoon behind a steady leader break down at published values (0.9 and 1.5 s, tried in SUMO 1.28).
 """
 
 import math
@@ -32,31 +32,31 @@ HEAVY_SHARES = (
 """Percent of a working day's goods vehicles in each hour."""
 SHARES_OF_DAY_SOURCE = "Schmidt and Thomas 1996"
 NOON_PER_LANE_KM, MOST_PER_LANE_KM = 16.0, 28.0
-"""Vehicles on a kilometre of lane at noon (medium density), and at most: the other hours in proportion (chosen)."""
+"""Vehicles per kilometre of lane at noon (medium density), and at most: the other hours in proportion (chosen)."""
 SPEED_FACTORS: Mapping[Weather, float] = MappingProxyType({"heavy_rain": 0.945, "snow": 0.87, "fog": 0.88})
-"""Free speeds in bad weather over those in good weather; of light rain and hail no figure is known here."""
+"""Free speeds in bad weather relative to those in good weather; no figure is known for light rain and hail."""
 SPEED_FACTORS_SOURCE = "freeways of the Twin Cities, Iowa State University"
 _NOON = 12
 NIGHT_HOURS = frozenset({22, 23, 0, 1, 2, 3, 4, 5})
 """Hours that are night (chosen)."""
 _RUSH_PERCENT = 7.0
-"""From this share of a day's cars on an hour is rush hour (chosen): 7, 16, 17 and 18."""
+"""An hour with at least this share of a day's cars is rush hour (chosen): 7, 16, 17 and 18."""
 
 
 def words_of_hour(hour: int) -> tuple[str, ...]:
-    """What a catalogue calls an hour: night, rush hour or nothing."""
+    """Return the catalogue's words for an hour: night, rush hour or nothing."""
     if hour in NIGHT_HOURS:
         return ("night",)
     return ("rush_hour",) if CAR_SHARES[hour] >= _RUSH_PERCENT else ()
 
 
 def vehicles_per_lane_km(hour: int) -> float:
-    """How dense traffic is in an hour of a working day, in vehicles per kilometre of lane."""
+    """Return the density of traffic in an hour of a working day, in vehicles per kilometre of lane."""
     return round(min(NOON_PER_LANE_KM * CAR_SHARES[hour] / CAR_SHARES[_NOON], MOST_PER_LANE_KM), 1)
 
 
 def heavy_factor(hour: int) -> float:
-    """The share of goods vehicles in an hour's traffic over that in the whole day's."""
+    """Return the share of goods vehicles in an hour's traffic relative to the whole day's."""
     cars, heavy = CAR_SHARES[hour] / sum(CAR_SHARES), HEAVY_SHARES[hour] / sum(HEAVY_SHARES)
     return heavy / cars
 
@@ -65,16 +65,16 @@ CARS_AND_VANS = frozenset({"car", "taxi", "delivery"})
 CARS_AND_TRUCKS = CARS_AND_VANS | {"truck", "trailer"}
 MOTOR_VEHICLES = CARS_AND_TRUCKS | {"bus", "coach", "emergency", "motorcycle", "moped"}
 SPEED_CUT = 2.0
-"""Speed factors farther from their mean than this many standard deviations are not driven (chosen)."""
+"""Speed factors farther from their mean than this many standard deviations are not used (chosen)."""
 KINDS_OF_DRIVERS = 20
-"""Gaps are drawn from the middles of so many equally likely parts of their distribution (chosen)."""
+"""Gaps are drawn from the middles of this many equally likely parts of their distribution (chosen)."""
 _OVER_MPH = 10.0
-"""British statistics count cars above the limit, and more than this above it."""
+"""British statistics count cars above the limit, and cars more than this above it."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean and standard deviation of something that differs between drivers."""
+    """Mean and standard deviation of a quantity that differs between drivers."""
 
     mean: float
     deviation: float
@@ -84,10 +84,10 @@ class Spread:
 class Calibration:
     """A published calibration.
 
-    ``sets``: what it sets, in words with the figures; ``classes`` of vehicles that it holds for. ``speed_factor``: free
-    speed over the limit, normally distributed; ``time_gap_s``: from bumper to bumper behind another at its speed,
-    beyond the gap that is kept when standing, log-normally distributed; ``parameters`` of SUMO's vehicle types, the
-    same for all.
+    ``sets``: a description of what it sets, with figures; ``classes``: vehicle classes that it applies to.
+    ``speed_factor``: free speed relative to the limit, normally distributed; ``time_gap_s``: from bumper to bumper
+    behind another at its speed, beyond the standstill gap, log-normally distributed; ``parameters`` of SUMO's vehicle
+    types, equal for all.
     """
 
     sets: str
@@ -105,7 +105,7 @@ class Calibration:
 
 
 def published_calibrations() -> dict[str, Calibration]:
-    """All of them by name."""
+    """Return all published calibrations by name."""
     return {
         "gb_30mph": _british("30 mph roads", 30.0, over=0.50, far_over=0.05),
         "gb_rural": _british("single carriageways with a limit of 60 mph", 60.0, over=0.11, far_over=0.01),
@@ -129,7 +129,7 @@ def published_calibrations() -> dict[str, Calibration]:
 
 
 def _british(roads: str, limit_mph: float, *, over: float, far_over: float) -> Calibration:
-    """Free speeds of cars: the normal distribution with these shares above the limit, and 10 mph above it."""
+    """Return free speeds of cars: the normal distribution with these shares above the limit, and 10 mph above it."""
     at_limit, above = (NormalDist().inv_cdf(1 - share) for share in (over, far_over))
     deviation_mph = _OVER_MPH / (above - at_limit)
     factor = Spread(1 - at_limit * deviation_mph / limit_mph, deviation_mph / limit_mph)
@@ -144,7 +144,7 @@ def _british(roads: str, limit_mph: float, *, over: float, far_over: float) -> C
 
 
 def time_gaps_s(spread: Spread) -> tuple[float, ...]:
-    """Equally likely values of a log-normal distribution with this mean and standard deviation, ascending."""
+    """Return equally likely values of a log-normal distribution with this mean and standard deviation, ascending."""
     variance = math.log1p((spread.deviation / spread.mean) ** 2)
     logarithm = NormalDist(math.log(spread.mean) - variance / 2, math.sqrt(variance))
     shares = ((number + 0.5) / KINDS_OF_DRIVERS for number in range(KINDS_OF_DRIVERS))

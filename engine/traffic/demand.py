@@ -1,4 +1,4 @@
-"""Where the vehicles of a class begin and drive on a site: random trips over the edges that are open to the class."""
+"""Where the vehicles of a class start and drive on a site: random trips over the edges that are open to the class."""
 
 import random
 from collections import Counter
@@ -14,10 +14,10 @@ from ..vehicles import VehicleClass, vehicle_classes
 
 
 class TripMaker:
-    """Makes trips of a class on a net, each long enough to last through the recording where the net allows it.
+    """Creates trips of a class on a net, each long enough to last through the recording if the net allows it.
 
-    Trips begin on the edges ``starts``, and turn into the edges ``ways``, more often by ``FAVOUR_FACTOR``. ``kind``:
-    what makes a trip begin on an edge rather than on another.
+    Trips start on the edges ``starts`` and turn into the edges ``ways`` more often, by ``FAVOUR_FACTOR``. ``kind``:
+    what determines the edge on which a trip starts.
     """
 
     def __init__(
@@ -34,20 +34,20 @@ class TripMaker:
         self._edges: dict[str, OpenEdges] = {}
 
     def check_open(self, vehicle_class: VehicleClass) -> None:
-        """Refuse a class that no road of the net is open to.
+        """Refuse a class if no road of the net is open to it.
 
         Raises:
-            NotPossible: naming the classes that could drive here.
+            NotPossible: lists the classes that can drive here.
         """
         if not self.open_to(vehicle_class).length_m:
             raise NotPossible(
                 f"no road at this site is open to the vehicle class {vehicle_class.name!r}",
                 valid=[name for name, other in vehicle_classes().items() if self.open_to(other).length_m],
-                next_step="leave the class out, or choose another place or scenario_type",
+                next_step="remove the class, or choose another place or scenario_type",
             )
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """The edges of a random trip of a class that is open here; fast roads and long ways on begin more of them."""
+        """Return the edges of a random trip of a class; more trips start on fast roads and roads that continue far."""
         edges = self.open_to(vehicle_class)
         starts = sorted(edges.length_m)
         weights = [self._weight(edges, edge) for edge in starts]
@@ -56,13 +56,13 @@ class TripMaker:
         return edges.random_route(start, speed * self._lasting_s, self._choice, self._ways)
 
     def open_to(self, vehicle_class: VehicleClass) -> "OpenEdges":
-        """The edges of the net that are open to a class."""
+        """Return the edges of the net that are open to a class."""
         if vehicle_class.sumo_class not in self._edges:
             self._edges[vehicle_class.sumo_class] = OpenEdges.of(self._net, vehicle_class.sumo_class)
         return self._edges[vehicle_class.sumo_class]
 
     def _weight(self, edges: "OpenEdges", edge: str) -> float:
-        """How many trips begin on an edge: by its lane metres and speed, fewer where the way soon ends."""
+        """Return the weight of an edge as a start: its lane metres and speed, less if its continuation is short."""
         length_m, lanes, speed_mps = edges.length_m[edge], edges.lanes[edge], edges.speed_mps[edge]
         match self._kind:
             case "usual" | "fringe":
@@ -81,28 +81,28 @@ class TripMaker:
 
 
 FARTHEST_M = 5_000.0
-"""Beyond this, a longer way on makes no difference: no vehicle of a site drives as far (chosen)."""
+"""A longer continuation makes no difference: vehicles of a site do not drive that far (chosen)."""
 MOST_EDGES = 200
-"""A route ends here: on a ring of short edges it would go on for ever (chosen)."""
+"""Longest route in edges: on a ring of short edges it would continue for ever (chosen)."""
 SPARE_M = 500.0
 """A route is longer than wanted by this, for a vehicle that is faster than the limit (chosen)."""
 LEAST_WEIGHT = 0.02
-"""Weight for edges whose way on ends at once: few trips begin there, but some do (chosen)."""
+"""Weight of edges that end at once: few trips start there, but some do (chosen)."""
 LEAST_PREFERENCE = 0.05
-"""Weight of a dead end beside roads that go on as far as wanted, before it is squared (chosen)."""
+"""Weight of a dead end compared with roads that continue as far as wanted, before it is squared (chosen)."""
 FAVOUR_FACTOR = 12.0
-"""Favoured edges are more likely by this factor (chosen): a ramp beside a motorway is then taken by every other car."""
+"""Favoured edges are more likely by this factor (chosen): every second car then takes a ramp next to a motorway."""
 FRINGE_FACTOR = 10.0
-"""Where trips begin at the fringe, a road on which traffic enters is more likely by this factor (chosen)."""
+"""If trips start at the fringe, a road on which traffic enters is more likely by this factor (chosen)."""
 REVISIT_FACTOR = 4.0
 """An edge that the route has already used is less likely by this factor (chosen): routes should not circle."""
 
 
 @dataclass(frozen=True)
 class OpenEdges:
-    """Edges that a class may use: length in m, speed in m/s, lanes, those that follow, and how far one can go.
+    """Edges that a class may use: length in m, speed in m/s, lanes, successors, and how far one can drive.
 
-    ``reach_m`` is the length of the longest known way on from the beginning of an edge, at most ``FARTHEST_M``.
+    ``reach_m`` is the length of the longest known continuation from the start of an edge, at most ``FARTHEST_M``.
     """
 
     length_m: dict[str, float]
@@ -113,7 +113,7 @@ class OpenEdges:
 
     @classmethod
     def of(cls, net: SumoNet, sumo_class: str) -> "OpenEdges":
-        """The part of a net that vehicles of a SUMO class may use."""
+        """Return the part of a net that vehicles of a SUMO class may use."""
         lanes = [lane for lane in net.lanes.values() if not lane.internal and sumo_class in lane.allowed]
         lengths = {lane.edge_id: length_m(lane.shape) for lane in lanes}
         counts = Counter(lane.edge_id for lane in lanes)
@@ -130,29 +130,29 @@ class OpenEdges:
 
     @cached_property
     def entries(self) -> frozenset[str]:
-        """The edges on which traffic enters: none leads into them. All where there is no such edge."""
+        """The edges on which traffic enters: they have no predecessor. All edges if there is no such edge."""
         reached = {edge for onward in self.following.values() for edge in onward}
         return frozenset(self.length_m.keys() - reached) or frozenset(self.length_m)
 
     @cached_property
     def exits(self) -> frozenset[str]:
-        """The edges on which traffic leaves: they lead into none. All where there is no such edge."""
+        """The edges on which traffic leaves: they have no successor. All edges if there is no such edge."""
         return frozenset(edge for edge, onward in self.following.items() if not onward) or frozenset(self.length_m)
 
     def travel_s(self, route: Iterable[str]) -> float:
-        """How long a route takes at the speed limits."""
+        """Return how long a route takes at the speed limits."""
         return sum(self.length_m[edge] / self.speed_mps[edge] for edge in route)
 
     def quickest(self, starts: Iterable[str], goal: str) -> tuple[str, ...] | None:
-        """The quickest route from any of some edges to an edge, both included; None where no way leads there."""
-        # What an edge costs is paid when it is left: the last one of a route costs the same on all of them.
+        """Return the quickest route from any of some edges to an edge, both included; None if there is no route."""
+        # The cost of an edge is paid when it is left: the last one of a route costs the same on all of them.
         graph = Digraph(lambda edge: [(onward, self.travel_s([edge])) for onward in self.following[edge]])
         return graph.cheapest_route(starts, [goal])
 
     def random_route(
         self, start: str, wanted_m: float, choice: random.Random, favoured: frozenset[str]
     ) -> tuple[str, ...]:
-        """A route from an edge on; wide, fast and favoured roads come first, and those that go on as far as wanted."""
+        """Return a route from an edge on that prefers wide, fast and favoured roads that continue as far as wanted."""
         route = [start]
         driven_m = self.length_m[start]
         while self.following[route[-1]] and len(route) < MOST_EDGES and driven_m < wanted_m + SPARE_M:
@@ -172,10 +172,10 @@ class OpenEdges:
 
 
 def _reach(lengths: dict[str, float], following: dict[str, tuple[str, ...]]) -> dict[str, float]:
-    """How far one can go from the beginning of each edge, at most ``FARTHEST_M``, in time linear in the edges.
+    """Return how far one can drive from the start of each edge, at most ``FARTHEST_M``, in time linear in the edges.
 
-    Edges are taken away from the end of the ways on (Kahn's order, backwards); what cannot be taken away leads into a
-    cycle, on which one can drive as far as one likes.
+    Edges are removed from the end of the routes (Kahn's order, backwards); an edge that cannot be removed leads into a
+    cycle, on which one can drive indefinitely.
     """
     leading: dict[str, list[str]] = {edge: [] for edge in lengths}
     for edge, onward in following.items():
@@ -195,6 +195,6 @@ def _reach(lengths: dict[str, float], following: dict[str, tuple[str, ...]]) -> 
 
 
 def lane_km_of(net: SumoNet) -> float:
-    """Kilometres of lane that are open to cars, the insides of junctions left out."""
+    """Return the kilometres of lane open to cars, without the insides of junctions."""
     lanes = (lane for lane in net.lanes.values() if not lane.internal and "passenger" in lane.allowed)
     return sum(length_m(lane.shape) for lane in lanes) / 1000

@@ -1,8 +1,8 @@
 """Recorded SUMO tracks as drivable motions from step 0 on.
 
-SUMO spreads a lane change over time: a vehicle that has to stop meanwhile slides on sideways, or is set back where the
-next lane is bent otherwise, and the heading that follows from its track turns across the lane. So each track is first
-put on wheels (:func:`on_wheels`): it moves aside only as far as it rolls. Then it is smoothed, the more the less
+SUMO spreads a lane change over time: a vehicle that must stop meanwhile slides on sideways, or is set back if the next
+lane is curved differently, and the heading derived from its track turns across the lane. Therefore each track is first
+put on wheels (:func:`on_wheels`): it moves sideways only as far as it rolls. Then it is smoothed, the more the less
 drivable it is (:func:`generated_vehicles`). Motions that still cannot be driven, or overlap, are left out
 (:func:`drop_infeasible`).
 """
@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 DECIMALS = 4
 """Decimal places in scenario files: 0.1 mm, and 20 seconds of arc."""
 FARTHEST_ASTRAY_M = 4.0
-"""A vehicle farther from where SUMO has it missed more than one lane change (a lane's width is 3 to 3.75 m)."""
+"""A vehicle farther from SUMO's position missed more than one lane change (a lane's width is 3 to 3.75 m)."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +43,17 @@ class GeneratedVehicle:
 
     @property
     def steps(self) -> int:
-        """How many steps it is there, step 0 included."""
+        """The number of steps at which it is there, including step 0."""
         return len(self.motion.positions)
 
     @property
     def body(self) -> BoxTrack:
-        """What takes up room."""
+        """The moving body of the vehicle."""
         return BoxTrack(self.motion.positions, self.motion.headings_rad, self.size_m)
 
 
 def generated_vehicles(tracks: Iterable[RawTrack], step_s: float) -> tuple[GeneratedVehicle, ...]:
-    """The recorded vehicles with smoothed, drivable motions."""
+    """Return the recorded vehicles with smoothed, drivable motions."""
     return tuple(_generated_vehicle(track, step_s) for track in tracks)
 
 
@@ -68,9 +68,9 @@ class DroppedVehicle:
 def drop_infeasible(
     everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]
 ) -> tuple[tuple[GeneratedVehicle, ...], tuple[DroppedVehicle, ...]]:
-    """Return the vehicles that stay, and those that cannot be driven or overlap others; as few as possible go.
+    """Return the vehicles that stay, and those that cannot be driven or overlap others; as few as possible are dropped.
 
-    ``needed``: how many of a class must stay, even where their motion cannot be driven.
+    ``needed``: how many of a class must stay, even if their motion cannot be driven.
     """
     counts = Counter(vehicle.vehicle_class.name for vehicle in everyone)
     kept: list[GeneratedVehicle] = []
@@ -94,7 +94,7 @@ def drop_infeasible(
 def _apart(
     kept: list[GeneratedVehicle], counts: Counter[str], needed: Mapping[str, int]
 ) -> tuple[GeneratedVehicle, ...]:
-    """Without overlaps at any step: first go those whose class can spare them, of these the ones that overlap most."""
+    """Return vehicles without overlaps; those that overlap most and that their class can spare are removed first."""
     pairs = [(kept[pair.first], kept[pair.second]) for pair in first_overlaps([vehicle.body for vehicle in kept])]
     gone: set[str] = set()
     while pairs:
@@ -136,22 +136,22 @@ def _generated_vehicle(track: RawTrack, step_s: float) -> GeneratedVehicle:
 
 
 def _rounded(motion: Motion, first: int) -> Motion:
-    """The motion from a step on as it will stand in the file, headings in (−π, π], so that all checks see the same."""
+    """Return the motion from a step on as written to the file, headings in (−π, π], so that all checks see the same."""
     turn = np.arctan2(np.sin(motion.headings_rad), np.cos(motion.headings_rad))
     values = motion.positions, turn, motion.speeds_mps, motion.accelerations_mps2
     return Motion(*(value[first:].round(DECIMALS) for value in values))
 
 
 STEEPEST = 0.3
-"""Metres aside for a metre along the lane, at most (chosen): 17°, a lane's width in 11 m."""
+"""Largest lateral metres per metre along the lane (chosen): 17°, a lane's width in 11 m."""
 LARGEST_EXCESS, LARGEST_EXCESS_M = 1.05, 0.01
-"""A step longer than the vehicle rolls and slides, by more than this factor and length, is a jump (chosen)."""
+"""A step longer than the vehicle's motion, by more than this factor and length, is a jump (chosen)."""
 MOVED_M = 1e-3
-"""A shorter step has no direction of its own (chosen)."""
+"""A shorter step has no direction (chosen)."""
 
 
 def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
-    """A track that follows a vehicle's without jumps, sliding and driving backwards, shape (n, 2).
+    """Return a track that follows a vehicle's without jumps, sliding and driving backwards, shape (n, 2).
 
     Args:
         track: where the vehicle is at each step, shape (n, 2), in metres.
@@ -170,7 +170,7 @@ def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
 
 
 def _lane_headings(track: Points, along_m: Values, aside_m: Values) -> list[float]:
-    """Heading of the lane at each step but the first; where it does not show, that of the step before."""
+    """Return the heading of the lane at each step but the first; if it is unknown, that of the step before."""
     moved = np.diff(track, axis=0)
     length, wanted = np.hypot(moved[:, 0], moved[:, 1]), np.hypot(along_m[1:], aside_m[1:])
     shows = (length > MOVED_M) & (length < LARGEST_EXCESS * wanted + LARGEST_EXCESS_M)

@@ -1,7 +1,7 @@
-"""People on foot in SUMO: where they walk, how they are put there, and what they did.
+"""Pedestrians in SUMO: their walks, their insertion, and their recorded motion.
 
 A walk leads along a pavement to a junction, most often over a crossing there, and on along the pavements behind it.
-People begin near enough to their crossing to be on it during the recording; SUMO's model (striping) moves them, stops
+People start near enough to their crossing to be on it during the recording; SUMO's model (striping) moves them, stops
 them at red lights and where vehicles go first, and vehicles stop for them at crossings.
 """
 
@@ -23,31 +23,32 @@ WALKING_MPS, SPEED_SPREAD = 1.34, 0.19
 """Mean free speed of pedestrians and its standard deviation as a share of it (0.26 m/s)."""
 WALKING_SOURCE = "Weidmann, Transporttechnik der Fussgänger, ETH Zürich, 1993"
 _SLOWEST, _FASTEST = 0.6, 1.6
-"""Bounds of a person's free speed over the mean (chosen)."""
+"""Bounds of a person's free speed relative to the mean (chosen)."""
 CROSSING_SHARE = 0.75
-"""Share of the people whose way leads over a crossing (chosen); the others walk along a pavement."""
+"""Share of the people who walk over a crossing (chosen); the others walk along a pavement."""
 INSERTED_S = WARM_UP_S - 4.0
-"""When people begin to walk: shortly before step 0, and long enough to have found their pace (chosen)."""
+"""When people start to walk: shortly before step 0, and long enough to have found their pace (chosen)."""
 FIRST_AT_S, LAST_AT_SHARE = 0.0, 0.35
-"""A person is to be at the corner before the crossing this long after step 0 at the earliest, at this share of the
-recording at the latest (chosen): the way over the corner, and vehicles or red lights, take a while more."""
+"""Earliest and latest time after step 0, the latter as a share of the recording, at which a person reaches the corner
+before the crossing (chosen): the corner, and vehicles or red lights, take some more time.
+"""
 HALF_AS_LIKELY_M = 40.0
-"""A crossing this much farther from the middle of the site is half as likely to be taken (chosen)."""
+"""A crossing this much farther from the centre of the site is half as likely to be chosen (chosen)."""
 MOST_EDGES = 12
-"""Pavements of a walk, at most (chosen)."""
+"""Largest number of pavements of a walk (chosen)."""
 _MARGIN_M = 0.3
-"""People begin at least so far from the end of a pavement (chosen)."""
+"""Least distance of a start from the end of a pavement (chosen)."""
 _SMOOTHED_STEPS = 3.0
 """Standard deviation of the smoothing of tracks in steps (chosen): SUMO's people step sideways at once."""
 _JOINT_M, _KERB_M = 0.05, 0.03
-"""Ways that lie twice the first apart touch; centres of people keep the second from the edge of all ways (chosen)."""
+"""Walkways touch with a gap up to twice the first; centres of people keep the second from their edge (chosen)."""
 _MOVED_M = 0.02
-"""A person who moves less in a step has no heading of his own (chosen)."""
+"""A person who moves less in a step has no heading (chosen)."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """A walk along edges, from a place on the first one to a place on the last, in m from the beginning of the road."""
+    """A walk along edges, from a place on the first one to a place on the last, in m from the start of the road."""
 
     key: str
     edges: tuple[str, ...]
@@ -58,9 +59,9 @@ class Walk:
 def plan_walks(
     net: WalkNet, count: int, middle: Points, *, duration_s: float, choice: random.Random
 ) -> tuple[Walk, ...]:
-    """So many walks that last through a recording where the pavements allow it.
+    """Return ``count`` walks that last through a recording if the pavements allow it.
 
-    Crossings near ``middle`` (2,) are taken more often. Where there is none, people walk along.
+    Crossings near ``middle`` (2,) are chosen more often. If there are none, people walk along pavements.
     """
     crossings = [one for one in net.crossings.values() if _approaches(net, one)]
     weights = [0.5 ** (float(np.linalg.norm(one.line.mean(axis=0) - middle)) / HALF_AS_LIKELY_M) for one in crossings]
@@ -79,9 +80,9 @@ def plan_walks(
 
 
 def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, Pavement]]:
-    """Pavements from which a crossing is reached, the corner there, and those behind it.
+    """Return pavements from which a crossing is reached, the corner there, and the pavements behind it.
 
-    Both sides of one road come last: SUMO takes the way between them for the one round the road's other end.
+    Both sides of one road come last: SUMO takes the path between them for the one around the road's other end.
     """
     ways = []
     for near, far in (crossing.corners, crossing.corners[::-1]):
@@ -91,13 +92,13 @@ def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, P
 
 
 def _meet_elsewhere(one: Pavement, other: Pavement, junction: str) -> bool:
-    """Whether two pavements that meet at a junction end at another one together too."""
+    """Return True if two pavements that meet at a junction also meet at another one."""
     ends = [{_junction(end) for end in (way.begins_at, way.ends_at) if end is not None} for way in (one, other)]
     return bool((ends[0] & ends[1]) - {junction})
 
 
 def _junction(corner: str) -> str:
-    """The junction that a corner belongs to."""
+    """Return the junction that a corner belongs to."""
     return corner.rpartition("_w")[0]
 
 
@@ -118,9 +119,10 @@ def _walk_along(net: WalkNet, pavement: Pavement, key: str, duration_s: float, c
 
 
 def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float, choice: random.Random) -> Walk:
-    """The walk with pavements that follow the last one round its far corner, without another crossing.
+    """Return the walk extended by pavements that follow around the last far corner, without another crossing.
 
-    It ends where the fastest do not come in time: from the far end of a long pavement another way might be shorter.
+    It ends where the fastest people do not arrive in time: from the far end of a long pavement another path may be
+    shorter.
     """
     wanted_m = _FASTEST * WALKING_MPS * (duration_s + WARM_UP_S - INSERTED_S)
     edges, walked_m = list(walk.edges), 0.0
@@ -140,7 +142,7 @@ def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float,
 
 
 def _pedestrian_type() -> str:
-    """SUMO's type of a person."""
+    """Return SUMO's type of a person."""
     return vehicle_type(
         PEDESTRIAN.name,
         vClass=PEDESTRIAN.sumo_class,
@@ -155,7 +157,7 @@ def _pedestrian_type() -> str:
 
 @dataclass
 class _WalkRecording:
-    """What was seen of a person: the step at which that began, fronts, SUMO's headings and edges."""
+    """What was seen of a person: the first step, fronts, SUMO's headings and edges."""
 
     first_step: int
     fronts: list[tuple[float, float]] = field(default_factory=list)
@@ -164,9 +166,9 @@ class _WalkRecording:
 
 
 class Pedestrians:
-    """Puts people onto the pavements of a simulation that begins at step 1, and records them.
+    """Puts people onto the pavements of a simulation that starts at step 1, and records them.
 
-    ``ground``: the ways for people; SUMO leads them over corners in curves that cut across the kerb.
+    ``ground``: the walkways; SUMO leads people around corners in curves that cut across the kerb.
     """
 
     def __init__(self, walks: Sequence[Walk], ground: Sequence[Walkway], step_s: float) -> None:
@@ -176,13 +178,13 @@ class Pedestrians:
         self.sumo_type = _pedestrian_type()
 
     def before_step(self, sumo: Sumo, step: int) -> None:
-        """Put all people in when it is time."""
+        """Insert all people when it is time."""
         if step == self._begin:
             for walk in self._walks:
                 sumo.add_pedestrian(walk.key, walk.edges, (walk.begin_m, walk.end_m), PEDESTRIAN.name)
 
     def after_step(self, sumo: Sumo, step: int) -> None:
-        """Note where all people are."""
+        """Record where all people are."""
         if step < self._begin:
             return
         for key in sumo.pedestrians():
@@ -192,7 +194,7 @@ class Pedestrians:
             seen.edges.append(sumo.pedestrian_edge(key))
 
     def people(self) -> tuple["WalkedPerson", ...]:
-        """The people who are there at step 0, those first who are on a crossing in the recording."""
+        """Return the people who are there at step 0; those on a crossing in the recording come first."""
         found = []
         ground = _Ground(self._ground)
         for walk in self._walks:
@@ -205,7 +207,7 @@ class Pedestrians:
 
 @dataclass(frozen=True)
 class WalkedPerson:
-    """A person as road users are generated, and whether he is on a crossing during the recording."""
+    """A person in the form of generated road users, and whether they are on a crossing during the recording."""
 
     body: GeneratedVehicle
     crosses: bool
@@ -223,7 +225,7 @@ def _person(walk: Walk, seen: _WalkRecording, lead_in: int, step_s: float, groun
 
 
 class _Ground:
-    """The ways for people as one area, drawn in a little from the kerb."""
+    """The walkways as one area, shrunk slightly from the kerb."""
 
     def __init__(self, walkways: Sequence[Walkway]) -> None:
         from shapely import Polygon, make_valid, prepare, union_all
@@ -234,7 +236,7 @@ class _Ground:
         prepare(self._area)
 
     def nearest(self, points: Points) -> Points:
-        """The points (n, 2), those beside the ways moved onto them."""
+        """Return the points (n, 2), with those off the walkways moved onto them."""
         from shapely import Point, contains_xy
         from shapely.ops import nearest_points
 
@@ -246,10 +248,10 @@ class _Ground:
 
 
 def walked_motion(centers: Points, first_heading_rad: float, step_s: float, lead_in: int = 0) -> Motion:
-    """The motion along centres (n, 2) from one of them on; who stands looks where he went."""
+    """Return the motion along centres (n, 2) from one of them on; a standing person keeps their heading."""
     moved = np.gradient(centers, axis=0) if len(centers) > 1 else np.zeros_like(centers)
     length = np.hypot(moved[:, 0], moved[:, 1])
-    headings = _held(np.arctan2(moved[:, 1], moved[:, 0]), length > _MOVED_M, first_heading_rad)
+    headings = _fill_forward(np.arctan2(moved[:, 1], moved[:, 0]), length > _MOVED_M, first_heading_rad)
     turned = gaussian(np.unwrap(headings), _SMOOTHED_STEPS)
     turned = np.arctan2(np.sin(turned), np.cos(turned))
     speeds = length / step_s
@@ -257,17 +259,17 @@ def walked_motion(centers: Points, first_heading_rad: float, step_s: float, lead
     return Motion(*(value[lead_in:].round(DECIMALS) for value in (centers, turned, speeds, accelerations)))
 
 
-def _held(values: Values, known: "np.ndarray[tuple[int], np.dtype[np.bool_]]", first: float) -> Values:
-    """Values where they are known, otherwise the last known one before."""
-    held, last = [], first
+def _fill_forward(values: Values, known: "np.ndarray[tuple[int], np.dtype[np.bool_]]", first: float) -> Values:
+    """Return values where they are known, otherwise the last known one before."""
+    filled, last = [], first
     for value, is_known in zip(values.tolist(), known.tolist(), strict=True):
         last = value if is_known else last
-        held.append(last)
-    return np.array(held)
+        filled.append(last)
+    return np.array(filled)
 
 
 def apart(people: Iterable[WalkedPerson], vehicles: Sequence[GeneratedVehicle]) -> tuple[WalkedPerson, ...]:
-    """The people, in their order, who overlap no vehicle and nobody before them at any step."""
+    """Return the people, in order, who overlap no vehicle and no earlier person at any step."""
     everyone = list(people)
     bodies: list[BoxTrack] = [vehicle.body for vehicle in vehicles] + [person.body.body for person in everyone]
     first = len(vehicles)

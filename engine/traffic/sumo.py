@@ -1,4 +1,4 @@
-"""SUMO in this process: starting a simulation, the vehicles in it, and what they and the lanes are like.
+"""SUMO in this process: simulations, their vehicles, and the state of vehicles and lanes.
 
 The only module of the engine that calls libsumo. Generation, edits and reactive traffic drive their simulations through
 :class:`Sumo`. libsumo keeps its state in the process: one simulation runs at a time.
@@ -21,76 +21,76 @@ from ...schemas.errors import PlannerForgeError, WorkerFailure
 from ...schemas.text import cited
 
 LaneHint = tuple[str, int]
-"""SUMO's edge and lane index; ("", -1) where the lane is not known."""
+"""SUMO's edge and lane index; ("", -1) if the lane is unknown."""
 NO_LANE: LaneHint = ("", -1)
 
 _MATCH_REACH_M = 8.0
-"""How far from the place SUMO looks for a lane when a vehicle is moved; far enough for all that are beside the road."""
+"""Distance within which SUMO looks for a lane when a vehicle is moved; far enough for all that are next to the road."""
 _ARRIVAL_REACH_M = 1.0
 """How near to the end of its route a standing vehicle may arrive (chosen; SUMO's own reach is 0.1 m)."""
 _TURN_REACH_M = 0.01
-"""How far the centre of a standing vehicle may move when SUMO turns it along its lane (chosen: seen by no driver)."""
+"""How far the centre of a standing vehicle may move when SUMO turns it along its lane (chosen: no driver notices)."""
 _KEEP_ROUTE, _KEEP_POSE = 1, 2
 """SUMO's keepRoute flags: 1 moves the vehicle to the nearest lane of its route, 2 leaves it exactly where it is put."""
 _PLACED_SPEED_MODE = 32
 """SUMO's speed mode without any check, for vehicles that are placed by hand."""
 _DRIVEN_SPEED_MODE = 31
-"""SUMO's default speed mode: gaps, power, brakes, right of way and lights are minded."""
+"""SUMO's default speed mode, with all checks: gaps, power, brakes, right of way and lights."""
 _HARD_BRAKING_SPEED_MODE = 27
-"""SUMO's speed mode with all checks (gaps, power, right of way, lights) but that of the driver's own deceleration."""
+"""SUMO's speed mode with all checks (gaps, power, right of way, lights) except the driver's own deceleration."""
 _NO_LIMIT_SPEED_MODE = 95
-"""SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) but that of the speed limit."""
+"""SUMO's speed mode with all checks (gaps, power, brakes, right of way, lights) except the speed limit."""
 _LIGHTS_AND_RIGHT_OF_WAY = 8 | 16
 """The bits of SUMO's speed modes for the right of way at junctions and for braking at red lights."""
 _DRIVERS_CHOICE = -1
 """SUMO's value for a speed that the driver model chooses."""
 _PASSING_MPS = "100"
-"""The speed of a stop that is passed and not stopped at: above all that vehicles drive."""
+"""The speed of a stop that is passed without stopping: above all driven speeds."""
 
 
 class LaneChanges(IntEnum):
-    """Which changes of lane a vehicle does: SUMO's lane change modes, bit masks of reasons and of what is respected."""
+    """The lane changes that a vehicle performs: SUMO's modes, bit masks of reasons and respected constraints."""
 
     NONE = 0
     """Placed by hand."""
     DRIVERS_OWN = 1621
-    """Those that SUMO's driver wants; an order to change is obeyed where the driver's own gaps are kept."""
+    """Those that SUMO's driver wants; an ordered change is obeyed if the driver's own gaps are kept."""
     INTO_ANY_ROOM = 1365
-    """Those on an order, wherever no vehicle is beside; who gives the order looks for room."""
+    """Those on an order, wherever no vehicle is in the way; the caller must check for room."""
     FOR_THE_ROUTE = 1537
-    """Those that the route needs, and safely: for a vehicle that was sent to its lane."""
+    """Those that the route needs, if they are safe: for a vehicle that was sent to its lane."""
 
 
 def sumo_version() -> str:
-    """The installed version of SUMO."""
+    """Return the installed version of SUMO."""
     return version("libsumo")
 
 
 def sumo_angle_deg(heading_rad: float) -> float:
-    """SUMO's angle in [0, 360) for a heading."""
+    """Return SUMO's angle in [0, 360) for a heading."""
     return (90.0 - math.degrees(heading_rad)) % 360.0
 
 
 def heading_of_angle_rad(angle_deg: float) -> float:
-    """The heading for SUMO's angle, in (-3π/2, π/2]."""
+    """Return the heading for SUMO's angle, in (-3π/2, π/2]."""
     return math.radians(90.0 - angle_deg)
 
 
 def sumo_pose(x_m: float, y_m: float, heading_rad: float, length_m: float) -> tuple[float, float, float]:
-    """The front bumper (x, y) and SUMO's angle of a vehicle whose centre is at a place."""
+    """Return the front bumper (x, y) and SUMO's angle of a vehicle with its centre at a place."""
     ahead_m = length_m / 2
     front = x_m + ahead_m * math.cos(heading_rad), y_m + ahead_m * math.sin(heading_rad)
     return *front, sumo_angle_deg(heading_rad)
 
 
 def vehicle_type(type_id: str, **attributes: object) -> str:
-    """A ``vType`` element; floats should come formatted."""
+    """Return a ``vType`` element; pass floats as formatted text."""
     named = {"id": type_id} | attributes
     return f"<vType {' '.join(f'{name}={quoteattr(str(value))}' for name, value in named.items())}/>"
 
 
 def vehicle_type_distribution(type_id: str, vehicle_types: Iterable[str]) -> str:
-    """A ``vTypeDistribution`` element: a vehicle of this type is one of the given types, drawn with equal chances."""
+    """Return a ``vTypeDistribution`` element: a vehicle of this type is one of the given types, with equal chances."""
     return f"<vTypeDistribution id={quoteattr(type_id)}>{''.join(vehicle_types)}</vTypeDistribution>"
 
 
@@ -105,16 +105,16 @@ def sumo_running(
     options: Mapping[str, object],
     refusal: Callable[[str], PlannerForgeError] = lambda why: WorkerFailure(f"SUMO did not start: {why}"),
 ) -> "Iterator[Sumo]":
-    """A simulation that ends with the block; vehicles neither collide nor are teleported.
+    """Run a simulation that ends with the block; vehicles neither collide nor are teleported.
 
     Args:
         net: SUMO's network.
-        types_file: takes the vehicle types for SUMO.
+        types_file: receives the vehicle types for SUMO.
         vehicle_types: ``vType`` elements.
         step_s: duration of a step.
         seed: of SUMO's random numbers.
-        options: further options of SUMO by name, ``--`` included.
-        refusal: makes the error for a network, vehicle type or option that SUMO refuses, from its reason.
+        options: further options of SUMO by name, including ``--``.
+        refusal: returns the error for a network, vehicle type or option that SUMO refuses, from its reason.
 
     Raises:
         PlannerForgeError: the refusal.
@@ -161,24 +161,24 @@ class Sumo:
         self._libsumo.simulationStep()
 
     def step_s(self) -> float:
-        """Duration of a step."""
+        """Return the duration of a step."""
         return float(self._simulation.getDeltaT())
 
     def vehicles(self) -> tuple[str, ...]:
-        """The vehicles on the network, ascending.
+        """Return the vehicles on the network, ascending.
 
-        One that was placed far from every lane is missing: SUMO drops it without an error.
+        A vehicle that was placed far from every lane is missing: SUMO drops it without an error.
         """
         return tuple(self._vehicle.getIDList())
 
     def arrived(self) -> tuple[str, ...]:
-        """The vehicles that reached the end of their route in the last step."""
+        """Return the vehicles that reached the end of their route in the last step."""
         return tuple(self._simulation.getArrivedIDList())
 
     # Vehicles come and go
 
     def add_route(self, route: str, edges: Sequence[str]) -> None:
-        """Make a route known."""
+        """Add a route."""
         self._libsumo.route.add(route, edges)
 
     def insert(self, key: str, route: str, vehicle_type: str) -> None:
@@ -186,46 +186,46 @@ class Sumo:
         self._vehicle.add(key, route, vehicle_type, depart="now", departLane="0", departPos="0")
 
     def insert_anywhere(self, key: str, route: str, vehicle_type: str) -> None:
-        """Add a vehicle on any free place of its route's first edge, in the best lane and at the desired speed."""
+        """Add a vehicle at any free place of its route's first edge, in the best lane and at the desired speed."""
         self._vehicle.add(key, route, vehicle_type, departLane="best", departPos="random_free", departSpeed="desired")
 
     def remove(self, key: str) -> None:
-        """Take a vehicle out, if it is still there."""
+        """Remove a vehicle, if it is still there."""
         if key in self._vehicle.getIDList():
             self._vehicle.remove(key)
 
     def withdraw(self, key: str) -> None:
-        """Take back a vehicle that is not on the network, if it still waits for a place there."""
+        """Withdraw a vehicle that is not on the network, if it still waits for a place there."""
         if key in self._vehicle.getLoadedIDList():
             self._vehicle.remove(key)
 
-    # People on foot
+    # Pedestrians
 
     def add_pedestrian(
         self, key: str, edges: Sequence[str], stations_m: tuple[float, float], pedestrian_type: str
     ) -> None:
         """Put a person onto the pavement of the first edge, to walk along the others to a place on the last.
 
-        ``stations_m``: how far both places are from the beginning of their edges.
+        ``stations_m``: distances of both places from the start of their edges.
         """
         self._person.add(key, edges[0], stations_m[0], typeID=pedestrian_type)
         self._person.appendWalkingStage(key, list(edges), stations_m[1])
 
     def pedestrians(self) -> tuple[str, ...]:
-        """The people on the network, ascending."""
+        """Return the people on the network, ascending."""
         return tuple(sorted(self._person.getIDList()))
 
     def pedestrian_front(self, key: str) -> tuple[float, float]:
-        """Place (x, y) of the front of a person."""
+        """Return the place (x, y) of the front of a person."""
         x, y = self._person.getPosition(key)[:2]
         return x, y
 
     def pedestrian_angle_deg(self, key: str) -> float:
-        """SUMO's angle of a person."""
+        """Return SUMO's angle of a person."""
         return float(self._person.getAngle(key))
 
     def pedestrian_edge(self, key: str) -> str:
-        """The edge that a person walks on; those of crossings have ids such as ``:junction_c0``."""
+        """Return the edge that a person walks on; those of crossings have ids such as ``:junction_c0``."""
         return str(self._person.getRoadID(key))
 
     # Vehicles that are placed by hand
@@ -238,17 +238,17 @@ class Sumo:
         Args:
             key: the vehicle.
             pose: front bumper and SUMO's angle.
-            hint: the lane that it lies on.
+            hint: the lane that it is on.
             keep_to_route: puts it onto the nearest lane of its route instead of exactly there.
         """
         keep = _KEEP_ROUTE if keep_to_route else _KEEP_POSE
         self._vehicle.moveToXY(key, *hint, *pose, keep, _MATCH_REACH_M)
 
     def takes(self, placing: Callable[[], None], key: str) -> bool:
-        """Place a new vehicle by a function, and say whether SUMO takes it; one that it refuses is withdrawn.
+        """Place a new vehicle by a function, and return True if SUMO takes it; otherwise it is withdrawn.
 
-        SUMO refuses a route or a type that it cannot use, and a pose too far from every lane of the route to which the
-        vehicle is to keep.
+        SUMO refuses a route or a type that it cannot use, and a pose too far from every lane of the route that the
+        vehicle must keep to.
         """
         try:
             placing()
@@ -271,10 +271,10 @@ class Sumo:
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
     def stays_as_placed(self, key: str) -> bool:
-        """Whether a vehicle that was placed and stands is shown at the same pose when it is not placed again.
+        """Return True if a placed, standing vehicle keeps its pose when it is not placed again.
 
-        SUMO turns one that stands across its lane along it, and takes one out that is off the lanes or where its
-        route ends.
+        SUMO turns a vehicle that stands across its lane along it, and removes one that is off the lanes or at the end
+        of its route.
         """
         lane = self.lane(key)
         if not lane:
@@ -292,20 +292,20 @@ class Sumo:
         self._vehicle.setPreviousSpeed(key, max(speed_mps, 0.0))
 
     def set_width(self, key: str, width_m: float) -> None:
-        """Change how wide a vehicle is."""
+        """Change the width of a vehicle."""
         self._vehicle.setWidth(key, width_m)
 
     # Orders to vehicles that SUMO drives
 
     def ignore_lights(self, key: str) -> None:
-        """Have a vehicle mind neither red lights nor the right of way, whatever order it gets."""
+        """Have a vehicle ignore red lights and the right of way, regardless of its orders."""
         self._ignoring_lights.add(key)
 
     def _mode(self, key: str, mode: int) -> int:
         return mode & ~_LIGHTS_AND_RIGHT_OF_WAY if key in self._ignoring_lights else mode
 
     def let_drive(self, key: str) -> None:
-        """SUMO drives the vehicle from now on."""
+        """Let SUMO drive the vehicle from now on."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
         self._vehicle.setSpeedMode(key, self._mode(key, _DRIVEN_SPEED_MODE))
         self.allow_lane_changes(key, LaneChanges.DRIVERS_OWN)
@@ -316,7 +316,7 @@ class Sumo:
         self._vehicle.setSpeed(key, speed_mps)
 
     def keep_speed(self, key: str, speed_mps: float) -> None:
-        """Have a vehicle keep a speed from the next step on, above the speed limit too."""
+        """Have a vehicle keep a speed from the next step on, even above the speed limit."""
         self._vehicle.setSpeedMode(key, self._mode(key, _NO_LIMIT_SPEED_MODE))
         self._vehicle.setSpeed(key, speed_mps)
 
@@ -326,7 +326,7 @@ class Sumo:
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
     def allow_lane_changes(self, key: str, changes: LaneChanges) -> None:
-        """Set which changes of lane a vehicle does."""
+        """Set which lane changes a vehicle performs."""
         self._vehicle.setLaneChangeMode(key, int(changes))
 
     def change_lane(self, key: str, index: int, within_s: float) -> None:
@@ -334,10 +334,10 @@ class Sumo:
         self._vehicle.changeLane(key, index, within_s)
 
     def pass_by(self, key: str, lane: LaneHint, station_m: float) -> None:
-        """Have a vehicle look for a way into a lane by a stop in it that is passed.
+        """Have a vehicle look for a route into a lane by a stop in it that is passed.
 
-        It takes the place of one that the vehicle has not come to yet. Nothing happens where SUMO refuses the stop, as
-        it does if the vehicle cannot brake for it with ease.
+        It replaces a stop that the vehicle has not reached yet. Nothing happens if SUMO refuses the stop, as it does if
+        the vehicle cannot brake for it comfortably.
         """
         edge, index = lane
         try:
@@ -349,81 +349,81 @@ class Sumo:
             return
         self._vehicle.setStopParameter(key, 0, "speed", _PASSING_MPS)
 
-    # What a vehicle is like
+    # The state of a vehicle
 
     def front(self, key: str) -> tuple[float, float]:
-        """Place (x, y) of the front bumper."""
+        """Return the place (x, y) of the front bumper."""
         x, y = self._vehicle.getPosition(key)[:2]
         return x, y
 
     def angle_deg(self, key: str) -> float:
-        """SUMO's angle of a vehicle."""
+        """Return SUMO's angle of a vehicle."""
         return float(self._vehicle.getAngle(key))
 
     def speed_mps(self, key: str) -> float:
-        """Speed along the lane."""
+        """Return the speed along the lane."""
         return float(self._vehicle.getSpeed(key))
 
     def lateral_speed_mps(self, key: str) -> float:
-        """Speed across the lane, left positive."""
+        """Return the speed across the lane, left positive."""
         return float(self._vehicle.getLateralSpeed(key))
 
     def state(self, key: str, length_m: float) -> tuple[float, float, float, float]:
-        """Centre x and y, heading in [-π, π], and speed."""
+        """Return centre x and y, heading in [-π, π], and speed."""
         x, y = self.front(key)
         heading = math.remainder(heading_of_angle_rad(self._vehicle.getAngle(key)), math.tau)
         back_m = length_m / 2
         return x - back_m * math.cos(heading), y - back_m * math.sin(heading), heading, self.speed_mps(key)
 
     def width_m(self, key: str) -> float:
-        """Width of a vehicle."""
+        """Return the width of a vehicle."""
         return float(self._vehicle.getWidth(key))
 
     def decel_mps2(self, key: str) -> float:
-        """The driver's own deceleration."""
+        """Return the driver's own deceleration."""
         return float(self._vehicle.getDecel(key))
 
     def last_edge(self, key: str) -> str:
-        """The edge on which a vehicle's route ends."""
+        """Return the edge on which a vehicle's route ends."""
         return str(self._vehicle.getRoute(key)[-1])
 
     # Where a vehicle is on the lanes
 
     def lane(self, key: str) -> str:
-        """The lane that a vehicle is on; empty off the lanes."""
+        """Return the lane that a vehicle is on; empty off the lanes."""
         return str(self._vehicle.getLaneID(key))
 
     def station_m(self, key: str) -> float:
-        """How far the front bumper is from the beginning of its lane."""
+        """Return the distance of the front bumper from the start of its lane."""
         return float(self._vehicle.getLanePosition(key))
 
     def offset_m(self, key: str) -> float:
-        """How far a vehicle is beside the middle of its lane, left positive."""
+        """Return the lateral offset of a vehicle from the centre of its lane, left positive."""
         return float(self._vehicle.getLateralLanePosition(key))
 
     def lanes_ahead(self, key: str) -> Iterator[str]:
-        """The lanes that follow that of a vehicle as SUMO plans its drive, those through junctions included."""
+        """Yield the lanes that follow a vehicle's lane as SUMO plans its drive, including those through junctions."""
         for link in self._vehicle.getNextLinks(key):
             yield from (lane for lane in (link[4], link[0]) if lane)
 
     def driving_distance_m(self, key: str, lane: LaneHint, station_m: float) -> float:
-        """How far a vehicle has to drive to a place on a lane; far below 0 for one that is past it."""
+        """Return the driving distance of a vehicle to a place on a lane; far below 0 if it is past it."""
         edge, index = lane
         return float(self._vehicle.getDrivingDistance(key, edge, station_m, index))
 
     def could_change_lane(self, key: str, direction: int) -> bool:
-        """Whether the driver's gaps allow a change of lane to the left (1) or right (-1) now."""
+        """Return True if the driver's gaps allow a lane change to the left (1) or right (-1) now."""
         return bool(self._vehicle.couldChangeLane(key, direction))
 
     # The others around a vehicle
 
     def leader(self, key: str) -> tuple[str, float] | None:
-        """The vehicle ahead, and the gap to it in m beyond that kept when standing; None where none is in sight."""
+        """Return the vehicle ahead and the gap in m beyond the standstill gap, or None if no vehicle is in sight."""
         ahead, gap_m = self._vehicle.getLeader(key) or ("", 0.0)
         return (ahead, gap_m) if ahead else None
 
     def safe_speed_mps(self, key: str, leader: str, gap_m: float) -> float:
-        """The largest speed of the next step that SUMO's driver takes for safe behind a leader."""
+        """Return the largest speed of the next step that SUMO's driver considers safe behind a leader."""
         return float(
             self._vehicle.getFollowSpeed(
                 key, self.speed_mps(key), gap_m, self.speed_mps(leader), self._vehicle.getApparentDecel(leader), leader
@@ -431,23 +431,23 @@ class Sumo:
         )
 
     def neighbours(self, key: str, *, left: bool, ahead: bool) -> Sequence[tuple[str, float]]:
-        """The vehicles ahead or behind in the lane beside, and the gaps to them beyond those kept when standing."""
+        """Return the vehicles ahead or behind in the adjacent lane, and the gaps to them beyond the standstill gaps."""
         return tuple(self._vehicle.getNeighbors(key, (0 if left else 1) + (2 if ahead else 0)))
 
     # Lanes
 
     def lane_length_m(self, lane: str) -> float:
-        """Length of a lane."""
+        """Return the length of a lane."""
         return float(self._lane.getLength(lane))
 
     def lane_width_m(self, lane: str) -> float:
-        """Width of a lane."""
+        """Return the width of a lane."""
         return float(self._lane.getWidth(lane))
 
     def limit_mps(self, lane: str) -> float:
-        """Speed limit of a lane."""
+        """Return the speed limit of a lane."""
         return float(self._lane.getMaxSpeed(lane))
 
     def lane_count(self, edge: str) -> int:
-        """How many lanes an edge has."""
+        """Return the number of lanes of an edge."""
         return int(self._libsumo.edge.getLaneNumber(edge))

@@ -1,4 +1,4 @@
-"""How many vehicles of which class a site gets: those that are counted in the request, and a density for the rest."""
+"""How many vehicles of each class a site gets: those counted in the request, and a density for the rest."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -8,25 +8,25 @@ from ...schemas.generation import Density, VehicleDemand
 from ..vehicles import vehicle_classes
 
 VEHICLES_PER_LANE_KM: dict[Density, float] = {"low": 7.0, "medium": 16.0, "high": 28.0}
-"""Vehicles on a kilometre of lane at the first step, the ego included.
+"""Vehicles per kilometre of lane at the first step, including the ego.
 
-The bounds of levels of service A, C and E for motorways (Highway Capacity Manual, in passenger cars). The paper counts
-trips of a scenario instead (20, 50, 100), whatever the size of its map.
+The bounds of levels of service A, C and E for motorways (Highway Capacity Manual, in passenger cars). The paper instead
+counts trips per scenario (20, 50, 100), regardless of the size of its map.
 """
 PAPER_TRIPS: dict[Density, int] = {"low": 20, "medium": 50, "high": 100}
-"""Trips of a scenario by density in the paper; recorded beside the density that is realised."""
+"""Trips of a scenario by density in the paper; recorded in addition to the realised density."""
 FEWEST, MOST = 8, 300
 """Bounds for vehicles on a site (chosen): fewer make no traffic, more would only be slow."""
 NAMED_SHARE = 0.2
-"""Share of the vehicles for a class that was asked for without number or share, at least one (chosen)."""
+"""Share of the vehicles for a class that was requested without number or share, at least one (chosen)."""
 
 
 @dataclass(frozen=True)
 class Demand:
-    """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, the ego not counted.
+    """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, without the ego.
 
-    ``bounded_by``: in words, what keeps the vehicles from being as many as the density asks for, where something does.
-    ``ego_class``: the class of the vehicle that is the ego.
+    ``bounded_by``: what keeps the number of vehicles below the requested density, if anything. ``ego_class``: the class
+    of the vehicle that is the ego.
     """
 
     counts: dict[str, int]
@@ -37,16 +37,16 @@ class Demand:
 
     @property
     def total(self) -> int:
-        """All vehicles wanted, the ego included."""
+        """All wanted vehicles, including the ego."""
         return sum(self.counts.values())
 
     @property
     def needed(self) -> dict[str, int]:
-        """How many vehicles of each class have to be there, the ego counted."""
+        """How many vehicles of each class must be there, including the ego."""
         return {name: self.least.get(name, 0) + (name == self.ego_class) for name in self.counts}
 
     def with_ego(self, vehicle_class: str) -> "Demand":
-        """Return the same demand with one vehicle of a class as the ego instead of the car that it would be."""
+        """Return the same demand with one vehicle of a class as the ego instead of the default car."""
         if vehicle_class == self.ego_class:
             return self
         counts = self.counts | {"car": self.counts["car"] - 1}
@@ -54,17 +54,17 @@ class Demand:
         return replace(self, counts=counts, ego_class=vehicle_class)
 
     def with_spares(self, share: float, more: Mapping[str, int]) -> "Demand":
-        """The same with more cars, by a share of all vehicles and at least one, and more of every class by that share.
+        """Return the demand with more cars, by a share of all vehicles and at least one, and more of every class.
 
-        Of a class with few vehicles no spare one is added, because it would be a good part of the traffic, beyond those
-        that ``more`` names.
+        A class with few vehicles gets no spare one, because it would be a large part of the traffic, except those in
+        ``more``.
         """
         spare = {name: round(share * count) for name, count in self.counts.items()}
         spare["car"] = max(1, round(share * self.total))
         return replace(self, counts={name: n + spare[name] + more.get(name, 0) for name, n in self.counts.items()})
 
     def fewer(self, share: float, reason: str) -> "Demand":
-        """A share of the vehicles of every class, but as many as the request needs."""
+        """Return a share of the vehicles of every class, but at least as many as the request needs."""
         needed = self.needed
         counts = {name: max(needed[name], int(share * count)) for name, count in self.counts.items()}
         return replace(self, counts=counts, bounded_by=reason)
@@ -78,10 +78,10 @@ def plan_counts(
     *,
     fewest: int = FEWEST,
 ) -> Demand:
-    """Split a density over the classes: counted and named ones first, cars for the rest; one car more is the ego.
+    """Split a density over the classes: counted and given ones first, cars for the rest; one additional car is the ego.
 
-    ``lane_km``: kilometres of lane at the site that are open to cars. ``per_lane_km``: vehicles on a kilometre of lane,
-    in the place of the density's. ``fewest``: no fewer are put on the site.
+    ``lane_km``: kilometres of lane at the site that are open to cars. ``per_lane_km``: vehicles per kilometre of lane,
+    instead of the density's. ``fewest``: the least number of vehicles on the site.
 
     Raises:
         UnknownName: a class that does not exist.
@@ -104,12 +104,12 @@ def plan_counts(
         counts={name: counts[name] for name in known if counts.get(name)},
         least={name: asked[name].needed for name in known if name in asked},
         most={name: limit for name, demand in sorted(asked.items()) if (limit := demand.most) is not None},
-        bounded_by=f"no more than {MOST} vehicles are put on a site" if dense > MOST else "",
+        bounded_by=f"a site has at most {MOST} vehicles" if dense > MOST else "",
     )
 
 
 def _count_of(demand: VehicleDemand, wanted: int, named_share: float) -> int:
-    """How many of ``wanted`` vehicles are of a class: its number, or its share and one at least."""
+    """Return how many of ``wanted`` vehicles are of a class: its number, or its share and at least one."""
     if demand.least is not None:
         return demand.least
     return max(1, round(wanted * (named_share if demand.share is None else demand.share)))

@@ -1,8 +1,8 @@
 """Vehicle classes: the words of a request, their SUMO class, CommonRoad type and real dimensions.
 
-Classes and mapping after the paper's generation intent (``request_types``); a class that CommonRoad has no type for
-(trailer, delivery, coach, moped) takes the nearest type, and its own name is kept with the scenario. A car has the
-axles of CommonRoad's vehicle 2.
+Classes and mapping after the paper's generation intent (``request_types``); a class without a CommonRoad type (trailer,
+delivery, coach, moped) uses the nearest type, and its own name is stored with the scenario. A car has the axles of
+CommonRoad's vehicle 2.
 """
 
 from dataclasses import dataclass
@@ -44,21 +44,21 @@ _CLASSES = (
 )
 
 PEDESTRIAN = VehicleClass("pedestrian", "pedestrian", "pedestrian", 0.5, 0.6, 1.5, 2.0, 0.25, 5.0, 0.25, 0.0)
-"""A person on foot: 0.5 m long and 0.6 m wide, as edits add them, at most 5 m/s; not among the classes of vehicles."""
+"""A pedestrian: 0.5 m long and 0.6 m wide, as edits add them, at most 5 m/s; not a vehicle class."""
 
 
 def vehicle_classes() -> dict[str, VehicleClass]:
-    """All classes by the word used for them in requests."""
+    """Return all classes by the word used for them in requests."""
     return {vehicle_class.name: vehicle_class for vehicle_class in _CLASSES}
 
 
 def nearest_class(commonroad_type: str, length_m: float) -> VehicleClass:
-    """The class of a CommonRoad type whose length is nearest to a recorded one; a car for types without a class."""
+    """Return the class of a CommonRoad type with the length nearest to a recorded one; a car for other types."""
     fitting = [known for known in _CLASSES if known.commonroad_type == commonroad_type] or _CLASSES[:1]
     return min(fitting, key=lambda known: abs(known.length_m - length_m))
 
 
 def class_by_size(commonroad_type: str, length_m: float) -> VehicleClass | None:
-    """The class that a recorded obstacle of a CommonRoad type and this length can be; None for other sizes."""
+    """Return the class of a recorded obstacle by CommonRoad type and length; None for other sizes."""
     fitting = (known for known in _CLASSES if known.commonroad_type == commonroad_type)
     return next((known for known in fitting if abs(known.length_m - length_m) < 0.01), None)

@@ -1,8 +1,8 @@
 """Where a vehicle's centre and rear axle are, and where a vehicle can be after a time and how fast.
 
-The second part gives bounds that a vehicle cannot exceed. Its largest acceleration is taken at every speed, forwards
+The second part gives bounds that a vehicle cannot exceed. Its largest acceleration is assumed at every speed, forwards
 and braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating,
-in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) stands for every car. Lengths in m, times in s, speeds in
+in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) represents every car. Lengths in m, times in s, speeds in
 m/s, headings in rad.
 """
 
@@ -16,12 +16,12 @@ from .models import BMW_320I, VehicleParameters
 
 
 def rear_axle(center: Points, heading_rad: float, vehicle: VehicleParameters) -> Points:
-    """Position of the rear axle, shape (2,), for a centre and heading."""
+    """Return the position of the rear axle, shape (2,), for a centre and heading."""
     return center - vehicle.rear_axle_behind_center_m * np.array([math.cos(heading_rad), math.sin(heading_rad)])
 
 
 def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> Points:
-    """Positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,)."""
+    """Return positions of the centre, shape (n, 2), for positions of the rear axle and headings of shape (n,)."""
     direction = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)
     moved: Points = rear + vehicle.rear_axle_behind_center_m * direction
     return moved
@@ -64,7 +64,7 @@ def can_be_there(
 
 
 def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """Return the time in s that a vehicle needs at least for a distance, from a speed."""
+    """Return the least time in s that a vehicle needs for a distance, from a speed."""
     largest_mps2, top_mps = vehicle.maximum_acceleration_mps2, vehicle.maximum_speed_mps
     speed, ahead = min(speed_mps, top_mps), max(distance_m, 0.0)
     gaining_m = (top_mps**2 - speed**2) / (2 * largest_mps2)
@@ -82,7 +82,7 @@ def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParame
 def _spans_m(
     speed_mps: float, times_s: Values, finals_mps: Values, vehicle: VehicleParameters
 ) -> tuple[Values, Values]:
-    """Least and largest distances in m driven in times from one speed to others, broadcast together."""
+    """Return the least and largest distances in m driven in times from one speed to others, broadcast together."""
     hardest_mps2 = vehicle.maximum_acceleration_mps2
     largest, both = 2 * hardest_mps2, speed_mps**2 + finals_mps**2
     slowest = np.maximum((speed_mps + finals_mps - hardest_mps2 * times_s) / 2, 0.0)

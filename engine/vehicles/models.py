@@ -1,4 +1,4 @@
-"""CommonRoad's vehicles 1 to 4, the vehicle of each class of ego, and what a configuration and a class together mean.
+"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and the vehicle of a configuration and a class together.
 
 The server's process imports this module, so it does without numpy.
 """
@@ -19,9 +19,9 @@ from .classes import VehicleClass, nearest_class, vehicle_classes
 class VehicleParameters:
     """Size and limits of the ego; lengths in m, accelerations in m/s², angles in rad; by default vehicle 2.
 
-    ``switching_speed_mps``: above it the engine's power limits the acceleration. ``vehicle_class``: what the ego is, in
+    ``switching_speed_mps``: above it the engine's power limits the acceleration. ``vehicle_class``: the ego's class, in
     the words of requests. ``friction``: the coefficient of friction of the road, which the limits of :meth:`on_road`
-    contain; None if nothing states it. Source: CommonRoad vehicle models.
+    include; None if it is not stated. Source: CommonRoad vehicle models.
     """
 
     length_m: float = 4.508
@@ -37,7 +37,7 @@ class VehicleParameters:
     friction: float | None = None
 
     def on_road(self, friction: float | None) -> "VehicleParameters":
-        """Return the vehicle on a road of some friction: tyres hold no more than that, and the power stays the same."""
+        """Return the vehicle on a road of some friction: tyres allow no more than that; the power stays the same."""
         if friction is None:
             return self
         largest = min(self.maximum_acceleration_mps2, friction * GRAVITY_MPS2)
@@ -46,12 +46,12 @@ class VehicleParameters:
 
     @property
     def hardest_braking_mps2(self) -> float:
-        """Return the deceleration that tyres hold on the road."""
+        """The deceleration that tyres allow on the road."""
         return hardest_braking_mps2(self.friction)
 
     @property
     def comfortable_mps2(self) -> float:
-        """Return the braking and lateral acceleration of a driver who is in no trouble on the road."""
+        """Comfortable braking and lateral acceleration on the road."""
         return comfortable_mps2(self.friction)
 
     @property
@@ -81,31 +81,31 @@ VEHICLES = {
 """Vehicle 4 is a semi-trailer truck; a planner of single bodies drives its tractor without the trailer."""
 
 EGO_SIZE_M = (BMW_320I.length_m, BMW_320I.width_m)
-"""Length and width of the ego where no configuration states a vehicle: CommonRoad's vehicle 2."""
+"""Length and width of the ego if the configuration states no vehicle: CommonRoad's vehicle 2."""
 LARGEST_ACCELERATION_MPS2 = BMW_320I.maximum_acceleration_mps2
 LARGEST_SPEED_MPS = BMW_320I.maximum_speed_mps
-"""Bounds that no car beats, wherever a goal or a speed is asked of one whose own parameters are not known."""
+"""Bounds that no car exceeds, for a goal or a speed of a car with unknown parameters."""
 HARDEST_BRAKING_MPS2 = 8.0
 HARDEST_LATERAL_MPS2 = 8.0
-"""What tyres hold on a dry road, along and across: a coefficient of friction of 0.8 times 9.81 m/s²."""
+"""What tyres allow on a dry road, longitudinally and laterally: a coefficient of friction of 0.8 times 9.81 m/s²."""
 COMFORTABLE_MPS2 = 4.0
-"""Braking and lateral acceleration of a driver who is in no trouble: half of what the tyres hold."""
+"""Comfortable braking and lateral acceleration: half of what the tyres allow."""
 
 
 def hardest_braking_mps2(friction: float | None) -> float:
-    """Return what tyres hold, along and across, on a road of a coefficient of friction; on a dry one if it is None."""
+    """Return what tyres allow, longitudinally and laterally, at a coefficient of friction; None means a dry road."""
     return HARDEST_BRAKING_MPS2 if friction is None else min(HARDEST_BRAKING_MPS2, friction * GRAVITY_MPS2)
 
 
 def comfortable_mps2(friction: float | None) -> float:
-    """Return the acceleration of a driver who is in no trouble on a road of some friction."""
+    """Return the comfortable acceleration on a road of some friction."""
     return COMFORTABLE_MPS2 if friction is None else min(COMFORTABLE_MPS2, friction * GRAVITY_MPS2 / 2)
 
 
 PARAMETER_NAMES = tuple(
     item.name for item in fields(VehicleParameters) if item.name not in ("vehicle_class", "friction")
 )
-"""The names of a vehicle's parameters, in their order."""
+"""The names of a vehicle's parameters, in order."""
 
 
 MotionModel = Literal["KS", "KST"]
@@ -117,12 +117,12 @@ MODEL_WORDS: Mapping[MotionModel, str] = MappingProxyType(
 
 @dataclass(frozen=True)
 class EgoClass:
-    """What an ego of a class is and can do.
+    """An ego class with its limits.
 
-    ``vehicle``: size and limits; of a semi-trailer the size of the combination and the limits of its tractor.
-    ``source``: where the limits come from, in words; size and axles of every class but ``car`` are those of its traffic
-    (``classes.py``).
-    ``commonroad_vehicle``: the vehicle that a solution file can name for it; None where CommonRoad has no such vehicle.
+    ``vehicle``: size and limits; for a semi-trailer, the size of the combination and the limits of its tractor.
+    ``source``: the source of the limits, as text; size and axles of every class except ``car`` are those of its traffic
+    (``classes.py``). ``commonroad_vehicle``: the vehicle that a solution file can state for it; None if CommonRoad has
+    no such vehicle.
     """
 
     name: str
@@ -133,14 +133,15 @@ class EgoClass:
 
     @property
     def in_words(self) -> str:
-        """``bus, 12 × 2.5 m``."""
+        """The class and its size, such as ``bus, 12 × 2.5 m``."""
         return f"{self.name}, {self.vehicle.length_m:g} × {self.vehicle.width_m:g} m"
 
 
 _SUMO_TRUCK_MPS2 = 7.0
 _SUMO_TWO_WHEELS_MPS2 = 10.0
 """Hardest braking of trucks, buses and coaches, and of motorcycles and mopeds: ``emergencyDecel`` in SUMO's table
-"Vehicle Type Parameter Defaults" (version 1.28). Tyres that brake so hard hold as much to the side, and in starting."""
+"Vehicle Type Parameter Defaults" (version 1.28). Tyres that brake so hard allow as much laterally, and when starting.
+"""
 _BUS_STEERING_RAD = math.radians((53 + 46) / 2)
 """The mean of the front wheels' largest angles, 53° inside and 46° outside: Mercedes-Benz, "The Citaro: Technical
 information" (12 m, turning circle 21.03 m, which the single-track model gives with 50°)."""
@@ -162,7 +163,7 @@ _MOPED_W_PER_KG = 4_000 / 155
 
 def _steering_on_circle_rad(known: VehicleClass, outer_radius_m: float) -> float:
     """Return the steering angle at which the outer front corner of a rigid body runs on a circle of a radius."""
-    front_m = known.length_m / 2 + known.rear_axle_m  # of the bumper before the rear axle
+    front_m = known.length_m / 2 + known.rear_axle_m  # from the rear axle to the front bumper
     rear_axle_radius_m = math.sqrt(outer_radius_m**2 - front_m**2) - known.width_m / 2
     return math.atan(known.wheelbase_m / rear_axle_radius_m)
 
@@ -195,13 +196,13 @@ def _own_limits(
 
 @cache
 def ego_classes() -> Mapping[str, EgoClass]:
-    """Return what the ego can be, by the word for it in requests: every motor vehicle of the traffic's classes."""
+    """Return the possible classes of the ego by the word for them in requests: every motor vehicle class."""
     known = vehicle_classes()
     heavy_rate_radps = VEHICLES[4].maximum_steering_rate_radps
     light_rate_radps = BMW_320I.maximum_steering_rate_radps
     van = "those of CommonRoad's vehicle 3, a van"
     circle_rad = _steering_on_circle_rad(known["coach"], _TURNING_RADIUS_M)
-    made = (
+    classes = (
         EgoClass("car", BMW_320I, "KS", "CommonRoad's vehicle 2 (BMW 320i)", 2),
         EgoClass(
             "taxi", _as_traffic(known["taxi"], BMW_320I), "KS", "those of CommonRoad's vehicle 2, a passenger car too"
@@ -263,14 +264,14 @@ def ego_classes() -> Mapping[str, EgoClass]:
             4,
         ),
     )
-    return MappingProxyType({each.name: each for each in made})
+    return MappingProxyType({each.name: each for each in classes})
 
 
 def ego_class(name: str) -> EgoClass:
     """Return the class of an ego by its word.
 
     Raises:
-        UnknownName: an ego cannot be of this class.
+        UnknownName: the ego cannot have this class.
     """
     if name not in ego_classes():
         valid = closest(name, ego_classes()) or list(ego_classes())
@@ -285,7 +286,7 @@ def ego_class_of(commonroad_type: str, length_m: float) -> EgoClass | None:
 
 
 def commonroad_vehicle(settings: PlannerSettings, vehicle_class: str = "car") -> int | None:
-    """Return the id of CommonRoad's vehicle that an ego of a class is; None for one with parameters of its own."""
+    """Return the id of CommonRoad's vehicle for an ego of a class, or None if it has its own parameters."""
     if _own_parameters(settings):
         return None
     return settings.vehicle if settings.states_vehicle else ego_class(vehicle_class).commonroad_vehicle
@@ -297,13 +298,13 @@ def refused_by_planners(vehicle_class: str) -> str:
     if known.motion_model != "KST":
         return ""
     return (
-        f"the built-in planners refuse this ego: a {vehicle_class} ({known.in_words}) is a tractor with a trailer, and "
-        "they drive single bodies"
+        f"the built-in planners refuse this ego: a {vehicle_class} ({known.in_words}) is a tractor with a trailer, but "
+        "they drive only single bodies"
     )
 
 
 def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> VehicleParameters:
-    """Return the vehicle of a run: what the configuration states of it, otherwise that of the ego's class.
+    """Return the vehicle of a run: what the configuration states, otherwise that of the ego's class.
 
     Raises:
         NotPossible: the class is a vehicle with a trailer, which is two bodies, and the configuration states no other.
@@ -312,26 +313,26 @@ def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> Vehicle
     own = _own_parameters(settings)
     if settings.states_vehicle:
         return replace(VEHICLES[settings.vehicle], **own)
-    asked = ego_class(vehicle_class)
-    if asked.motion_model == "KST":
+    requested = ego_class(vehicle_class)
+    if requested.motion_model == "KST":
         raise NotPossible(
-            f"the ego is a {vehicle_class} ({asked.in_words}), a tractor with a trailer: the planners here, and the "
-            "judge of their runs, know single bodies alone",
+            f"the ego is a {vehicle_class} ({requested.in_words}), a tractor with a trailer, but the planners here and "
+            "the judge of their runs support only single bodies",
             valid=[name for name, each in ego_classes().items() if each.motion_model == "KS"],
             next_step="give the ego another class with modify_scenario (set_ego, vehicle_class=truck), or let a "
             "configuration state a vehicle (vehicle=4 is the tractor without its trailer)",
             reason="articulated_ego",
         )
-    made = replace(asked.vehicle, **own)
-    if own and not fits_together(made.length_m, made.wheelbase_m, made.rear_axle_behind_center_m):
+    vehicle = replace(requested.vehicle, **own)
+    if own and not fits_together(vehicle.length_m, vehicle.wheelbase_m, vehicle.rear_axle_behind_center_m):
         raise InvalidRequest(
-            f"length_m={made.length_m:g}, wheelbase_m={made.wheelbase_m:g} and rear_axle_behind_center_m="
-            f"{made.rear_axle_behind_center_m:g} are no vehicle; the ego is a {asked.in_words}, unless the "
+            f"length_m={vehicle.length_m:g}, wheelbase_m={vehicle.wheelbase_m:g} and rear_axle_behind_center_m="
+            f"{vehicle.rear_axle_behind_center_m:g} do not fit together; the ego is a {requested.in_words} unless the "
             "configuration states a vehicle",
             valid=["wheelbase_m <= length_m", "rear_axle_behind_center_m <= length_m / 2 and <= wheelbase_m"],
             next_step="state vehicle too, or set the three together",
         )
-    return made
+    return vehicle
 
 
 def fits_together(length_m: float, wheelbase_m: float, rear_axle_behind_center_m: float) -> bool:

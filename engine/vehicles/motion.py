@@ -1,13 +1,13 @@
-"""From SUMO's front-bumper track to a drivable motion of the vehicle's centre, and whether a motion can be driven.
+"""Convert SUMO's front-bumper tracks to drivable motions of the vehicle's centre; check whether motions are drivable.
 
 SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
 drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
 the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
 
 Two judges apply the criterion of commonroad-drivability-checker (kinematic single-track model, default tolerances):
-``check_drivability`` is the checker itself, which searches inputs by optimisation and takes 0.1 to 0.9 s a trajectory;
-``check_kinematics`` is a closed form that takes 0.2 ms, and whose rare errors are false alarms. Screen with the closed
-form; accept with the checker.
+``check_drivability`` is the checker itself, which searches inputs by optimisation and takes 0.1 to 0.9 s per
+trajectory; ``check_kinematics`` is a closed form that takes 0.2 ms, and its rare errors are false alarms. Screen with
+the closed form; accept with the checker.
 """
 
 import copy
@@ -25,22 +25,24 @@ from .motion_thresholds import REST_OF_SMOOTHING_MPS
 SMOOTHINGS = ((3.0, 2.0), (5.0, 3.0), (8.0, 4.0))
 """(steps, metres) tried in this order until a motion is drivable (chosen): stronger smoothing moves it more."""
 _SHORTEST_TRACK_M = 0.3
-"""Chosen: a shorter track is that of a vehicle that stands."""
+"""A shorter track is that of a standing vehicle (chosen)."""
 _BEHIND_START_M = 1.0
-"""Chosen: the path begins this much behind the rear of a vehicle at its first point."""
+"""The path starts this far behind the rear of a vehicle at its first point (chosen)."""
 _CELL_M = 0.25
-"""Chosen: spacing of the points at which a path is smoothed, an eighth of the smoothing."""
+"""Spacing of the points at which a path is smoothed, an eighth of the smoothing (chosen)."""
 _WHEELBASE_M = 2.5789
-"""Of CommonRoad's vehicle 2, to four digits as for the class ``car``. ``BMW_320I`` has the rounded 2.579, with which
-planner runs were made: one value for both would change either their bytes or those of generated and edited traffic."""
+"""That of CommonRoad's vehicle 2, to four digits as for the class ``car``. ``BMW_320I`` has the rounded 2.579, which
+planner runs use: one value for both would change either their bytes or those of generated and edited traffic.
+"""
 _POSITION_TOLERANCE_M = 2e-2
 _HEADING_TOLERANCE_RAD = 3e-2
 """The checker's default tolerances for a step."""
 _FRICTION_EXCESS = 1.1
-"""By how much the accelerations of a motion may be above what a road of stated friction holds: smoothing lifts the even
-braking of SUMO's drivers by 7 % in ``tests/engine/edits/test_friction.py``."""
+"""Factor by which accelerations may exceed what a road of stated friction allows: smoothing raises the constant braking
+of SUMO's drivers by 7 % in ``tests/engine/edits/test_friction.py``.
+"""
 _STEERING_FROM_MPS = 0.05
-"""Chosen: below it a turn says nothing about the steering angle."""
+"""Below this speed a turn gives no steering angle (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +65,13 @@ def drivable_motion(
     sigma_m: float = 2.0,
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
 ) -> Motion:
-    """The motion of the centre for a track of the front bumper, shape (n, 2), one point a step.
+    """Return the motion of the centre for a track of the front bumper, shape (n, 2), one point per step.
 
-    A track shorter than 0.3 m is a vehicle that stands.
+    A track shorter than 0.3 m is a standing vehicle.
 
     Args:
         front: the track of the front bumper.
-        first_heading_rad: where the vehicle heads at its first point.
+        first_heading_rad: heading of the vehicle at its first point.
         length_m: its length.
         step_s: duration of a time step.
         sigma_steps: standard deviation of the smoothing of the progress, in steps.
@@ -94,15 +96,15 @@ def drivable_motion(
 
 
 def center_track(front: Points, first_heading_rad: float, length_m: float) -> Points:
-    """The centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
+    """Return the centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
 
-    A centre that is dragged behind the front bumper would cut corners by metres where the vehicle is long, and in a
-    bend that is tighter than its bumper can turn the body would pivot about the rear axle; on the path, the front
-    swings out and the rear in, as bus drivers do it.
+    A centre dragged behind the front bumper would cut corners by metres for a long vehicle, and in a curve that is
+    tighter than its bumper can turn the body would pivot about the rear axle; on the path, the front swings out and the
+    rear in, as bus drivers do it.
 
     Args:
         front: the track of the front bumper.
-        first_heading_rad: where the vehicle heads at its first point; it lies straight behind it.
+        first_heading_rad: heading of the vehicle at its first point; the body is straight behind it.
         length_m: its length.
     """
     half = length_m / 2
@@ -113,7 +115,7 @@ def center_track(front: Points, first_heading_rad: float, length_m: float) -> Po
 
 
 def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: float) -> Points:
-    """The front track, smoothed across its path and along its time."""
+    """Return the front track, smoothed across its path and along its time."""
     moving = np.concatenate([[True], np.diff(stations) > 1e-3])
     cells = max(int(stations[-1] / _CELL_M), 4)
     even = np.linspace(0.0, stations[-1], cells + 1)
@@ -124,7 +126,7 @@ def _smooth_guide(front: Points, stations: Values, sigma_steps: float, sigma_m: 
 
 
 def tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
-    """Heading of a rod of length ``drag_m`` whose front end follows the guide, shape (n,), unwrapped."""
+    """Return the heading of a rod of length ``drag_m`` with its front end on the guide, shape (n,), unwrapped."""
     heading = np.empty(len(guide))
     heading[0] = angle = first_heading_rad
     points = guide.tolist()  # plain floats: ten times as fast as small arrays
@@ -141,7 +143,7 @@ def tractrix(guide: Points, first_heading_rad: float, drag_m: float) -> Values:
 
 @dataclass(frozen=True)
 class Feasibility:
-    """Verdict on a motion: whether every step can be driven, the share of steps that can, the first that cannot."""
+    """The verdict on a motion: whether every step can be driven, the share of steps that can, the first that cannot."""
 
     feasible: bool
     share_of_steps: float
@@ -149,7 +151,7 @@ class Feasibility:
 
 
 def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = _WHEELBASE_M) -> Values:
-    """Steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
+    """Return the steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
     if len(motion.headings_rad) < 2:
         return np.zeros(len(motion.headings_rad))
     turn = wrap_angles(np.diff(motion.headings_rad))
@@ -181,9 +183,9 @@ def drivable_steps(
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
     friction: float | None = None,
 ) -> NDArray[np.bool_]:
-    """Which steps from one state to the next can be driven by the closed form, shape (n − 1,).
+    """Return which steps from one state to the next can be driven by the closed form, shape (n − 1,).
 
-    ``friction``: the coefficient of friction of the road, which limits the acceleration; None if nothing states it.
+    ``friction``: the coefficient of friction of the road, which limits the acceleration; None if it is not stated.
     """
     largest_mps2 = BMW_320I.on_road(friction).maximum_acceleration_mps2
     heading = motion.headings_rad
@@ -210,13 +212,13 @@ def drivable_steps(
         & (error_heading < _HEADING_TOLERANCE_RAD)
         & within_friction
     )
-    return good if friction is None else good & _held_by_road(motion, step_s, wheelbase_m, friction)
+    return good if friction is None else good & _within_friction(motion, step_s, wheelbase_m, friction)
 
 
-def _held_by_road(motion: Motion, step_s: float, wheelbase_m: float, friction: float) -> NDArray[np.bool_]:
-    """Which steps need no more than a road of some friction holds, shape (n − 1,).
+def _within_friction(motion: Motion, step_s: float, wheelbase_m: float, friction: float) -> NDArray[np.bool_]:
+    """Return which steps need no more than a road of some friction allows, shape (n − 1,).
 
-    The tolerances for positions would hide 4 m/s² in a step of 0.1 s, so that speeds and headings are asked.
+    The tolerances for positions would hide 4 m/s² in a step of 0.1 s, so speeds and headings are used.
     """
     speed = (motion.speeds_mps[:-1] + motion.speeds_mps[1:]) / 2
     along = np.diff(motion.speeds_mps) / step_s
@@ -233,9 +235,9 @@ def check_drivability(
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
     friction: float | None = None,
 ) -> Feasibility:
-    """Judge a motion of the centre by the checker, with the axles where those of the judged vehicle are.
+    """Judge a motion of the centre by the checker, with the axles at those of the judged vehicle.
 
-    Every step is looked at, so that the share and the first bad one are known. All other parameters are those of
+    Every step is checked, so that the share and the first bad one are known. All other parameters are those of
     CommonRoad's vehicle 2 (BMW 320i).
     """
     from commonroad.common.solution import VehicleType
@@ -261,10 +263,10 @@ def check_drivability(
         model.parameters.longitudinal.a_max = BMW_320I.on_road(friction).maximum_acceleration_mps2
     transitions = (state_transition_feasibility(*pair, model, step_s)[0] for pair in itertools.pairwise(states))
     good = np.fromiter(transitions, dtype=bool)
-    return _verdict(good if friction is None else good & _held_by_road(motion, step_s, wheelbase_m, friction))
+    return _verdict(good if friction is None else good & _within_friction(motion, step_s, wheelbase_m, friction))
 
 
 def _verdict(good: NDArray[np.bool_]) -> Feasibility:
-    """The verdict on a motion by those on its steps (n,); a motion without steps can be driven."""
+    """Return the verdict on a motion from those on its steps (n,); a motion without steps can be driven."""
     bad = np.flatnonzero(~good)
     return Feasibility(not len(bad), float(good.mean()) if len(good) else 1.0, int(bad[0]) if len(bad) else None)

@@ -1,6 +1,6 @@
 """Words for the classes of road users in any language.
 
-Languages' own words come from Unicode's CLDR, WordNet and WikDict's dictionaries (``scripts/make_vehicle_words.py``).
+The words come from Unicode's CLDR, WordNet and WikDict's dictionaries (``scripts/make_vehicle_words.py``).
 """
 
 import gzip
@@ -28,14 +28,15 @@ _VOCABULARIES = MappingProxyType(
         "foot": "pedestrian",
     }
 )
-"""Classes by their names in the vocabularies of the field, where they are others than ours: SUMO's vehicle classes and
-persons, CommonRoad's types of obstacles, the means of transport of OSM's key ``access``."""
+"""Classes by their names in the field's vocabularies if these differ from ours: SUMO's vehicle classes and persons,
+CommonRoad's types of obstacles, the means of transport of OSM's key ``access``.
+"""
 _DETACHED = (("s", ""), ("ses", "s"), ("xes", "x"), ("ches", "ch"), ("shes", "sh"), ("men", "man"), ("ies", "y"))
-"""Endings of English plurals, and what stands in their place (WordNet's rules of detachment for nouns, morphy(7WN))."""
+"""Endings of English plurals and their replacements (WordNet's rules of detachment for nouns, morphy(7WN))."""
 
 
 def vehicle_class_of(word: str) -> str | None:
-    """Return the class of road user that a word means in any language of the table, or None if it means none."""
+    """Return the class of road user for a word in any language of the table, or None if there is none."""
     plain = plain_word(word)
     singular = (plain.removesuffix(ending) + other for ending, other in _DETACHED if plain.endswith(ending))
     known = _class_by_word()
@@ -43,7 +44,7 @@ def vehicle_class_of(word: str) -> str | None:
 
 
 def plain_word(word: str) -> str:
-    """Return a word in small letters, without accents, and only with its letters and digits."""
+    """Return a word in lower case, without accents, and only with its letters and digits."""
     return "".join(letter for letter in unicodedata.normalize("NFKD", word.casefold()) if letter.isalnum())
 
 
@@ -51,6 +52,6 @@ def plain_word(word: str) -> str:
 def _class_by_word() -> dict[str, str]:
     from .classes import PEDESTRIAN, vehicle_classes
 
-    told = json.loads(gzip.decompress(_TABLE.read_bytes()))["words"]
-    found = {word: name for name, words in told.items() for word in words}
+    table = json.loads(gzip.decompress(_TABLE.read_bytes()))["words"]
+    found = {word: name for name, words in table.items() for word in words}
     return found | dict(_VOCABULARIES) | {name: name for name in (*vehicle_classes(), PEDESTRIAN.name)}

@@ -210,7 +210,7 @@ EditWords = dict[str, Any]
 CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
     "modT-d041": (({"op": "reroute", "vehicles": ["495"], "to": ["40"]},), ("no vehicle 495",)),
     "modT-d042": (({"op": "reroute", "vehicles": ["31033"], "to": ["402"]},), ("no vehicle 31033",)),
-    "modT-d043": (({"op": "reroute", "vehicles": ["332"], "to": ["338"]},), ("338 is no lanelet",)),
+    "modT-d043": (({"op": "reroute", "vehicles": ["332"], "to": ["338"]},), ("338 is not a lanelet",)),
     "modT-d048": (({"op": "reroute", "vehicles": ["ego"], "to": ["290"]},), ("is the ego", "set_goal")),
     "modT-d049": (({"op": "reroute", "vehicles": ["30749"]},), ("'to'",)),
     "modT-d050": (({"op": "reroute", "vehicles": ["one:motorcycle"], "to": ["1155"]},), ("there are", "motorcycle")),
@@ -234,14 +234,14 @@ CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
     "modP-d045": (({"op": "add_vehicle", "vehicle_class": "tank", "at": "52804"},), ("class 'tank'",)),
     "modP-d046": (
         ({"op": "add_vehicle", "vehicle_class": "car", "at": "30222", "position": "middle"},),
-        ("30222 is no lanelet",),
+        ("30222 is not a lanelet",),
     ),
     "modP-d047": (({"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "lane": "left"},), ("no lane", "left")),
-    "modP-d048": (({"op": "add_vehicle", "vehicle_class": "car", "at": "vehicle:20026"},), ("taken", "20026")),
+    "modP-d048": (({"op": "add_vehicle", "vehicle_class": "car", "at": "vehicle:20026"},), ("occupied", "20026")),
     "modP-d049": (({"op": "add_vehicle", "vehicle_class": "truck"},), ("needs a place",)),
     "modP-d050": (({"op": "remove_vehicle", "vehicles": ["one:car"]},), ("there are", "car")),
-    "modG-d041": (({"op": "set_goal", "to": ["400"]},), ("400 is no lanelet",)),
-    "modG-d042": (({"op": "set_goal", "to": ["258"], "position": "final"},), ("258 is no lanelet",)),
+    "modG-d041": (({"op": "set_goal", "to": ["400"]},), ("400 is not a lanelet",)),
+    "modG-d042": (({"op": "set_goal", "to": ["258"], "position": "final"},), ("258 is not a lanelet",)),
     "modG-d047": (
         ({"op": "set_goal", "to": ["35"], "position": "middle", "rectangle_m": [6.0, 0.0]},),
         ("[6.0, 0.0]",),
@@ -303,13 +303,13 @@ def drawn_refusals(scene: Scene) -> list[Asked]:
         ({"op": "set_behaviour", "vehicles": ["ego"], "preset": "eco"}, ("is the ego",)),
         ({"op": "set_goal", "to": [unknown]}, (goal,)),
         ({"op": "add_vehicle", "vehicle_class": "tram", "at": "ego"}, ("'tram'",)),
-        ({"op": "add_vehicle", "vehicle_class": "car", "at": unknown}, (f"{unknown} is no lanelet",)),
+        ({"op": "add_vehicle", "vehicle_class": "car", "at": unknown}, (f"{unknown} is not a lanelet",)),
     ]
     vehicle = _vehicle(scene)
     if vehicle is not None:
         named = [str(vehicle)]
         asked += [
-            ({"op": "reroute", "vehicles": named, "to": [unknown]}, (f"{unknown} is no lanelet",)),
+            ({"op": "reroute", "vehicles": named, "to": [unknown]}, (f"{unknown} is not a lanelet",)),
             ({"op": "set_behaviour", "vehicles": named, "preset": "furious"}, ("'furious'",)),
             ({"op": "set_behaviour", "vehicles": named, "params": ["hornLevel=2"]}, ("'hornLevel'",)),
             ({"op": "set_behaviour", "vehicles": named, "params": ["sigma=1.5"]}, ("sigma=1.5 is out of range",)),
@@ -334,7 +334,7 @@ def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
         "unknown_preset": f"'{failing.get('preset')}'",
     }
     if reason == "unknown_lanelet":
-        return (f"{_lanelet_of(failing)} is no lanelet",)
+        return (f"{_lanelet_of(failing)} is not a lanelet",)
     if reason not in words:
         raise ValueError(f"no words are known for the reason {reason}")
     return (words[reason],)

@@ -108,7 +108,7 @@ def _code(asked: Asked) -> str:
         "is the ego": "ego_is_not_traffic",
         "'tram'": "unknown_class",
         "'furious'": "unknown_preset",
-        "is no lanelet": "unknown_lanelet",
+        "is not a lanelet": "unknown_lanelet",
         "cannot be reached by vehicle": "unreachable_target",
     }
     found = next((code for part, code in codes.items() if part in words), "")

@@ -89,7 +89,7 @@ async def test_going_back_to_an_earlier_content_lists_it_again(connect: Connect,
         town_road().write(folder / "good.xml")
         back = await imported()
         assert (back["artifact_id"], back["reused"]) == (first["artifact_id"], True)
-        assert f"listed again in place of {changed['artifact_id']}" in back["summary"]
+        assert f"listed again instead of {changed['artifact_id']}" in back["summary"]
         assert "listed again" not in (await imported())["summary"]
         town_road().with_vehicles().write(folder / "good.xml")
         assert (await imported())["artifact_id"] == changed["artifact_id"]
@@ -233,5 +233,5 @@ async def test_a_damaged_text_index_is_made_anew_and_the_answer_says_so(
         failed, text, found = await call(client, "find_scenarios", text="a truck")
         assert not failed, text
         assert [match["scenario_id"] for match in found["matches"]] == [second["items"][0]["artifact_id"]]
-        assert "The text index was damaged and is made anew." in text
+        assert "The text index was damaged and has been rebuilt." in text
         assert "damaged" not in (await call(client, "find_scenarios", text="a truck"))[1]

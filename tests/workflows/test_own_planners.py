@@ -75,7 +75,7 @@ async def test_results_stay_readable_when_their_planner_is_gone(call: Call, tmp_
     assert "there is no planner 'theirs'" in await call("run_planner", scenarios=scenarios, configs=["theirs"])
     analyzed = await call("analyze_results", results=[batch["batch_id"]])
     assert analyzed["runs"] == 2
-    assert "not installed here: theirs; no finding holds a weight against its default" in analyzed["notes"]
+    assert any(note.startswith("not installed here: theirs") for note in analyzed["notes"])
     compared = await call("compare_results", results=[batch["batch_id"]])
     assert "theirs:Default" in str(compared)
     assert isinstance(compared, dict), "no refusal"

@@ -1,1 +1,1 @@
-"""Scenarios in the formats of other tools: OpenDRIVE for the roads, OpenSCENARIO XML for what happens on them."""
+"""Scenarios in the formats of other tools: OpenDRIVE for the roads, OpenSCENARIO XML for the recorded motion."""

@@ -1,8 +1,8 @@
-"""A strip of lanes as OpenDRIVE has it: a reference line, and how far to its left each bound lies along it.
+"""A strip of lanes as OpenDRIVE has it: a reference line, and the left offset of each bound along it.
 
 The reference line runs in the middle of the strip, as pieces of cubic curves; at its ends its normals are the ends of
-the strip, so that a skew end stays one. Each bound is what the normals cut of it, at every place where any bound has a
-vertex: there the file says exactly what the lanelets say. Lengths in m.
+the strip, so that a skew end is kept. Each bound is where the normals cut it, at every place where any bound has a
+vertex: there the file matches the lanelets exactly. Lengths in m.
 """
 
 from collections.abc import Sequence
@@ -13,30 +13,32 @@ import numpy as np
 from ...geometry import Points, Values, arc_length, interpolate, unit, without_repeats
 
 SPACING_M, FEWEST = 2.0, 4
-"""Of the points that the reference line runs through (chosen)."""
+"""Spacing and least number of the points that the reference line runs through (chosen)."""
 DENSE_M = 0.1
-"""Of the places on the reference line at which normals are tried (chosen)."""
+"""Spacing of the places on the reference line at which normals are tried (chosen)."""
 REACH = 3.0
-"""How far a bound is looked for on a normal, in widths of the strip (chosen): farther ones belong to another bend."""
+"""Search distance for a bound on a normal, in widths of the strip (chosen): farther ones belong to another bend."""
 STEEPEST_RAD, TURNINGS = np.radians(85.0), (2.5, 0.0, 1.2, 5.0)
-"""Chosen: a skew end is kept up to this angle, so that lanes meet. The reference line turns into it over so many widths
-times the angle: a cubic is about four times as bent at such an end as on average, and its normals cross inside a strip
-where the radius is less than half the width. The first is tried first, the others where a bound is missed."""
+"""Chosen: a skew end is kept up to this angle, so that lanes meet. The reference line turns into it over this many
+widths times the angle: a cubic is about four times as bent at such an end as on average, and its normals cross inside a
+strip if the radius is less than half the width. The first is tried first, the others if a bound is missed.
+"""
 GOOD_M, FAR_M = 0.02, 0.1
-"""Chosen: what is missed by no more needs no other try; by more than the second it counts first."""
+"""Chosen: a miss up to the first needs no other try; a miss above the second counts first."""
 TRIED_M, TRIED_AT_ENDS_M = 0.5, 0.1
-"""Spacing of the places at which bounds are cut besides at vertices (chosen); skew ends turn the normals."""
+"""Spacing of the places at which bounds are cut in addition to vertices (chosen); skew ends turn the normals."""
 FLAT_M = 0.002
-"""Chosen: places at which a bound is nearer to the straight between its neighbours are not written."""
+"""Places at which a bound is nearer to the straight line between its neighbours are not written (chosen)."""
 LEVEL_M = 0.004
 """Chosen: a bound that ends this near to the normal at the end of its strip ends on it; ASAM's checker takes 1 cm for a
-gap between lanes, and two strips meet there."""
+gap between lanes, and two strips meet there.
+"""
 _ENDS_M = 1e-3
 
 
 @dataclass(frozen=True)
 class CurvePiece:
-    """A cubic from a station on: start (2,), heading in rad, length, and its polynomials u(p), v(p) for p in [0, 1]."""
+    """A cubic from a station: start (2,), heading in rad, length, and its polynomials u(p), v(p) for p in [0, 1]."""
 
     station_m: float
     start: Points
@@ -48,7 +50,7 @@ class CurvePiece:
 
 @dataclass(frozen=True)
 class Strip:
-    """Lanes side by side: the pieces of the reference line, stations (n,), and left offsets (n, bounds) there."""
+    """Adjacent lanes: the pieces of the reference line, stations (n,), and left offsets (n, bounds) there."""
 
     pieces: tuple[CurvePiece, ...]
     stations_m: Values
@@ -56,10 +58,10 @@ class Strip:
 
 
 def strip_of(bounds: Sequence[Points]) -> Strip:
-    """The strip between bounds (n, 2) each, from left to right, all in driving direction.
+    """Return the strip between bounds (n, 2) each, from left to right, all in driving direction.
 
     Raises:
-        ValueError: the bounds enclose no strip: they have no length.
+        ValueError: the bounds have no length, so they enclose no strip.
     """
     lines = [without_repeats(line) for line in bounds]
     if any(len(line) < 2 for line in lines):
@@ -79,7 +81,7 @@ def strip_of(bounds: Sequence[Points]) -> Strip:
 
 
 def _missed_at_ends_m(strip: Strip, lines: Sequence[Points]) -> float:
-    """How far the corners of a strip lie from the ends of the bounds."""
+    """Return the largest distance of a strip's corners from the ends of the bounds."""
     last = strip.pieces[-1]
     middle, normals = evaluate(strip.pieces, np.array([0.0, last.station_m + last.length_m]))
     drawn = middle[:, None] + normals[:, None] * strip.offsets_m[[0, -1], :, None]
@@ -88,7 +90,7 @@ def _missed_at_ends_m(strip: Strip, lines: Sequence[Points]) -> float:
 
 
 def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, float]]:
-    """A strip, and what it misses: on how many places by more than ``FAR_M``, and the most."""
+    """Return a strip and its misses: the number of places above ``FAR_M``, and the largest miss."""
     pieces = _reference_line(lines[0], lines[-1], turning)
     stations, positions, normals = _sampled(pieces, DENSE_M)
     width = float(max(np.linalg.norm(lines[0][[0, -1]] - lines[-1][[0, -1]], axis=1).max(), 1.0))
@@ -108,7 +110,7 @@ def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, f
 
 
 def _apart(one: Points, other: Points) -> Values:
-    """How far the vertices of either line lie from the other line."""
+    """Return the distances of the vertices of each line from the other line."""
     import shapely
 
     pairs = ((one, other), (other, one))
@@ -117,7 +119,7 @@ def _apart(one: Points, other: Points) -> Values:
 
 
 def evaluate(pieces: Sequence[CurvePiece], stations_m: Values) -> tuple[Points, Points]:
-    """Positions on the reference line and the unit normals to its left, shapes (n, 2), as OpenDRIVE defines them."""
+    """Return positions on the reference line and the unit normals to its left, (n, 2), as OpenDRIVE defines them."""
     starts = np.array([piece.station_m for piece in pieces])
     index = np.clip(np.searchsorted(starts, stations_m, side="right") - 1, 0, len(pieces) - 1)
     positions, normals = np.empty((len(stations_m), 2)), np.empty((len(stations_m), 2))
@@ -140,7 +142,7 @@ def _rotation(heading_rad: float) -> Points:
 
 
 def _reference_line(left: Points, right: Points, turning: float) -> list[CurvePiece]:
-    """Cubic pieces through points in the middle of the outer bounds."""
+    """Return cubic pieces through points in the middle of the outer bounds."""
     lengths = [arc_length(line) for line in (left, right)]
     middle_m = float(lengths[0][-1] + lengths[1][-1]) / 2
     count = max(FEWEST, round(middle_m / SPACING_M) + 1)
@@ -170,7 +172,7 @@ def _reference_line(left: Points, right: Points, turning: float) -> list[CurvePi
 
 
 def _piece(station_m: float, start: Points, end: Points, out: Points, into: Points) -> CurvePiece:
-    """The cubic between two points with the given directions there; numbers as they are written."""
+    """Return the cubic between two points with the given directions there; numbers as they are written."""
     heading = float(np.round(np.arctan2(out[1], out[0]), 9))
     turn = _rotation(-heading)
     chord = turn @ (end - start)
@@ -186,7 +188,7 @@ def _piece(station_m: float, start: Points, end: Points, out: Points, into: Poin
 
 
 def _rounded(values: Sequence[float]) -> Values:
-    """To 1e-9, without a minus before 0."""
+    """Round to 1e-9, without a minus before 0."""
     return np.round(np.array(values), 9) + 0.0
 
 
@@ -197,7 +199,7 @@ def _sampled(pieces: Sequence[CurvePiece], spacing_m: float) -> tuple[Values, Po
 
 
 def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
-    """Places on the reference line, closer together in its first and last piece."""
+    """Return places on the reference line, closer together in its first and last piece."""
     total = pieces[-1].station_m + pieces[-1].length_m
     ends = pieces[0].length_m, pieces[-1].station_m
     parts = ((0.0, ends[0], TRIED_AT_ENDS_M), (*ends, TRIED_M), (ends[1], total, TRIED_AT_ENDS_M))
@@ -209,33 +211,33 @@ def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
 
 
 def _feet(line: Points, stations: Values, positions: Points, normals: Points, reach_m: float) -> list[float]:
-    """The stations whose normals pass through the vertices of a line, that which is nearest to each."""
+    """Return the stations with normals through the vertices of a line, the nearest one for each."""
     feet = []
     along = np.column_stack([normals[:, 1], -normals[:, 0]])
     for vertex in line:
         ahead = np.einsum("ij,ij->i", vertex - positions, along)
-        beside = np.abs(np.einsum("ij,ij->i", vertex - positions, normals))
-        crossed = np.flatnonzero((ahead[:-1] >= 0) & (ahead[1:] < 0) & (beside[:-1] <= reach_m))
+        lateral = np.abs(np.einsum("ij,ij->i", vertex - positions, normals))
+        crossed = np.flatnonzero((ahead[:-1] >= 0) & (ahead[1:] < 0) & (lateral[:-1] <= reach_m))
         if len(crossed):
-            at = crossed[np.argmin(beside[crossed])]
+            at = crossed[np.argmin(lateral[crossed])]
             share = ahead[at] / (ahead[at] - ahead[at + 1])
             feet.append(float(stations[at] + share * (stations[at + 1] - stations[at])))
     return feet
 
 
 def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
-    """How far to the left each normal cuts a line, by its nearest cut; interpolated where a normal misses the line."""
+    """Return how far to the left each normal cuts a line, by its nearest cut; interpolated if it misses the line."""
     start, step = line[:-1], np.diff(line, axis=0)
     found = np.full(len(at), np.nan)
     for number, (origin, normal) in enumerate(zip(at, across, strict=True)):
         cross = normal[0] * step[:, 1] - normal[1] * step[:, 0]
         between = start - origin
         with np.errstate(divide="ignore", invalid="ignore"):
-            beside = (between[:, 0] * step[:, 1] - between[:, 1] * step[:, 0]) / cross
+            lateral = (between[:, 0] * step[:, 1] - between[:, 1] * step[:, 0]) / cross
             share = (between[:, 0] * normal[1] - between[:, 1] * normal[0]) / cross
-        hits = (np.abs(cross) > 1e-12) & (share >= -1e-9) & (share <= 1 + 1e-9) & (np.abs(beside) <= reach_m)
+        hits = (np.abs(cross) > 1e-12) & (share >= -1e-9) & (share <= 1 + 1e-9) & (np.abs(lateral) <= reach_m)
         if hits.any():
-            candidates = beside[hits]
+            candidates = lateral[hits]
             found[number] = candidates[np.argmin(np.abs(candidates))]
     for end, vertex in ((0, line[0]), (-1, line[-1])):  # the end of a strip is the normal there, or nearly
         ahead = abs(float((vertex - at[end]) @ [across[end][1], -across[end][0]]))
@@ -247,7 +249,7 @@ def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
 
 
 def _needed(stations: Values, offsets: Points) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Which stations have to be written, so that straights between them tell every offset (Douglas and Peucker)."""
+    """Return which stations must be written, so that linear interpolation gives every offset (Douglas and Peucker)."""
     kept = np.zeros(len(stations), dtype=np.bool_)
     kept[[0, -1]] = True
     waiting = [(0, len(stations) - 1)]

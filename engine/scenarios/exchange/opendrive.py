@@ -1,7 +1,7 @@
-"""Lanelets as OpenDRIVE 1.7 (ASAM): a road for the lanelets side by side, all of its lanes to the right.
+"""Lanelets as OpenDRIVE 1.7 (ASAM): a road for adjacent lanelets, with all of its lanes to the right.
 
-Every road runs one way, along its reference line; ``road_plan`` says how roads are joined. The same lanelets give the
-same bytes. Each lane names its lanelet in ``userData``; lanes of bridges and connectors name the lanelet next to them.
+Every road runs one way, along its reference line; ``road_plan`` joins roads. The same lanelets give the same bytes.
+Each lane states its lanelet in ``userData``; lanes of bridges and connectors state the lanelet next to them.
 """
 
 import re
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TYPES = {"sidewalk": "sidewalk", "crosswalk": "sidewalk", "bicycleLane": "biking", "busLane": "bus", "border": "border"}
 TYPES |= {"shoulder": "shoulder", "accessRamp": "onRamp", "exitRamp": "offRamp", "parking": "parking"}
-"""OpenDRIVE's type of a lane for the types of a lanelet; otherwise driving."""
+"""OpenDRIVE's lane type for the types of a lanelet; the default is driving."""
 ROAD_TYPES = {"interstate": "motorway", "highway": "motorway", "country": "rural", "urban": "town"}
 _WORD = re.compile(r"\+(\w+)(?:=([^\s+]\S*))?")
 _MARKS = {"solid": "solid", "broad_solid": "solid", "dashed": "broken", "broad_dashed": "broken"}
@@ -40,7 +40,7 @@ def write_opendrive(request: ForeignExportRequest, report: ProgressReporter) -> 
 
     Raises:
         UnsafeInput: the scenario's file is broken.
-        NotPossible: it holds no lanelet with an area.
+        NotPossible: it contains no lanelet with an area.
     """
     report(0.1, "reading the scenario")
     loaded = read_scenario(Path(request.scenario_path))
@@ -57,7 +57,7 @@ def write_opendrive(request: ForeignExportRequest, report: ProgressReporter) -> 
 
 
 def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple[str, ...]]:
-    """The document for the network of a scenario, and what it does not hold, in words.
+    """Return the document for the network of a scenario, and a list of what it lacks.
 
     Raises:
         NotPossible: no lanelet has an area.
@@ -75,7 +75,7 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
         header.append(_reference(projection))
     limits = posted_speeds(network)
     lanelets = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
-    # Short roads stand before the others: whoever looks a lanelet up finds the road that is drawn last.
+    # Short roads come before the others: a reader that looks a lanelet up finds the road that is drawn last.
     for key in plan.bridges_behind:
         _write_bridge(root, key, plan, lanelets, is_behind=True)
     for key in plan.bridges_before:
@@ -91,7 +91,7 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
 
 
 def _state_friction(root: etree._Element, friction: float) -> None:
-    """State the friction of the roads at every lane that has an area, after its marks as the schema has it."""
+    """Write the friction of the roads into every lane with an area, after its marks as the schema requires."""
     for lane in root.iterfind("road/lanes/laneSection/right/lane"):
         material = etree.Element("material", {"sOffset": "0", "friction": f"{friction:.6g}"})
         (lane.findall("roadMark") or lane.findall("width"))[-1].addnext(material)
@@ -103,25 +103,25 @@ def _is_located(scenario: "Scenario") -> bool:
 
 
 def _projection(scenario: "Scenario") -> str:
-    """The PROJ string of the file, where its coordinates are the projected ones."""
+    """Return the PROJ string of the file if its coordinates are the projected ones."""
     change = None if scenario.location is None else scenario.location.geo_transformation
-    said = "" if change is None or not change.geo_reference else str(change.geo_reference).strip()
-    if change is None or not said.startswith("+proj=") or not said.isprintable():
+    stated = "" if change is None or not change.geo_reference else str(change.geo_reference).strip()
+    if change is None or not stated.startswith("+proj=") or not stated.isprintable():
         return ""
     shift = float(change.x_translation or 0.0), float(change.y_translation or 0.0), float(change.z_rotation or 0.0)
     if shift[2] or (change.scaling or 1.0) != 1.0:
         return ""
     if not any(shift):
-        return said
-    return _shifted(said, shift[0], shift[1])
+        return stated
+    return _shifted(stated, shift[0], shift[1])
 
 
 def _shifted(projection: str, x_m: float, y_m: float) -> str:
-    """A PROJ string whose coordinates are so much larger, by its false easting and northing; empty if not in metres."""
+    """Return a PROJ string with coordinates shifted by its false easting and northing; empty if not in metres."""
     words = dict(_WORD.findall(projection))
     if words.get("units", "m") != "m" or "to_meter" in words:
         return ""
-    if words["proj"] == "utm":  # its false easting cannot be named: the same as a transverse Mercator
+    if words["proj"] == "utm":  # its false easting cannot be set: use the same as a transverse Mercator
         south = "south" in words
         zone = int(words.pop("zone", "0") or 0)
         words = {key: value for key, value in words.items() if key not in ("proj", "south")}
@@ -186,13 +186,13 @@ def _write_links(links: etree._Element, road: int, plan: RoadPlan) -> None:
 
 
 BRIDGE_M = 0.001
-"""Length of bridges and connectors (chosen): as near as files with three digits tell points apart."""
+"""Length of bridges and connectors (chosen): the resolution of files with three decimals."""
 
 
 def _write_bridge(
     root: etree._Element, key: int, plan: RoadPlan, lanelets: "Mapping[int, Lanelet]", *, is_behind: bool
 ) -> None:
-    """Write a common road behind or before a connecting one, with its lanes as they end or begin."""
+    """Write a common road behind or before a connecting one, with its lanes as they end or start."""
     number = plan.bridges_behind[key] if is_behind else plan.bridges_before[key]
     before = plan.junction_of[key] if is_behind else plan.junction_before(key)
     behind = plan.junction_behind(key) if is_behind else plan.junction_of[key]
@@ -207,7 +207,7 @@ def _write_bridge(
 def _write_connector(
     root: etree._Element, number: int, pair: tuple[int, int], plan: RoadPlan, lanelets: "Mapping[int, Lanelet]"
 ) -> None:
-    """Write a connecting road between two lanes where several roads end and others begin."""
+    """Write a connecting road between two lanes where several roads end and others start."""
     (start, lane_before), (goal, lane_behind) = (plan.place[key] for key in pair)
     road = _write_short_road(root, number, plan.junction_at[plan.end_joint[start]], (start, True), plan)
     links = road[0]
@@ -251,7 +251,7 @@ def _write_short_road(
 def _write_short_lane(
     road: etree._Element, key: int, index: int, plan: RoadPlan, lanelets: "Mapping[int, Lanelet]", *, is_behind: bool
 ) -> etree._Element:
-    """Write the next lane of a short road, as wide as a lane of another road ends or begins."""
+    """Write the next lane of a short road, as wide as a lane of another road ends or starts."""
     right: etree._Element = road.find("lanes/laneSection/right")  # type: ignore[assignment]  # it was written there
     kind = _lane_type(lanelets[plan.roads[key][index]])
     lane = _add(right, "lane", id=str(-1 - len(right)), type=kind, level="false")
@@ -292,7 +292,7 @@ def _write_lane(
 
 
 def _straights(stations: Values, values: Values) -> Iterable[tuple[float, float, float]]:
-    """Yield start, value there and slope of the straights between places; one that goes on as before is no other."""
+    """Return start, value and slope of the straights between places, merging those with the same continuation."""
     slopes = np.diff(values) / np.diff(stations)
     written: list[tuple[float, float, float]] = []
     for station, value, slope in zip(stations[:-1].tolist(), values[:-1].tolist(), slopes.tolist(), strict=True):
@@ -306,7 +306,7 @@ def _straights(stations: Values, values: Values) -> Iterable[tuple[float, float,
 
 
 _SAME_WIDTH_M, _SAME_SLOPE = 1e-5, 1e-6
-"""Straights that differ by less are one: 10 µm, and 1 mm after 1 km."""
+"""Straights that differ by less are merged: 10 µm, and 1 mm after 1 km."""
 
 
 def _write_junction(root: etree._Element, junction: int, plan: RoadPlan) -> None:

@@ -1,8 +1,8 @@
 """The recording of a scenario as OpenSCENARIO XML 1.2 (ASAM), through scenariogeneration.
 
-Every road user follows its recorded trajectory; the ego has its initial state and no trajectory, because whoever plays
-the scenario drives it. OpenSCENARIO places a vehicle by the middle of its rear axle, CommonRoad by its centre: the box
-of each entity says how far its centre lies ahead. The same scenario gives the same bytes.
+Every road user follows its recorded trajectory; the ego has its initial state and no trajectory, because the player of
+the scenario drives it. OpenSCENARIO places a vehicle by the centre of its rear axle, CommonRoad by its centre: the box
+of each entity states the offset of its centre. The same scenario gives the same bytes.
 """
 
 import math
@@ -23,7 +23,7 @@ from ...vehicles import ego_class, nearest_class, vehicle_classes
 
 EGO = "Ego"
 _MADE = datetime(2025, 1, 1, tzinfo=UTC)
-"""Fixed: a date would make every file differ."""
+"""A fixed date, because the current one would make every file differ."""
 _CATEGORIES = {
     "car": "car",
     "taxi": "car",
@@ -35,17 +35,17 @@ _CATEGORIES = {
     "bicycle": "bicycle",
     "train": "train",
 }
-"""OpenSCENARIO's category of a vehicle by CommonRoad's type of obstacle."""
+"""OpenSCENARIO's vehicle category by CommonRoad's obstacle type."""
 _HEIGHT_M = {"truck": 3.5, "bus": 3.0, "pedestrian": 1.8, "bicycle": 1.7, "motorcycle": 1.5}
 _USUAL_HEIGHT_M = 1.5
-"""CommonRoad knows no heights: these are usual ones (chosen)."""
+"""Usual heights, because CommonRoad has no heights (chosen)."""
 _FASTEST_MPS, _HARDEST_MPS2 = 70.0, 12.0
-"""Performance that no recorded vehicle goes beyond (chosen): the file has to state one."""
+"""Performance that no recorded vehicle exceeds (chosen): the file must state one."""
 
 
 @dataclass(frozen=True)
 class _Entity:
-    """A road user: name, CommonRoad's kind, size, how far its reference point lies behind its centre, its track."""
+    """A road user: name, CommonRoad's kind, size, offset of its reference point behind its centre, its track."""
 
     name: str
     kind: str
@@ -55,7 +55,7 @@ class _Entity:
     track: Track
 
     def poses(self) -> Iterator[tuple[int, float, float, float]]:
-        """Step, and x, y in m and heading in rad of the reference point."""
+        """Yield step, and x, y in m and heading in rad of the reference point."""
         rows = zip(self.track.positions.tolist(), self.track.headings_rad.tolist(), strict=True)
         for index, ((x, y), heading) in enumerate(rows):
             ahead = self.behind_m
@@ -63,7 +63,7 @@ class _Entity:
 
 
 def write_openscenario(request: ForeignExportRequest, report: ProgressReporter) -> ForeignExport:
-    """Write the recording of a scenario; the roads are in the file ``request.roads`` beside it.
+    """Write the recording of a scenario; the roads are in the file ``request.roads`` next to it.
 
     Raises:
         UnsafeInput: the scenario's file is broken.
@@ -119,7 +119,7 @@ def _document(loaded: LoadedScenario, roads: str) -> etree._Element:
 
 
 def _text(element: Any) -> bytes:
-    """The library's tree (ElementTree) as bytes."""
+    """Return the library's tree (ElementTree) as bytes."""
     from xml.etree.ElementTree import tostring
 
     return bytes(tostring(element))
@@ -154,7 +154,7 @@ def _add_speed(init: Any, name: str, speed_mps: float) -> None:
 
 
 def _add_ego(loaded: LoadedScenario, entities: Any, init: Any) -> None:
-    """The ego of the first planning problem, as what it is, at its initial state."""
+    """Add the ego of the first planning problem with its class, at its initial state."""
     from scenariogeneration import xosc
 
     if not loaded.planning_problems.planning_problem_dict:
@@ -171,7 +171,7 @@ def _add_ego(loaded: LoadedScenario, entities: Any, init: Any) -> None:
 
 
 def _add_friction(loaded: LoadedScenario, init: Any) -> None:
-    """The friction of the roads, as a factor of that of a dry road."""
+    """Add the friction of the roads, as a factor of that of a dry road."""
     from scenariogeneration import xosc
 
     if loaded.friction is not None:
@@ -180,7 +180,7 @@ def _add_friction(loaded: LoadedScenario, init: Any) -> None:
 
 
 def _following(one: _Entity, step_s: float) -> Any:
-    """The manoeuvre of an entity: along its recorded poses, at their times."""
+    """Return the manoeuvre of an entity: along its recorded poses, at their times."""
     from scenariogeneration import xosc
 
     rows = list(one.poses())
@@ -215,7 +215,7 @@ def _lost(loaded: LoadedScenario) -> tuple[str, ...]:
     counts = (
         (goals, "goal", " of the ego (the format has none)"),
         (more, "more planning problem", ""),
-        (late, "road user", " that comes later stands at its first pose before"),
+        (late, "road user", " entering later (at its first pose from the start)"),
         (without, "obstacle", " without a trajectory"),
         (len(loaded.scenario.lanelet_network.traffic_lights), "traffic light", ""),
     )

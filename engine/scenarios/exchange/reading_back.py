@@ -1,7 +1,7 @@
-"""How far the bounds in an OpenDRIVE file lie from those of the lanelets: the file is read back as other tools read it.
+"""Read an OpenDRIVE file back as other tools do, and measure how far its bounds are from those of the lanelets.
 
-Nothing of the writer is used: the text of the file is parsed and evaluated by the formulas of ASAM OpenDRIVE 1.7
-(7: reference line, 11.4: lane offset, 11.6: widths).
+No code of the writer is used: the text of the file is parsed and evaluated by the formulas of ASAM OpenDRIVE 1.7 (7:
+reference line, 11.4: lane offset, 11.6: widths).
 """
 
 from typing import TYPE_CHECKING
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 EVERY_M = 0.5
-"""Of the places that are looked at on a bound in the file, between those where its formula changes (chosen)."""
+"""Spacing of the places examined on a bound in the file, in addition to those where its formula changes (chosen)."""
 
 
 def geometry_error(text: bytes, network: "LaneletNetwork") -> RoadGeometry:
-    """Of the vertices of lanelet bounds to the file's bounds, and of places on those to the lanelets' bounds.
+    """Compare vertices of lanelet bounds with the file's bounds, and places on those with the lanelets' bounds.
 
-    A bound that the file does not hold counts as points that are not near.
+    A bound that is missing from the file counts as points that are not near.
     """
     drawn = _bounds(etree.fromstring(text))
     near, count, farthest_m = 0, 0, 0.0
@@ -46,7 +46,7 @@ def _distances(points: Points, line: Points) -> Values:
 
 
 def _bounds(root: etree._Element) -> dict[int, tuple[Points, Points]]:
-    """Lanelet → its left and right bound in the file, at every place where a formula changes and between."""
+    """Return lanelet → its left and right bound in the file, at every place where a formula changes and between."""
     found: dict[int, tuple[Points, Points]] = {}
     for road in root.iterfind("road"):
         lanes = sorted(road.iterfind("lanes/laneSection/right/lane"), key=lambda lane: -int(lane.get("id", "0")))
@@ -57,18 +57,18 @@ def _bounds(root: etree._Element) -> dict[int, tuple[Points, Points]]:
         at = np.unique(np.concatenate([even, shifts[:, 0], *(rows[:, 0] for rows in widths)]))
         at = at[at <= length]
         middle, normals = _reference_line(road, at)
-        beside = _cubic(shifts, at)
-        lines = [middle + normals * beside[:, None]]
+        lateral = _cubic(shifts, at)
+        lines = [middle + normals * lateral[:, None]]
         for rows in widths:
-            beside = beside - _cubic(rows, at)
-            lines.append(middle + normals * beside[:, None])
+            lateral = lateral - _cubic(rows, at)
+            lines.append(middle + normals * lateral[:, None])
         for lane, left, right in zip(lanes, lines[:-1], lines[1:], strict=True):
             found[int(lane.findall("userData")[0].get("value", "0"))] = left, right
     return found
 
 
 def _table(element: etree._Element, path: str, station: str) -> Points:
-    """The rows of a piecewise cubic: where each begins, then its coefficients a, b, c, d."""
+    """Return the rows of a piecewise cubic: its start, then its coefficients a, b, c, d."""
     return np.array([[float(row.get(key, "0")) for key in (station, *"abcd")] for row in element.iterfind(path)])
 
 
@@ -84,7 +84,7 @@ def _cubic(rows: Points, at: Values) -> Values:
 
 
 def _reference_line(road: etree._Element, at: Values) -> tuple[Points, Points]:
-    """Positions on the reference line, and unit normals to its left."""
+    """Return positions on the reference line, and unit normals to its left."""
     pieces = road.findall("planView/geometry")
     places = np.array([[float(piece.get(key, "0")) for key in ("s", "x", "y", "hdg", "length")] for piece in pieces])
     cubics = np.array(

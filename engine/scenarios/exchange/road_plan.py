@@ -1,13 +1,13 @@
-"""Which roads of OpenDRIVE stand for the lanelets of a network, and how they are joined.
+"""Plan which OpenDRIVE roads represent the lanelets of a network, and how they join.
 
-Roads that end together and the roads that begin there are a joint. At a fork the roads that begin are connecting roads
-of a junction, at a merge those that end. ASAM asks that a connecting road has one incoming road, and that this is no
-connecting road (``one_connection_element``, ``connect_road_no_incoming_road``). Therefore common roads of hardly
-any length, bridges, stand before or behind some connecting roads; and where several roads end and several begin, each
+Roads that end together and the roads that start there are a joint. At a fork the starting roads are connecting roads of
+a junction, at a merge the ending ones. ASAM requires that a connecting road has one incoming road, which must not be a
+connecting road (``one_connection_element``, ``connect_road_no_incoming_road``). Therefore common roads of almost no
+length, bridges, are inserted before or behind some connecting roads; and if several roads end and several start, each
 pair of lanes gets a connecting road of that length, a connector.
 
-Lanes that follow each other have no gap (``contact_point_no_horizontal_gaps``): where the ends of bounds differ, the
-place at which most of them lie is that of all.
+Lanes that follow each other have no gap (``contact_point_no_horizontal_gaps``): if the ends of bounds differ, all are
+moved to the place of most of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,24 +25,24 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import Lanelet, LaneletNetwork
 
 SAME_M = 0.02
-"""Neighbours are roads of their own if their common bound differs by more, or if they do not begin and end level."""
+"""Neighbours are separate roads if their common bound differs by more, or if they do not start and end level."""
 
 
 @dataclass(frozen=True, order=True)
 class Joint:
-    """Roads that end together, and the roads that begin there."""
+    """Roads that end together, and the roads that start there."""
 
     ends: tuple[int, ...]
     starts: tuple[int, ...]
 
     @property
     def is_fork(self) -> bool:
-        """Whether several roads begin where one ends."""
+        """Whether several roads start where one ends."""
         return len(self.ends) == 1 and len(self.starts) > 1
 
     @property
     def is_merge(self) -> bool:
-        """Whether several roads end where one begins."""
+        """Whether several roads end where one starts."""
         return len(self.ends) > 1 and len(self.starts) == 1
 
     @property
@@ -53,11 +53,11 @@ class Joint:
 
 @dataclass(frozen=True)
 class RoadPlan:
-    """The roads that a lanelet network becomes: their lanes, and how they join.
+    """The roads of a lanelet network: their lanes, and how they join.
 
-    ``roads``: road → lanelets from left to right, its id is that of the first; ``strips``: their shapes; ``following``:
-    lanelet → those that follow it, drawn ones only; ``left_out``: lanelets without an area; ``apart``: links
-    between lanelets that do not meet, which the file lacks.
+    ``roads``: road → lanelets from left to right, with the id of the first; ``strips``: their shapes; ``following``:
+    lanelet → those that follow it, drawn ones only; ``left_out``: lanelets without an area; ``apart``: links between
+    lanelets that do not meet, which the file lacks.
     """
 
     roads: dict[int, tuple[int, ...]]
@@ -68,7 +68,7 @@ class RoadPlan:
 
     @classmethod
     def of(cls, network: "LaneletNetwork") -> "RoadPlan":
-        """Plan the roads of a network; depends on the network alone."""
+        """Plan the roads of a network; depends only on the network."""
         lanelets = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
         links = {(key, int(after)) for key, lanelet in lanelets.items() for after in lanelet.successor}
         links |= {(int(before), key) for key, lanelet in lanelets.items() for before in lanelet.predecessor}
@@ -139,12 +139,12 @@ class RoadPlan:
         return frozenset(behind | {road for joint in self.joints if joint.is_merge for road in self.merging(joint)})
 
     def merging(self, joint: Joint) -> tuple[int, ...]:
-        """The roads before a merge that can be connecting roads."""
+        """Return the roads before a merge that can be connecting roads."""
         return tuple(road for road in joint.ends if road in self.start_joint)
 
     @cached_property
     def junctions(self) -> dict[int, tuple[Joint, ...]]:
-        """Junction → its joints: those that a connecting road leads from one to the other are one junction."""
+        """Junction → its joints: joints linked by a connecting road form one junction."""
         joined = {joint: {joint} for joint in self.joints if not joint.is_plain}
         for road in sorted(self.connecting):
             here = [joint for joint in self._joints_connected(road) if joint in joined]
@@ -172,7 +172,7 @@ class RoadPlan:
 
     @cached_property
     def bridges_behind(self) -> dict[int, int]:
-        """Connecting road → id of the bridge behind it: it would be the incoming road of a connecting one."""
+        """Connecting road → id of the bridge behind it, because it would be the incoming road of a connecting one."""
         needed = [
             road
             for road in sorted(self.connecting)
@@ -185,7 +185,7 @@ class RoadPlan:
 
     @cached_property
     def bridges_before(self) -> dict[int, int]:
-        """Connecting road → id of the bridge before it: several roads lead into it."""
+        """Connecting road → id of the bridge before it, because several roads lead into it."""
         needed = [
             road
             for road in sorted(self.connecting)
@@ -210,15 +210,15 @@ class RoadPlan:
         return {first + number: pair for number, pair in enumerate(pairs)}
 
     def exit_of(self, road: int) -> int:
-        """The road that others are joined to at the end of a road: its bridge, or itself."""
+        """Return the road that others are joined to at the end of a road: its bridge, or itself."""
         return self.bridges_behind.get(road, road)
 
     def entry_of(self, road: int) -> int:
-        """The road that others are joined to at the start of a road: its bridge, or itself."""
+        """Return the road that others are joined to at the start of a road: its bridge, or itself."""
         return self.bridges_before.get(road, road)
 
     def road_before(self, road: int) -> int | None:
-        """The road that leads into a road; None if nothing does, or a junction."""
+        """Return the road that leads into a road; None if there is no such road or a junction is there."""
         joint = self.start_joint.get(road)
         if joint is None:
             return None
@@ -227,7 +227,7 @@ class RoadPlan:
         return joint.ends[0] if joint.is_plain and joint.ends[0] not in self.connecting else None
 
     def road_behind(self, road: int) -> int | None:
-        """The road that follows a road; None if nothing does, or a junction."""
+        """Return the road that follows a road; None if there is no such road or a junction is there."""
         joint = self.end_joint.get(road)
         if joint is None:
             return None
@@ -236,18 +236,18 @@ class RoadPlan:
         return joint.starts[0] if joint.is_plain and joint.starts[0] not in self.connecting else None
 
     def junction_before(self, road: int) -> int | None:
-        """The junction that leads into a common road, if any."""
+        """Return the junction that leads into a common road, or None."""
         joint = self.start_joint.get(road)
         return None if joint is None else self.junction_at.get(joint) or self.junction_of.get(joint.ends[0])
 
     def junction_behind(self, road: int) -> int | None:
-        """The junction that a common road leads into, if any."""
+        """Return the junction that a common road leads into, or None."""
         joint = self.end_joint.get(road)
         return None if joint is None else self.junction_at.get(joint) or self.junction_of.get(joint.starts[0])
 
 
 def _drawn(keys: tuple[int, ...], corners: "_Corners", strips: dict[int, Strip]) -> list[tuple[int, ...]]:
-    """The roads that lanelets side by side are drawn as: one, or each its own; those without an area are left out."""
+    """Return the roads that adjacent lanelets are drawn as: one, or one each; those without an area are left out."""
     parts = []
     for part in (keys, *([(key,) for key in keys] if len(keys) > 1 else [])):
         try:
@@ -261,7 +261,7 @@ def _drawn(keys: tuple[int, ...], corners: "_Corners", strips: dict[int, Strip])
 
 
 def _meet(lanelet: "Lanelet", following: "Lanelet") -> bool:
-    """Whether a lanelet begins where another ends: both ends of its start within half a lane of the other's."""
+    """Return True if a lanelet starts where another ends: both ends of its start within half a lane of the other's."""
     ends = [np.asarray(line)[-1, :2] for line in (lanelet.left_vertices, lanelet.right_vertices)]
     starts = [np.asarray(line)[0, :2] for line in (following.left_vertices, following.right_vertices)]
     gap = max(float(np.linalg.norm(one - other)) for one, other in zip(ends, starts, strict=True))
@@ -269,7 +269,7 @@ def _meet(lanelet: "Lanelet", following: "Lanelet") -> bool:
 
 
 class _Corners:
-    """Where the bounds of lanelets begin and end: one place for all that meet there, and level across a road."""
+    """Where the bounds of lanelets start and end: one place for all that meet there, and level across a road."""
 
     def __init__(
         self, lanelets: "Mapping[int, Lanelet]", meeting: "set[tuple[int, int]]", groups: "Sequence[tuple[int, ...]]"
@@ -300,7 +300,7 @@ class _Corners:
         self._level(groups)
 
     def _level(self, groups: "Sequence[tuple[int, ...]]") -> None:
-        """Move the ends of bounds between lanes onto the straight across their road, the widest roads first."""
+        """Move the ends of bounds between lanes onto the straight line across their road, the widest roads first."""
         settled: list[list[Points]] = []
         for group in sorted(groups, key=lambda keys: (-len(keys), keys)):
             for end in (0, -1) if len(group) > 1 else ():
@@ -318,13 +318,13 @@ class _Corners:
         return [(group[0], _LEFT, end), *((key, _RIGHT, end) for key in group)]
 
     def at(self, corner: "_Corner") -> Points:
-        """The place of a corner."""
+        """Return the place of a corner."""
         key, side, end = corner
         place = self._place.get(corner)
         return self._lines[key, side][end] if place is None else place[0]
 
     def level_parts(self, group: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """Lanes side by side, divided where they do not begin and end on a straight across their road."""
+        """Return adjacent lanes, divided where they do not start and end on a straight line across their road."""
         parts = [group[:1]]
         for key in group[1:]:
             if self._is_level((*parts[-1], key)):
@@ -343,7 +343,7 @@ class _Corners:
         return True
 
     def bounds(self, group: tuple[int, ...]) -> list[Points]:
-        """The bounds of lanes side by side, from left to right."""
+        """Return the bounds of adjacent lanes, from left to right."""
         lines = []
         for key, side in ((group[0], _LEFT), *((key, _RIGHT) for key in group)):
             line = self._lines[key, side].copy()
@@ -358,7 +358,7 @@ _Corner = tuple[int, str, int]
 
 
 def _common(points: Points) -> Points:
-    """The place at which most points lie, to the millimetre; without one, their middle."""
+    """Return the place of most points, to the millimetre; without one, their mean."""
     places, counts = np.unique(np.round(points, 3), axis=0, return_counts=True)
     most = np.flatnonzero(counts == counts.max())
     if len(most) > 1:
@@ -369,7 +369,7 @@ def _common(points: Points) -> Points:
 
 
 def _foot(point: Points, first: Points, last: Points) -> Points | None:
-    """The nearest place on the straight across a road, if it is near."""
+    """Return the nearest place on the straight line across a road, or None if it is not near."""
     step = last - first
     length = float(np.linalg.norm(step))
     if length <= SAME_M:
@@ -379,7 +379,7 @@ def _foot(point: Points, first: Points, last: Points) -> Points | None:
 
 
 def _groups(lanelets: "Mapping[int, Lanelet]") -> list[tuple[int, ...]]:
-    """Lanelets side by side, from left to right, that share their bounds and begin and end level, or nearly."""
+    """Return adjacent lanelets, from left to right, that share their bounds and start and end level, or nearly."""
     rights: dict[int, int] = {}
     for key, lanelet in lanelets.items():
         other = lanelet.adj_right if lanelet.adj_right_same_direction else None

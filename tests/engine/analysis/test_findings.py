@@ -77,11 +77,9 @@ def test_the_rejecting_constraint_is_that_of_most_runs_and_no_run_decides_alone(
         source(record(f"ZAM_{letter}-1_1_T-1", "infeasible", rejected={"collision": 20, "curvature": 10}))
         for letter in "BC"
     ]
-    said = found(many, *few)["rejecting_constraint"].statement
-    assert said == (
-        "In 2 of 3 infeasible runs the constraint collision rejected most candidates, 67 % of the rejected ones in the "
-        "median run."
-    )
+    finding = found(many, *few)["rejecting_constraint"]
+    assert (finding.subject, finding.figures["runs"], finding.figures["of"]) == ("collision", 2, 3)
+    assert round(finding.figures["median_share"], 2) == 0.67
     assert "rejecting_constraint" not in found(many, few[0])
 
 
@@ -105,8 +103,7 @@ def test_near_misses_are_those_that_the_ego_brought_about(tmp_path: Path) -> Non
     for other in (behind, beside):
         assert "near_misses" not in found(close_run(tmp_path, other, gap))
     both = found(close_run(tmp_path, ahead, gap), close_run(tmp_path, behind, gap, "ZAM_B-1_1_T-1"))["near_misses"]
-    assert "In 1 of 2 successes" in both.statement
-    assert "; in 1 more others came near to it" in both.statement
+    assert (both.figures["runs"], both.figures["of"], both.figures["by_others"]) == (1, 2, 1)
 
 
 def test_late_runs_are_laid_to_a_slower_vehicle_within_the_time_gap_of_followers(tmp_path: Path) -> None:
@@ -163,7 +160,9 @@ def test_a_class_is_harder_only_where_chance_would_not_make_it_so() -> None:
         return {one.name: one for one in find_all(RunSet(runs, scenarios=scenarios))}
 
     finding = names(groups("tttttttg", "gggggggggggg"))["harder_group"]
-    assert "Scenarios with a truck are harder: goal in 1 of 8, of the others in 12 of 12" in finding.statement
+    figures = finding.figures
+    assert (finding.subject, figures["reached"], figures["of"]) == ("truck", 1, 8)
+    assert (figures["reached_by_others"], figures["of_others"]) == (12, 12)
     assert len(finding.run_ids) == 7
     assert "harder_group" not in names(groups("ttgggggg", "gggggggggggt"))
 

@@ -47,7 +47,7 @@ def test_wilson_by_hand() -> None:
 
 @pytest.mark.parametrize(("count", "of"), [(1, 0), (-1, 3), (4, 3)])
 def test_no_share_is_refused(count: int, of: int) -> None:
-    with pytest.raises(ValueError, match="is no share"):
+    with pytest.raises(ValueError, match="is not a share"):
         wilson_interval(count, of)
 
 
@@ -87,7 +87,7 @@ def test_five_flips_of_24_pairs_show_nothing_and_their_interval_says_so() -> Non
 
 
 def test_no_pairs_have_no_difference() -> None:
-    with pytest.raises(ValueError, match="no pairs"):
+    with pytest.raises(ValueError, match="pairs"):
         paired_shares([])
 
 

@@ -44,7 +44,7 @@ def test_weather_and_time_are_found_by_the_words_that_people_use(slots: dict[str
 
 def test_an_answer_says_where_it_looked_and_by_which_fact() -> None:
     found = answer(tags=["night"])
-    assert found.notes == ("'night' is no tag; looked for among weather and times of day.",)
+    assert found.notes == ("'night' is not a tag; searched among weather and times of day.",)
     assert found.matches[0].satisfied == ("circumstance night",)
 
 
@@ -53,11 +53,11 @@ def test_where_nothing_matches_the_words_that_exist_are_named() -> None:
     assert found.emptied_by is not None
     assert "weather and times of day" in found.emptied_by.note
     assert all(word in found.emptied_by.note for word in ("snow", "night", "light_rain", "rush_hour"))
-    assert any("circumstance 'fog'" in note for note in found.notes)
+    assert any("'fog' as a circumstance" in note for note in found.notes)
 
 
 def test_a_catalogue_that_states_none_refuses_them_as_words_of_no_vocabulary() -> None:
-    with pytest.raises(UnknownName, match="'night' is no tag"):
+    with pytest.raises(UnknownName, match="'night' is not a tag"):
         answer({"A": ()}, tags=["night"])
 
 

@@ -42,7 +42,7 @@ def answer(*all_facts: ScenarioFacts, **slots: Any) -> FindScenariosResult:
         ({"features": ["ramp"]}, "feature ramp"),
         ({"features": ["horizon>=5s"]}, "horizon 5 s"),
         ({"features": ["density<1"]}, "density 0 vehicles/km"),
-        ({"features": ["ttc>=5s"]}, "no collision if the ego keeps on"),
+        ({"features": ["ttc>=5s"]}, "no collision if the ego continues"),
         ({"obstacles": ["truck"]}, "truck=2"),
         ({"obstacles": ["!bus"]}, "bus=0"),
         ({"ego_speed": "10m/s"}, "ego 10.00 m/s (36.0 km/h)"),

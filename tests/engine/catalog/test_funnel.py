@@ -200,8 +200,8 @@ def test_all_wrong_words_are_refused_at_once_each_with_its_nearest() -> None:
     with pytest.raises(UnknownName) as refusal:
         found(catalogue([facts()]), FindScenariosArguments(tags=["roundabouts_big"], obstacles=["motorcylce"]))
     assert str(refusal.value.message).count("(valid: ") == 2
-    assert "'roundabouts_big' is no tag (valid: roundabout" in refusal.value.message
-    assert "'motorcylce' is no obstacle type (valid: motorcycle" in refusal.value.message
+    assert "'roundabouts_big' is not a tag (valid: roundabout" in refusal.value.message
+    assert "'motorcylce' is not an obstacle type (valid: motorcycle" in refusal.value.message
 
 
 @pytest.mark.parametrize("word", ["trucks", "Truck", "lorry"])

@@ -36,7 +36,7 @@ def test_a_recipe_that_made_another_file_before_names_another_seed(workspace: Wo
     put(workspace, tmp_path, 1, EDITED)
     with pytest.raises(NotPossible, match=f"{ID} was stored by the same call with other content") as caught:
         put(workspace, tmp_path, 2, EDITED)
-    assert caught.value.next_step == "use the stored one, or make a new one with another seed than 4"
+    assert caught.value.next_step == "use the stored one, or generate one with a seed other than 4"
 
 
 def test_another_file_of_the_same_id_is_told_to_take_another_id(workspace: Workspace, tmp_path: Path) -> None:

@@ -285,7 +285,7 @@ def test_a_full_disk_is_no_damage(tmp_path: Path) -> None:
     with pytest.raises(ResourceFailure, match="cannot be written") as failure:
         ensure_generation(tmp_path, TEXTS, "letters", Full())
     assert failure.value.reason == ""
-    assert "free the disk" in failure.value.text
+    assert "free disk space" in failure.value.text
 
 
 @pytest.mark.parametrize("bytes_of_a_file", [512, 180_000])
@@ -305,7 +305,7 @@ def test_disk_that_fills_while_chroma_writes_is_named_and_the_next_call_succeeds
             ensure_generation(tmp_path, TEXTS, "letters", embed)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert "free the disk" in failure.value.text
+    assert "free disk space" in failure.value.text
     assert not before.exists()
     for folder, count in ((other, 1), (ensure_generation(tmp_path, TEXTS, "letters", embed)[0], 3)):
         assert len(query(folder, embed(["a truck"])[0], None, 5)) == count

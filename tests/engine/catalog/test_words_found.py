@@ -35,31 +35,33 @@ def ids(found: FindScenariosResult) -> list[str]:
     return sorted(one.scenario_id for one in found.matches)
 
 
-@pytest.mark.parametrize(("slot", "called"), [("tags", "tag"), ("features", "feature"), ("road_net", "road_net key")])
+@pytest.mark.parametrize(
+    ("slot", "called"), [("tags", "a tag"), ("features", "a feature"), ("road_net", "a road_net key")]
+)
 def test_an_obstacle_in_another_argument_is_looked_for_there(three: sqlite3.Connection, slot: str, called: str) -> None:
     found = answer(three, **{slot: ["bus"]})
     assert ids(found) == [TAGGED]
-    assert f"'bus' is no {called}; looked for among obstacles." in found.notes
+    assert f"'bus' is not {called}; searched among obstacles." in found.notes
 
 
 def test_a_name_of_a_tag_and_a_feature_among_obstacles_means_either(three: sqlite3.Connection) -> None:
     found = answer(three, obstacles=["roundabout"])
     assert ids(found) == [TAGGED, BUILT]
     assert {one.satisfied for one in found.matches} == {("tag roundabout",), ("feature roundabout",)}
-    assert "'roundabout' is no obstacle type; looked for among tags and features." in found.notes
+    assert "'roundabout' is not an obstacle type; searched among tags and features." in found.notes
 
 
-@pytest.mark.parametrize(("word", "note"), [("omnibus", "'omnibus' is taken as bus."), ("buses", ""), ("bus", "")])
+@pytest.mark.parametrize(("word", "note"), [("omnibus", "'omnibus' is read as bus."), ("buses", ""), ("bus", "")])
 def test_a_word_of_everyday_language_is_told_with_the_type_that_it_is_taken_for(
     three: sqlite3.Connection, word: str, note: str
 ) -> None:
     found = answer(three, obstacles=[word])
     assert ids(found) == [TAGGED]
-    assert [text for text in found.notes if "taken" in text] == [note] * bool(note)
+    assert [text for text in found.notes if "read as" in text] == [note] * bool(note)
 
 
 def test_a_word_of_no_vocabulary_is_refused_as_before(three: sqlite3.Connection) -> None:
-    with pytest.raises(UnknownName, match="'zebrafish' is no tag"):
+    with pytest.raises(UnknownName, match="'zebrafish' is not a tag"):
         answer(three, tags=["zebrafish"])
 
 
@@ -69,13 +71,13 @@ def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
     found = answer(catalogue(many), tags=["roundabout"])
     assert ids(found) == [TAGGED]
     (note,) = found.notes
-    assert note == "'roundabout': tag of 1, as asked; in features of 2."
+    assert note == "'roundabout': 1 as tag (searched), 2 in features."
 
 
 def test_words_of_a_text_are_told_by_where_they_were_found(three: sqlite3.Connection) -> None:
     found = answer(three, text="bikes at a roundabout")
     assert found.notes == (
-        "In the text: 'bikes' (bicycle) is obstacle of 1; 'roundabout' is tag of 1 and feature of 1.",
+        "Scenarios per word of the text: 'bikes' (bicycle): obstacle 1; 'roundabout': tag 1, feature 1.",
     )
     assert found.total == 3
 
@@ -91,7 +93,7 @@ def test_unknown_words_whose_meaning_is_near_still_rank(three: sqlite3.Connectio
     found = answer(three, likeness=0.3, text="gridlock")
     assert found.total == 3
     assert found.notes == (
-        "'gridlock' is in no title, tag, place or description; the order is by likeness of meaning.",
+        "'gridlock' is in no title, tag, place or description; results are ordered by similar meaning.",
     )
 
 
@@ -126,13 +128,13 @@ def test_the_origin_of_a_scenario_is_a_condition(
 def test_an_origin_that_none_has_names_those_there_are(three: sqlite3.Connection) -> None:
     found = answer(three, origin="recorded", country="DEU")
     assert found.emptied_by is not None
-    assert "there are origins simulated" in found.emptied_by.note
+    assert "existing: origins simulated" in found.emptied_by.note
 
 
 def test_lists_of_places_hold_places_only(three: sqlite3.Connection) -> None:
     _, facets = scenario_facets(three, "places", None)
     assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
-    assert facets[0].note == "and 1 scenario on artificial networks, country ZAM"
+    assert facets[0].note == "plus 1 scenario on artificial networks, country ZAM"
     found = answer(three, city="Atlantis")
     assert found.emptied_by is not None
     assert "Test" not in found.emptied_by.note

@@ -81,7 +81,7 @@ def test_a_lane_change_that_only_a_short_lanelet_is_left_for_is_refused(apply: A
         Lane(5, line((102, 0), (300, 0)), predecessors=(3,)),
     )
     builder = ScenarioBuilder(lanes, (driving(36, (97, 0), 10.0, 41),))
-    with pytest.raises(NotPossible, match="lanelet 3, which it has to leave for 4, ends 3 m ahead"):
+    with pytest.raises(NotPossible, match=r"lanelet 3, .* 4, ends 3 m ahead"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["4"]}, builder=builder)
 
 

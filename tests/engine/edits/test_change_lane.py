@@ -69,13 +69,13 @@ def test_the_ego_in_the_way_is_named_as_such(apply: Apply) -> None:
 
 
 def test_no_lane_on_that_side_is_refused_with_the_side_there_is(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="no lane of its direction to its right on lanelet 1") as caught:
+    with pytest.raises(NotPossible, match="no lane in its direction on its right on lanelet 1") as caught:
         apply(LEFT | {"lane": "right"}, builder=FREE)
     assert "lane=left" in caught.value.valid
 
 
 def test_the_oncoming_lane_is_no_lane_to_change_to(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="no lane of its direction to its left on lanelet 2"):
+    with pytest.raises(NotPossible, match="no lane in its direction on its left on lanelet 2"):
         apply(LEFT, builder=FREE.with_vehicles(driving(31, (70, 3.5), 10.0, 101)))
     with pytest.raises(InvalidRequest, match="left or right"):
         apply(LEFT | {"lane": "oncoming"}, builder=FREE)
@@ -94,7 +94,7 @@ def test_a_lane_that_leads_elsewhere_is_driven_on_in(apply: Apply) -> None:
     away = {"op": "reroute", "vehicles": ["31"], "to": ["13"]}
     far = replace(turning, problems=(Problem(start=(280.0, 7.0, 3.1416, 10.0), goal=(50.0, 7.0, 8.0, 3.0)),))
     reports = apply(away, LEFT, builder=far).outcome.edits
-    assert reports[0].routes[0].reason == "a later edit sends it another way"
+    assert reports[0].routes[0].reason == "a later edit sends it elsewhere"
     assert reports[1].routes[0].arrives
 
 

@@ -57,7 +57,7 @@ def test_a_light_for_another_turn_that_is_green_leaves_the_red_one_open_to_doubt
 def test_driving_as_fast_as_a_slow_lanelet_allows_is_a_reason(scene: Scene) -> None:
     scene.driven_speeds_mps[1] = 3.0
     crawling = driven(["e1_0"] * 30, [3.0] * 30)
-    assert delay(scene, crawling, {}) == ", on lanelets that allow no more than 3.0 m/s (1)"
+    assert delay(scene, crawling, {}) == ", on lanelets limited to 3.0 m/s (1)"
     assert delay(scene, driven(["e1_0"] * 30, [2.0] * 30), {}) == ""
 
 

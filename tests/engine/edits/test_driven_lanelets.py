@@ -77,7 +77,7 @@ def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_roo
     rolling = halting(55.0, ("e1_0",) * 95 + ("e1_1",) * 6)
     route = route_of(scene, step, rolling)
     assert route.arrives is False
-    assert route.reason == "the scenario ends at 10.0 s while it is on its way to lanelet 2"
+    assert route.reason == "the scenario ends at 10.0 s on the way to lanelet 2"
 
 
 def test_a_lanelet_that_is_passed_while_the_body_is_still_beside_it_is_not_reached(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def test_every_argument_belongs_to_some_operation() -> None:
 def test_an_argument_of_another_operation_is_refused_with_those_that_belong(
     apply: Apply, edit: dict[str, object], foreign: str
 ) -> None:
-    with pytest.raises(InvalidRequest, match=f"{foreign} does not belong to op {edit['op']}") as caught:
+    with pytest.raises(InvalidRequest, match=f"{foreign} is not an argument of op {edit['op']}") as caught:
         apply(edit)
     assert set(caught.value.valid) == set(EDITS[edit["op"]].arguments)  # type: ignore[index]
 

@@ -29,7 +29,7 @@ def test_it_enters_slower_where_it_would_collide_at_once(
     applied = apply(added, builder=builder)
     assert applied.outcome.collisions == ()
     assert float(applied.tracks()[101].speeds_mps[0]) == pytest.approx(float(slower))
-    assert f"{slower} m/s, from 0.0 s on" in applied.outcome.edits[0].what
+    assert f"{slower} m/s, from 0.0 s" in applied.outcome.edits[0].what
     why = "because it would collide with vehicle 31"
     assert f"vehicle 101 enters with {slower} instead of {usual} m/s, {why}" in applied.outcome.warnings
 
@@ -43,12 +43,12 @@ def test_a_speed_that_was_named_is_kept_and_the_collision_reported(apply: Apply)
 
 def test_a_place_too_close_for_crossing_traffic_is_refused_with_the_time_that_works(apply: Apply) -> None:
     added = BICYCLE | {"position": "9m"}
-    with pytest.raises(NotPossible, match=r"is hit by vehicle 31, which comes there with 20\.0 m/s") as caught:
+    with pytest.raises(NotPossible, match=r"hit by vehicle 31, .* 20\.0 m/s") as caught:
         apply(added, builder=CROSSES)
     (time_s,) = (float(one.removeprefix("time_s=")) for one in caught.value.valid if one.startswith("time_s="))
     applied = apply(added | {"time_s": time_s}, builder=CROSSES)
     assert applied.outcome.collisions == ()
-    assert f"from {time_s:.1f} s on" in applied.outcome.edits[0].what
+    assert f"from {time_s:.1f} s" in applied.outcome.edits[0].what
 
 
 def test_a_place_that_crossing_traffic_can_brake_for_is_not_refused(apply: Apply) -> None:
@@ -65,6 +65,6 @@ def test_a_vehicle_behind_that_turns_off_before_the_place_does_not_keep_it(apply
     turning, straight_on = (driving(31, (79.0, 0.0), 25.0, 31, heading_rad=angle) for angle in (0.35, 0.0))
     standing = driving(32, (121.0, 0.0), 0.0, 31)
     added = {"op": "add_vehicle", "vehicle_class": "car", "at": "2", "position": "13m"}
-    with pytest.raises(NotPossible, match="is hit by vehicle 31"):
+    with pytest.raises(NotPossible, match="hit by vehicle 31"):
         apply(added, builder=ScenarioBuilder(fork, (straight_on, standing), problems=()))
     assert apply(added, builder=ScenarioBuilder(fork, (turning, standing), problems=())).outcome.edits[0].done

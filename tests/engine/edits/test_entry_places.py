@@ -47,7 +47,7 @@ def test_several_on_one_lanelet_are_said_to_be(apply: Apply) -> None:
 
 def test_vehicles_that_would_overlap_are_refused_with_the_least_spacing_that_works(apply: Apply) -> None:
     row = CAR | {"at": "3", "position": "60m", "count": 3}
-    with pytest.raises(NotPossible, match="1 of 3 vehicles have a place, 3 m apart") as caught:
+    with pytest.raises(NotPossible, match="1 of 3 vehicles fit 3 m apart") as caught:
         apply(row | {"spacing_m": 3})
     assert caught.value.valid == ("spacing_m=4.9",)
     assert caught.value.next_step == "choose a larger spacing_m"
@@ -56,7 +56,7 @@ def test_vehicles_that_would_overlap_are_refused_with_the_least_spacing_that_wor
 
 def test_several_of_which_one_has_no_place_are_refused_with_how_many_have_one(apply: Apply) -> None:
     row = CAR | {"at": "2", "position": "10m", "spacing_m": 24}
-    with pytest.raises(NotPossible, match=r"2 of 4 vehicles have a place.* taken by vehicle 33") as caught:
+    with pytest.raises(NotPossible, match=r"2 of 4 vehicles .* by vehicle 33") as caught:
         apply(row | {"count": 4})
     assert caught.value.valid == ("count=2",)
     assert len(apply(row | {"count": 2}, dry_run=True).outcome.edits[0].vehicles) == 2

@@ -72,7 +72,7 @@ def test_a_vehicle_that_keeps_its_recording_where_all_should_react_is_named(appl
         builder=town_road().with_vehicles(driving(31, (60, 0), 10.0, 101), walker, last),
         traffic="reactive",
     )
-    assert "cannot be driven, so that they keep their recording: 36" in applied.outcome.warnings
+    assert "cannot be driven, so they keep their recording: 36" in applied.outcome.warnings
     assert any(text.startswith("vehicle 37 keeps its recording") for text in applied.outcome.warnings)
 
 

@@ -35,14 +35,14 @@ TRUCK = {"op": "add_vehicle", "vehicle_class": "truck", "at": "2", "position": "
 @pytest.mark.parametrize(
     ("first", "second", "why"),
     [
-        (sent("2"), sent("11"), "later edits overrule it"),
-        (held("3m/s", 2.0), held("15m/s", 2.0), "later edits overrule it"),
-        (TRUCK, {"op": "remove_vehicle", "vehicles": ["new:0"]}, "a later edit removes what it is about"),
-        (held("3m/s", 2.0), {"op": "remove_vehicle", "vehicles": ["31"]}, "a later edit removes what it is about"),
+        (sent("2"), sent("11"), "later edits override it"),
+        (held("3m/s", 2.0), held("15m/s", 2.0), "later edits override it"),
+        (TRUCK, {"op": "remove_vehicle", "vehicles": ["new:0"]}, "a later edit removes its vehicles"),
+        (held("3m/s", 2.0), {"op": "remove_vehicle", "vehicles": ["31"]}, "a later edit removes its vehicles"),
         (goal("1"), goal("11"), "a later edit replaces it"),
-        (behaving(preset="eco"), behaving(preset="aggressive"), "later edits overrule it"),
-        (behaving("tau=2"), behaving("tau=0.5", "sigma=0"), "later edits overrule it"),
-        (behaving("tau*2"), behaving("minGap*2", preset="balanced"), "later edits overrule it"),
+        (behaving(preset="eco"), behaving(preset="aggressive"), "later edits override it"),
+        (behaving("tau=2"), behaving("tau=0.5", "sigma=0"), "later edits override it"),
+        (behaving("tau*2"), behaving("minGap*2", preset="balanced"), "later edits override it"),
     ],
 )
 def test_an_edit_that_nothing_is_left_of_is_not_done(
@@ -78,12 +78,12 @@ def test_a_behaviour_of_which_something_is_left_is_done(
 
 def test_a_speed_that_another_edit_changes_before_it_is_reached_says_so(apply: Apply) -> None:
     what = apply(held("3m/s", 1.0), held("15m/s", 1.5), builder=FREE).outcome.edits[0].what
-    assert what.endswith("m/s at best: another edit holds it to 15.0 m/s from 1.5 s on")
+    assert what.endswith("m/s at best: another edit limits it to 15.0 m/s from 1.5 s")
 
 
 def test_a_target_that_a_later_edit_replaces_is_not_told_as_a_missing_gap(apply: Apply) -> None:
     first, _ = apply(sent("2"), sent("11"), builder=FREE).outcome.edits
-    assert first.routes[0].reason == "a later edit sends it another way"
+    assert first.routes[0].reason == "a later edit sends it elsewhere"
 
 
 def test_the_missing_gap_is_named_before_the_end_of_the_network(apply: Apply) -> None:

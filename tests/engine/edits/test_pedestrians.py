@@ -58,12 +58,12 @@ def test_motorways_are_not_open_to_the_slow(apply: Apply, name: str) -> None:
 
 @pytest.mark.parametrize("extra", [{"to": ["3"]}, {"count": 2}, {"preset": "eco"}])
 def test_what_only_vehicles_have_is_refused(apply: Apply, extra: dict[str, object]) -> None:
-    with pytest.raises(InvalidRequest, match="is for vehicles"):
+    with pytest.raises(InvalidRequest, match="vehicles"):
         apply(WALKER | {"at": "1"} | extra, builder=QUIET)
 
 
 def test_an_impossible_pace_is_refused(apply: Apply) -> None:
-    with pytest.raises(InvalidRequest, match="does not walk 30km/h"):
+    with pytest.raises(InvalidRequest, match="30km/h"):
         apply(WALKER | {"at": "1", "speed": "30km/h"}, builder=QUIET)
 
 

@@ -75,16 +75,16 @@ def test_a_later_departure_enters_when_there_is_room(apply: Apply) -> None:
     track = applied.tracks()[101]
     assert track.first_step == 15
     assert not applied.outcome.collisions
-    assert "from 1.5 s on (asked: 1 s, but the place is taken until then)" in applied.outcome.edits[0].what
+    assert "from 1.5 s (requested: 1 s" in applied.outcome.edits[0].what
 
 
 def test_of_several_each_departure_is_told_where_they_differ(apply: Apply) -> None:
     alike = apply(CAR | {"at": "13", "position": "40m", "count": 2}, builder=SHORT, dry_run=True)
-    assert alike.outcome.edits[0].what.count("from 0.0 s on") == 1
+    assert alike.outcome.edits[0].what.count("from 0.0 s") == 1
     row = CAR | {"at": "1", "position": "80m", "count": 2, "spacing_m": 12, "time_s": 1.0}
     first, second = apply(row, dry_run=True).outcome.edits[0].what.split("; ")
-    assert "101: 10.0 m/s, from 1.5 s on (asked: 1 s" in first
-    assert second.startswith("102: 10.0 m/s, from 1.0 s on (as vehicle 31")
+    assert "101: 10.0 m/s, from 1.5 s (requested: 1 s" in first
+    assert second.startswith("102: 10.0 m/s, from 1.0 s (as vehicle 31")
 
 
 @pytest.mark.parametrize(("offset_m", "largest_m"), [(-50, "-40.0"), (300, "+260.0"), (1e308, "+260.0")])
@@ -98,7 +98,7 @@ def test_beyond_the_road_the_largest_offset_is_named_and_works(apply: Apply, off
 
 
 def test_a_taken_place_is_refused_with_the_nearest_free_one(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="taken by vehicle 31") as caught:
+    with pytest.raises(NotPossible, match="occupied by vehicle 31") as caught:
         apply(CAR | {"at": "1", "position": "71m"})
     free = caught.value.valid[0]
     position = free.partition("position='")[2].rstrip("'")
@@ -106,12 +106,12 @@ def test_a_taken_place_is_refused_with_the_nearest_free_one(apply: Apply) -> Non
 
 
 def test_the_ego_s_own_place_is_taken(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="taken by the ego"):
+    with pytest.raises(NotPossible, match="occupied by the ego"):
         apply(CAR | {"at": "ego"})
 
 
 def test_a_lane_that_is_not_there_is_refused(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="no lane of its direction to its right") as caught:
+    with pytest.raises(NotPossible, match="no lane in its direction on its right") as caught:
         apply(CAR | {"at": "ego", "lane": "right"})
     assert set(caught.value.valid) == {"same", "left"}
 
@@ -129,7 +129,7 @@ def test_a_place_is_needed(apply: Apply) -> None:
 
 @pytest.mark.parametrize("speed", ["90m/s", "-3m/s"])
 def test_an_impossible_speed_is_refused(apply: Apply, speed: str) -> None:
-    with pytest.raises(InvalidRequest, match="does not drive"):
+    with pytest.raises(InvalidRequest, match="cannot drive"):
         apply(CAR | {"at": "3", "speed": speed})
 
 
@@ -215,7 +215,7 @@ def test_it_enters_with_the_traffic_around_it_above_the_usual_speed_too(apply: A
 def test_a_place_too_close_for_the_one_behind_is_refused_unless_a_speed_is_named(apply: Apply) -> None:
     between = SHORT.with_vehicles(driving(31, (100, 0), 25.0, 31), driving(32, (121, 0), 0.0, 31))
     place = CAR | {"at": "1", "position": "114m"}
-    with pytest.raises(NotPossible, match=r"hit by vehicle 31, which comes 9.5 m behind with 25.0 m/s"):
+    with pytest.raises(NotPossible, match=r"hit by vehicle 31, which follows 9.5 m behind at 25.0 m/s"):
         apply(place, builder=between)
     assert apply(place | {"speed": "2m/s"}, builder=between).outcome.collisions
 
@@ -244,7 +244,7 @@ HELD = {"op": "set_speed", "vehicles": ["new:0"], "speed": "0m/s"}
 def test_a_later_departure_is_refused_where_an_edited_vehicle_is_by_then(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
     onto = CAR | {"at": "3", "position": "201m", "time_s": 2}
-    with pytest.raises(NotPossible, match=r"lanelet 3 at 201.0 m is taken by vehicle 101 at 2.0 s") as caught:
+    with pytest.raises(NotPossible, match=r"lanelet 3 at 201.0 m .* by vehicle 101 at 2.0 s") as caught:
         apply(STANDING, HELD, onto, builder=alone)
     position = caught.value.valid[0].partition("position='")[2].rstrip("'")
     applied = apply(STANDING, HELD, onto | {"position": position}, builder=alone)
@@ -257,7 +257,7 @@ def test_a_later_departure_is_refused_where_a_recorded_vehicle_is_held(apply: Ap
     hold = {"op": "set_speed", "vehicles": ["31"], "speed": "2m/s"}
     onto = CAR | {"at": "1", "position": "113m", "time_s": 4}
     assert apply(onto, builder=alone).outcome.edits[0].done
-    with pytest.raises(NotPossible, match=r"is taken by vehicle 31 at 4.0 s, as the edits have it") as caught:
+    with pytest.raises(NotPossible, match=r"by vehicle 31 at 4.0 s after the edits") as caught:
         apply(hold, onto, builder=alone)
     later = float(caught.value.valid[-1].removeprefix("time_s="))
     assert apply(hold, onto | {"time_s": later, "speed": "2m/s"}, builder=alone).outcome.collisions == ()
@@ -266,7 +266,7 @@ def test_a_later_departure_is_refused_where_a_recorded_vehicle_is_held(apply: Ap
 def test_a_place_that_an_edited_vehicle_has_left_by_then_is_free(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (100, 0), 0.0, 61))
     onto = CAR | {"at": "1", "position": "100m", "time_s": 4}
-    with pytest.raises(NotPossible, match="taken by vehicle 31"):
+    with pytest.raises(NotPossible, match="occupied by vehicle 31"):
         apply(onto, builder=alone)
     applied = apply({"op": "set_speed", "vehicles": ["31"], "speed": "8m/s"}, onto, builder=alone)
     assert applied.tracks()[101].first_step == 40
@@ -276,7 +276,7 @@ def test_a_place_that_an_edited_vehicle_has_left_by_then_is_free(apply: Apply) -
 def test_a_later_pedestrian_is_refused_where_an_edited_vehicle_stands(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
     walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "3", "position": "200m", "speed": "0m/s"}
-    with pytest.raises(NotPossible, match="so that pedestrian 102 cannot enter then"):
+    with pytest.raises(NotPossible, match="so pedestrian 102 cannot enter then"):
         apply(STANDING, HELD, walker | {"time_s": 2}, builder=alone)
 
 
@@ -284,10 +284,12 @@ def test_entering_where_the_ego_may_be_then_is_told(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 7), 5.0, 61))
     ahead = CAR | {"at": "ego", "offset_m": 50, "time_s": 4, "speed": "8m/s"}
     told = apply(ahead, builder=alone).outcome
-    assert any("101 enters just where an ego that drives ordinarily is then" in note for note in told.warnings)
+    assert any("101 enters at the position of an ego" in note for note in told.warnings)
     assert told.ego_after is not None
     assert told.ego_after.minimum_distance_m == 0.0
-    assert not any("just where" in note for note in apply(ahead | {"time_s": 1}, builder=alone).outcome.warnings)
+    assert not any(
+        "at the position of an ego" in note for note in apply(ahead | {"time_s": 1}, builder=alone).outcome.warnings
+    )
 
 
 def test_a_vehicle_without_departure_enters_when_the_ego_starts(apply: Apply) -> None:
@@ -300,10 +302,7 @@ def test_an_added_vehicle_tells_its_speed_place_and_gaps(apply: Apply) -> None:
     what = apply(CAR | {"at": "ego", "offset_m": 12}, builder=SHORT, dry_run=True).outcome.edits[0].what
     assert "(from ego, 12 m ahead)" in what
     gaps = r"gaps: [\d.]+ m, [\d.]+ s to vehicle \d+ ahead and [\d.]+ m, [\d.]+ s to the ego behind"
-    assert re.search(rf"m/s, from 0.0 s on \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
+    assert re.search(rf"m/s, from 0.0 s \(as vehicle \d+, the nearest in the lane\), {gaps}", what)
     alone = apply(CAR | {"at": "3", "speed": "5m/s"}, builder=SHORT, dry_run=True).outcome.edits[0].what
-    assert "(its middle, as no position was named)" in alone
-    assert (
-        "5.0 m/s, from 0.0 s on, gaps: to no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind"
-        in alone
-    )
+    assert "(its middle, " in alone
+    assert "5.0 m/s, from 0.0 s, gaps: no vehicle ahead in its lane and 126.7 m, 11.5 s to vehicle 34 behind" in alone

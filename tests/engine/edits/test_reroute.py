@@ -68,7 +68,7 @@ def test_a_vehicle_past_the_fork_keeps_its_branch(apply: Apply) -> None:
 
 
 def test_an_unknown_lanelet_is_refused_with_the_nearest_ids(apply: Apply) -> None:
-    with pytest.raises(UnknownName, match="14 is no lanelet") as caught:
+    with pytest.raises(UnknownName, match="14 is not a lanelet") as caught:
         apply({"op": "reroute", "vehicles": ["31"], "to": ["14"]})
     assert caught.value.valid[0] == "13"
 
@@ -117,7 +117,7 @@ def test_lanelets_edges_and_lanes_are_all_understood(apply: Apply, target: str) 
 
 def test_a_bend_that_the_vehicle_comes_to_too_fast_is_refused(apply: Apply) -> None:
     racing = town_road().with_vehicles(driving(36, (150, 0), 38.0, 30))
-    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before a bend of lanelet 12.*cannot brake enough"):
+    with pytest.raises(NotPossible, match=r"38\.0 m/s 50 m before a curve of lanelet 12.*cannot brake enough"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["13"]}, builder=racing)
 
 
@@ -139,7 +139,7 @@ def test_a_bend_at_the_far_end_of_a_lanelet_leaves_all_of_it_to_brake(apply: App
 
 def test_a_lane_change_whose_last_place_is_passed_before_it_can_be_made_is_refused(apply: Apply) -> None:
     past = town_road().with_vehicles(driving(36, (199, 0), 10.0, 41))
-    with pytest.raises(NotPossible, match="lanelet 1, which it has to leave for 2, ends 0 m ahead of its front"):
+    with pytest.raises(NotPossible, match=r"lanelet 1, .* 2, ends 0 m ahead of its front"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=past)
     later = apply({"op": "reroute", "vehicles": ["36"], "to": ["21"]}, builder=past)
     assert later.outcome.edits[0].done

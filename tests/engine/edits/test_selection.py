@@ -74,7 +74,7 @@ def test_the_ego_s_own_recording_neither_leads_nor_follows_and_is_noted(apply: A
     builder = town_road().cut(11)
     builder = builder.with_vehicles(*builder.vehicles, driving(36, (39.9, 0), 10.0, 11))
     assert meant(apply, "follow", builder=builder) == (32,)
-    noted = "36 is the ego's own recording: its danger is 0 m until remove_vehicle takes it out"
+    noted = "36 is the ego's own recording: the ego's danger is 0 m until you remove it (remove_vehicle)"
     assert noted in apply({"op": "remove_vehicle", "vehicles": ["35"]}, builder=builder).outcome.warnings
     assert noted not in apply({"op": "remove_vehicle", "vehicles": ["36"]}, builder=builder).outcome.warnings
 
@@ -128,7 +128,7 @@ def test_an_unknown_word_is_refused(apply: Apply) -> None:
 
 
 def test_naming_no_vehicle_and_only_exclusions_are_refused(apply: Apply) -> None:
-    with pytest.raises(InvalidRequest, match="no vehicle is named"):
+    with pytest.raises(InvalidRequest, match="no vehicle is given"):
         meant(apply)
     with pytest.raises(InvalidRequest, match="only exclusions"):
         meant(apply, "!31")
@@ -142,7 +142,7 @@ def test_new_refers_to_an_earlier_edit_that_adds(apply: Apply) -> None:
 @pytest.mark.parametrize("word", ["fastest", "slowest"])
 def test_two_that_fit_alike_are_refused_with_both(apply: Apply, word: str) -> None:
     builder = town_road().with_vehicles(driving(31, (90, 0), 5.0, 11), driving(32, (60, 3.5), 5.0, 11))
-    with pytest.raises(NotPossible, match=f"'{word}' is ambiguous: 2 vehicles are alike") as caught:
+    with pytest.raises(NotPossible, match=f"'{word}' is ambiguous: 2 vehicles") as caught:
         meant(apply, word, builder=builder)
     assert caught.value.valid == ("31 (car)", "32 (car)")
 
@@ -150,4 +150,4 @@ def test_two_that_fit_alike_are_refused_with_both(apply: Apply, word: str) -> No
 def test_the_answer_says_what_a_class_word_was_taken_for(apply: Apply) -> None:
     edit = {"op": "remove_vehicle", "vehicles": ["one:lorry"]}
     told = apply(edit, builder=town_road().cut(11), dry_run=True).outcome.edits[0].meant
-    assert told.startswith("one:lorry ('lorry' is taken as truck): 33 truck")
+    assert told.startswith("one:lorry ('lorry' read as truck): 33 truck")

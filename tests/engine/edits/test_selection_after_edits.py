@@ -151,7 +151,7 @@ def test_a_vehicle_enters_no_faster_than_it_can_brake_for_one_that_was_added(app
 
 @pytest.mark.parametrize(
     ("word", "reason", "valid"),
-    [("nearest:0", "selects no vehicle", "nearest:1"), ("nearest:6", "asks for more vehicles than are", "nearest:5")],
+    [("nearest:0", "selects no vehicle", "nearest:1"), ("nearest:6", "requests more vehicles than are", "nearest:5")],
 )
 def test_a_number_of_vehicles_that_cannot_be_meant_is_refused(apply: Apply, word: str, reason: str, valid: str) -> None:
     with pytest.raises(InvalidRequest, match=reason) as caught:

@@ -84,7 +84,7 @@ def test_a_start_from_which_the_goal_cannot_be_reached_is_refused(apply: Apply) 
 
 
 def test_a_taken_start_is_refused_with_a_free_one(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="taken by vehicle 31") as caught:
+    with pytest.raises(NotPossible, match="occupied by vehicle 31") as caught:
         apply({"op": "set_ego", "at": "1", "position": "70m"}, builder=SHORT)
     assert caught.value.valid[0].startswith("at=1 position=")
 
@@ -92,7 +92,7 @@ def test_a_taken_start_is_refused_with_a_free_one(apply: Apply) -> None:
 def test_the_former_ego_is_in_the_way_only_where_it_stays_as_traffic(apply: Apply) -> None:
     a_little_on = {"op": "set_ego", "at": "1", "position": "41m"}
     assert problem(apply(a_little_on, builder=SHORT)).initial_state.position == pytest.approx((41.0, 0.0))  # type: ignore[attr-defined]
-    with pytest.raises(NotPossible, match="taken by the ego"):
+    with pytest.raises(NotPossible, match="occupied by the ego"):
         apply(a_little_on | {"former_ego": "traffic"}, builder=SHORT)
 
 
@@ -156,7 +156,7 @@ def test_a_goal_that_a_car_meets_and_the_ego_s_class_does_not_is_refused(apply: 
 
 @pytest.mark.parametrize("edit", [{}, {"vehicles": ["31"], "speed": "3m/s"}])
 def test_either_a_car_or_a_start_is_needed(apply: Apply, edit: dict[str, object]) -> None:
-    with pytest.raises(InvalidRequest, match="either a vehicle"):
+    with pytest.raises(InvalidRequest, match="a vehicle in 'vehicles', a start"):
         apply({"op": "set_ego", **edit}, builder=SHORT)
 
 

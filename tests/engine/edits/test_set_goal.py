@@ -63,8 +63,8 @@ def test_a_bend_on_the_way_that_no_car_takes_at_its_speed_is_told(
     start = Problem(start=(36.0, 0.0, 0.0, speed_mps), goal=(100.0, 0.0, 8.0, 3.0), steps=(20, 60))
     builder = ScenarioBuilder(corner, problems=(start,))
     told = {to: apply({"op": "set_goal", "to": [to]}, builder=builder).outcome.edits[0].what for to in ("2", "3")}
-    assert "bend" not in told["2"]
-    assert ("16.0 m/s 4 m before a bend of lanelet 3 that takes at most 8" in told["3"]) == too_fast
+    assert "curve" not in told["2"]
+    assert ("16.0 m/s 4 m before a curve of lanelet 3 that allows 8" in told["3"]) == too_fast
 
 
 def test_a_bend_behind_the_ego_does_not_count(apply: Apply) -> None:
@@ -113,7 +113,7 @@ def test_a_time_that_no_car_makes_is_refused_with_one_that_works(apply: Apply) -
 
 @pytest.mark.parametrize("rectangle", [[6.0, 0.0], [6.0], [-1.0, 2.0], [6.0, 2.0, 1.0]])
 def test_a_bad_rectangle_is_refused(apply: Apply, rectangle: list[float]) -> None:
-    with pytest.raises(InvalidRequest, match="no goal region"):
+    with pytest.raises(InvalidRequest, match="not a goal region"):
         apply({"op": "set_goal", "to": ["11"], "rectangle_m": rectangle})
 
 
@@ -144,9 +144,9 @@ def test_of_the_lanelets_near_the_ego_only_those_that_it_reaches_are_named(apply
 @pytest.mark.parametrize(
     ("goal_time", "told"),
     [
-        ("<=9s", "takes 28.9 m/s on average"),
-        ("<=20s", "takes 13.0 m/s on average, by the recording's end at 10.0 s 26.0 m/s"),
-        ("10.5..20s", "takes 13.0 m/s on average; the recording ends earlier, at 10.0 s"),
+        ("<=9s", "requires 28.9 m/s on average"),
+        ("<=20s", "requires 13.0 m/s on average, by the recording's end at 10.0 s 26.0 m/s"),
+        ("10.5..20s", "requires 13.0 m/s on average; the recording ends earlier, at 10.0 s"),
     ],
 )
 def test_a_time_that_goes_on_after_the_recording_is_told(apply: Apply, goal_time: str, told: str) -> None:

@@ -28,7 +28,7 @@ def test_a_speed_is_reached_and_kept_above_the_limit_too(apply: Apply, speed: st
     track = applied.tracks()[34]
     assert track.speeds_mps[80] == pytest.approx(expected, abs=0.1)
     assert applied.outcome.touched[0].feasible
-    assert "34 reaches it at" in applied.outcome.edits[0].what
+    assert "34 reaches the speed at" in applied.outcome.edits[0].what
 
 
 def test_it_drives_as_recorded_until_then(apply: Apply) -> None:
@@ -48,8 +48,8 @@ def test_traffic_ahead_is_not_run_into_and_the_report_says_how_close_it_came(app
     slow = driving(32, (250, 7), 4.0, 101, heading_rad=np.pi)
     applied = apply(held("20m/s"), builder=ALONE.with_vehicles(*ALONE.vehicles, slow))
     assert not applied.outcome.collisions
-    assert "34 does not reach it" in applied.outcome.edits[0].what
-    assert "traffic ahead, a junction or a bend holds it back" in applied.outcome.edits[0].what
+    assert "34 does not reach the speed" in applied.outcome.edits[0].what
+    assert "traffic ahead, a junction or a curve limits it" in applied.outcome.edits[0].what
 
 
 def test_one_that_is_held_to_a_speed_brakes_hard_where_the_one_ahead_does(apply: Apply) -> None:
@@ -75,7 +75,7 @@ def test_a_speed_ordered_just_before_the_end_is_not_blamed_on_the_traffic(apply:
 
 @pytest.mark.parametrize("speed", ["-90m/s", "90m/s", "900%"])
 def test_an_impossible_speed_is_refused(apply: Apply, speed: str) -> None:
-    with pytest.raises(InvalidRequest, match="does not drive"):
+    with pytest.raises(InvalidRequest, match="cannot drive"):
         apply(held(speed), builder=ALONE)
 
 

@@ -36,9 +36,7 @@ def test_an_entry_after_time_0_has_no_form_in_the_schema_and_is_written_with_a_n
     applied = apply(ONCOMING | {"time_s": 1}, added)
     assert [applied.tracks()[key].first_step for key in (34, 101)] == [10, 20]
     assert len(schema_errors(applied.xml) - schema_errors(applied.base)) > 0
-    said = (
-        "vehicle 34 enters at 1.0 s, vehicle 101 enters at 2.0 s: CommonRoad's schema wants everybody there at time 0"
-    )
+    said = "vehicle 34 enters at 1.0 s, vehicle 101 enters at 2.0 s: CommonRoad's schema requires time 0"
     assert any(text.startswith(said) for text in applied.outcome.warnings)
 
 
@@ -80,7 +78,7 @@ def test_a_vehicle_about_to_collide_is_driven_from_then_on_with_a_note(apply: Ap
     assert (touched.cause, touched.from_time_s) == ("shifted", 0.0)
     assert touched.handover_jump_m is not None
     assert outcome.edits[0].what == (
-        "vehicle 33 1 s earlier than recorded; 33 is driven from 0.0 s on: its recording would hit vehicle 32 at 1.8 s"
+        "vehicle 33 1 s earlier than recorded; 33 is driven from 0.0 s: its recording would hit vehicle 32 at 1.8 s"
     )
 
 
@@ -96,7 +94,7 @@ def test_a_shift_onto_a_vehicle_is_refused_with_the_nearest_ones_that_fit(
     apply: Apply, edits: list[dict[str, Any]], moved: int, other: int, begins_s: float
 ) -> None:
     road = follower_and_leader(10.0)
-    reason = f"at {begins_s} s, where .* begins, vehicle {moved} would be on top of vehicle {other}"
+    reason = f"vehicle {moved} would start on top of vehicle {other} at {begins_s} s"
     with pytest.raises(NotPossible, match=reason) as caught:
         apply(*edits, builder=road)
     assert len(caught.value.valid) == 2
@@ -107,7 +105,7 @@ def test_a_shift_onto_a_vehicle_is_refused_with_the_nearest_ones_that_fit(
 
 def test_a_shift_onto_the_ego_is_refused(apply: Apply) -> None:
     behind = town_road().with_vehicles(driving(31, (20, 0), 10.0, 101))
-    with pytest.raises(NotPossible, match=r"at 0\.0 s, .*vehicle 31 would be on top of the ego"):
+    with pytest.raises(NotPossible, match=r"vehicle 31 would start on top of the ego at 0\.0 s"):
         apply(shifted("31", -2), builder=behind)
 
 
@@ -126,7 +124,7 @@ def test_a_shifted_vehicle_can_be_edited_further(apply: Apply) -> None:
 
 
 def test_a_vehicle_that_drives_already_is_not_shifted(apply: Apply) -> None:
-    with pytest.raises(NotPossible, match="does not drive its recording any more"):
+    with pytest.raises(NotPossible, match="recording"):
         apply({"op": "set_behaviour", "vehicles": ["34"], "preset": "eco"}, ONCOMING | {"time_s": 2})
 
 

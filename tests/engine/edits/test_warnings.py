@@ -33,7 +33,7 @@ def test_an_edit_of_ordinary_traffic_warns_of_nothing(apply: Apply, edit: dict[s
 def test_unseen_vehicles_are_named_only_where_one_drives(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     driven = apply(EVERY_KIND[0], builder=beside).outcome.warnings
-    assert driven == ("recorded off the lanelets, so that driven vehicles do not see them: 36",)
+    assert driven == ("recorded off the lanelets, so driven vehicles do not see them: 36",)
     assert apply(EVERY_KIND[7], builder=beside).outcome.warnings == ()
     gone = {"op": "remove_vehicle", "vehicles": ["36"]}
     assert apply(gone, EVERY_KIND[0], builder=beside).outcome.warnings == ()
@@ -42,7 +42,7 @@ def test_unseen_vehicles_are_named_only_where_one_drives(apply: Apply) -> None:
 def test_reactive_traffic_names_vehicles_that_keep_their_recording(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     warnings = apply(EVERY_KIND[0], builder=beside, traffic="reactive").outcome.warnings
-    assert "cannot be driven, so that they keep their recording: 36" in warnings
+    assert "cannot be driven, so they keep their recording: 36" in warnings
     assert not any("cannot be driven" in one for one in apply(EVERY_KIND[0], builder=beside).outcome.warnings)
 
 
@@ -64,5 +64,5 @@ def test_vehicles_that_enter_late_are_named_in_order(
     ]
     empty = replace(SHORT, vehicles=SHORT.vehicles[:1])
     warnings = apply(*adds, builder=empty).outcome.warnings
-    rest = "CommonRoad's schema wants everybody there at time 0, its reader takes it"
+    rest = "CommonRoad's schema requires time 0, but its reader accepts this"
     assert warnings == (() if named is None else (f"{named}: {rest}",))

@@ -36,6 +36,6 @@ def test_what_is_no_network_is_refused_by_its_name(tmp_path: Path, name: str) ->
     net, reason = REFUSED[name]
     asked = request(tmp_path, net)
     limit = 4000 if "larger" in name else asked.file_bytes
-    with pytest.raises(UnsafeInput, match=rf"beside the scenario.*a\.net\.xml.*{reason}") as caught:
+    with pytest.raises(UnsafeInput, match=rf"next to the scenario.*a\.net\.xml.*{reason}") as caught:
         read_facts(asked.model_copy(update={"file_bytes": limit}), silent)
-    assert "move it away" in caught.value.next_step
+    assert "remove it" in caught.value.next_step

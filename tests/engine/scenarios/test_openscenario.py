@@ -84,7 +84,7 @@ def test_the_file_keeps_to_the_schema_of_the_standard(play: Path) -> None:
 def test_what_the_format_lacks_is_told(tmp_path: Path) -> None:
     told = exported(town_road().with_vehicles(LATE).write(tmp_path / "town.xml"), tmp_path / "town.xosc").lost
     assert any("goal" in words for words in told)
-    assert any("comes later" in words for words in told)
+    assert any("entering later" in words for words in told)
 
 
 def test_the_same_recording_gives_the_same_bytes(play: Path, tmp_path: Path) -> None:

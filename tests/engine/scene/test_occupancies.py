@@ -60,7 +60,7 @@ def edit(tmp_path: Path) -> EditBase:
 
 def test_their_place_is_taken(edit: EditBase) -> None:
     onto = {"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "71m", "speed": "5m/s"}
-    with pytest.raises(NotPossible, match="taken by obstacle 31"):
+    with pytest.raises(NotPossible, match="occupied by obstacle 31"):
         edit(onto)
     assert edit({"op": "remove_vehicle", "vehicles": ["31"]}, onto).outcome.edits[1].done
 

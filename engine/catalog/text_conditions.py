@@ -1,8 +1,8 @@
-"""Manoeuvres that a text speaks of, as conditions on what was computed from the recording.
+"""Find manoeuvres in a search text, and turn them into conditions on computed features.
 
-A text ranks by likeness of meaning, and every scenario is a little like every text. What happens is known exactly, so
-"truck cuts in" is a condition like any other. A manoeuvre that the text denies is left to the ranking, and so is all of
-the text where ``tags`` or ``features`` say already what is to happen.
+A text ranks by similarity of meaning, and every scenario is slightly similar to every text. What happens is known
+exactly, so "truck cuts in" is a condition like any other. The ranking handles a manoeuvre that the text denies. If
+``tags`` or ``features`` are given, it handles the whole text.
 """
 
 import re
@@ -15,13 +15,13 @@ from .bm25 import words_of
 from .constraints import Constraint, feature_constraint, obstacle_type_of
 
 _NEAR_WORDS = 4
-"""Words before or behind a manoeuvre among which its road user or a denial stands, at most (chosen)."""
+"""The most words between a manoeuvre and its road user or a denial (chosen)."""
 _DENIALS = frozenset({"no", "not", "without", "never", "nobody", "avoid"})
 _FRONT = r"\b(?:lead|leader|leading|ahead|preceding|in front)\b"
 _BRAKES, _TURNS = r"\bbrak(?:e|es|ing)\b", r"\bturn(?:s|ing)?\b"
 _BETWEEN = r"[\w\s-]{0,20}"
 """Up to three words between two that belong together."""
-_SAID: tuple[tuple[str, str, bool], ...] = (
+_PATTERNS: tuple[tuple[str, str, bool], ...] = (
     ("cut_in", r"\bcut(?:s|ting)?[\s-]?ins?\b", False),
     ("cut_out", r"\bcut(?:s|ting)?[\s-]?outs?\b", False),
     ("overtaking", r"\bovert(?:ak(?:e|es|ing|en)|ook)\b", False),
@@ -36,43 +36,43 @@ _SAID: tuple[tuple[str, str, bool], ...] = (
     ("merging", r"\bmerg(?:e|es|ing)\b(?!\s+lanes?\b)", True),
     ("crossing", r"\bcross(?:es\b|ing\b(?=\s+(?:the|its|our|ahead|before|from|in\s+front)\b))", True),
 )
-"""Features, how English speaks of each, and whether a road user must be named: roads merge and are crossings, too."""
+"""Features, their patterns in English, and whether the text must contain a road user: roads also merge and cross."""
 _ROAD_USERS = frozenset({"vehicle", "vehicles", "traffic", "someone", "people", "person", "road-user", "actor"})
 _WORD = re.compile(r"[^\W\d_]+")
 
 
 @dataclass(frozen=True)
-class SaidConditions:
-    """The conditions that a text speaks of, and the rest of the text."""
+class TextConditions:
+    """The conditions that a text contains, and the rest of the text."""
 
     constraints: tuple[Constraint, ...]
     rest: str
 
 
 def manoeuvres_in(text: str) -> tuple[str, ...]:
-    """Return the features that a text speaks of, such as ``cut_in:truck``."""
+    """Return the features that a text mentions, such as ``cut_in:truck``."""
     return tuple(_with_road_user(feature, text, begin, end)[0] for feature, begin, end in _mentions(text))
 
 
-def said_in(text: str) -> SaidConditions:
-    """Return the conditions on manoeuvres that a text speaks of; each says in its note what it was taken from."""
+def conditions_in_text(text: str) -> TextConditions:
+    """Return the conditions on manoeuvres that a text mentions; the note of each quotes its words."""
     found: dict[str, Constraint] = {}
     rest = text
     for feature, begin, end in _mentions(text):
         name, first, last = _with_road_user(feature, text, begin, end)
-        said = one_line(text[first:last])
-        note = f"'{said}' in the text is taken as the condition features={name}."
+        quoted_words = one_line(text[first:last])
+        note = f"'{quoted_words}' in the text is read as features={name}."
         found.setdefault(name, replace(feature_constraint(name), note=note))
         rest = rest.replace(text[begin:end], " ", 1)
     typed = {name.partition(":")[0] for name in found if ":" in name}
     kept = [one for name, one in found.items() if ":" in name or name not in typed]
-    return SaidConditions(tuple(kept), rest)
+    return TextConditions(tuple(kept), rest)
 
 
 def _mentions(text: str) -> Iterator[tuple[str, int, int]]:
-    """The features that a text speaks of and does not deny, with the places of their words; each place once."""
+    """Yield the features that a text mentions and does not deny, with the place of their words; each place once."""
     taken: list[tuple[int, int]] = []
-    for feature, pattern, needs_road_user in _SAID:
+    for feature, pattern, needs_road_user in _PATTERNS:
         for match in re.finditer(pattern, text, re.IGNORECASE):
             begin, end = match.span()
             before = words_of(text[:begin])[-_NEAR_WORDS:]
@@ -91,9 +91,9 @@ def _is_road_user(word: str) -> bool:
 
 
 def _with_road_user(feature: str, text: str, begin: int, end: int) -> tuple[str, int, int]:
-    """Return the feature, with the type of the road user that makes it if the text names one, and its place there.
+    """Return the feature, with the type of the road user if the text contains one, and their place in the text.
 
-    The road user stands inside the words of the manoeuvre, before them, or behind them after "by", "of" or "from".
+    The road user is inside the words of the manoeuvre, before them, or after them following "by", "of" or "from".
     """
     if feature not in MANOEUVRES:
         return feature, begin, end

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import pytest
 from support.catalog import catalogue, facts
 
-from plannerforge.engine.catalog.said import said_in
 from plannerforge.engine.catalog.search import Ranking, Search
+from plannerforge.engine.catalog.text_conditions import conditions_in_text
 from plannerforge.schemas.catalog import FindScenariosArguments
 from plannerforge.schemas.errors import UnknownName
 from plannerforge.schemas.scenarios import ScenarioFacts
@@ -34,7 +34,7 @@ from plannerforge.schemas.scenarios import ScenarioFacts
     ],
 )
 def test_a_text_that_says_what_happens_is_a_condition(text: str, labels: Sequence[str]) -> None:
-    assert [one.label for one in said_in(text).constraints] == labels
+    assert [one.label for one in conditions_in_text(text).constraints] == labels
 
 
 def doing(scenario_id: str, *manoeuvres: str) -> ScenarioFacts:
@@ -74,7 +74,7 @@ def test_a_feature_that_is_nothing_a_road_user_does_takes_no_type() -> None:
 
 def test_scenarios_from_before_manoeuvres_were_computed_are_told() -> None:
     search = Search(catalogue([facts(ALL[0]), doing(ALL[1])]), FindScenariosArguments(features=["cut_in"]))
-    assert any("Of 1 scenario " in note for note in search.answer("search", search.find(None), None).notes)
+    assert any("for 1 scenario " in note for note in search.answer("search", search.find(None), None).notes)
 
 
 def test_where_features_say_what_happens_the_text_only_ranks() -> None:
