@@ -6,7 +6,7 @@ before its traffic is generated. Distances in m.
 """
 
 import random
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
@@ -488,7 +488,7 @@ class SiteFocus:
         middle = middle_of(site, net)
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
-        self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
+        self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, network, middle)]
         self.ring = _ring_edges_at(net, middle) if site.kind == "roundabout" else frozenset[str]()
         self.junctions = _junctions_of(site, net, middle)
         self.spot_junctions, self._spot = _spot(site, self.junctions, net, network, middle)
@@ -545,11 +545,25 @@ class SiteFocus:
         return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
 
 
+<<<<<<< HEAD
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
     """Return a test for each area, the most important first, that tells whether a lanelet belongs to it."""
+=======
+def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) -> bool:
+    """Return True for a lanelet inside a junction that leads from one of some edges to another one."""
+
+    def is_among(keys: Iterable[int]) -> bool:
+        return any(network.lanelets[key].edge_id in edges for key in keys)
+
+    return lanelet.internal and is_among(lanelet.predecessors) and is_among(lanelet.successors)
+
+
+def _parts(site: Site, net: SumoNet, network: RoadNetwork, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
+    """For each area, the most important first, whether a lanelet belongs to it."""
+>>>>>>> fix37
     if site.kind == "roundabout":
         edges = _ring_edges_at(net, middle)
-        return [lambda lanelet: lanelet.edge_id in edges]
+        return [lambda lanelet: lanelet.edge_id in edges or _joins(lanelet, edges, network)]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
         junctions = _junctions_of(site, net, middle)
         return [lambda lanelet: lanelet.internal and _junction(lanelet) in junctions] if junctions else []

@@ -14,7 +14,7 @@ from ..road_tags.lanes import oneway_of
 LONGEST_RING_M = 1_000.0
 """Maximum length around a ring (chosen): a site's cut does not contain longer ones."""
 LEAST_RING_M = 23.5
-"""Minimum length around a ring that a car can drive. The outer front wheel of usual cars turns on a circle of 10 m or
+"""Length of the smallest ring that a car can drive. The outer front wheel of usual cars turns on a circle of 10 m or
 more; with a wheelbase of 2.6 m and a track of 1.5 m, the car's centre is then 3.75 m from the middle. Smaller circles,
 such as those that calm traffic at crossings of streets, are driven as crossings."""
 LEAST_ENTRIES = 2
