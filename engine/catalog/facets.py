@@ -75,12 +75,10 @@ def _words(
     counts = _counted([row[0] for row in rows if row[1] in numbers])
     none = [word for word in known if word not in counts]
     if whole:
-        return [
-            FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but in no scenario")
-        ]
+        return [FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="0: valid, but unused")]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     notes = [
-        *([f"in no scenario: {', '.join(none)}"] if none else []),
+        *([f"unused: {', '.join(none)}"] if none else []),
         *(["also WORD:TYPE"] if len(plain) < len(counts) else []),
     ]
     return [FacetCounts(facet=facet, counts=plain, note="; ".join(notes))]
@@ -106,7 +104,7 @@ def _road_net(
     limits = connection.execute("SELECT kmh, number FROM catalog_limits WHERE scope = 'ego'").fetchall()
     posted = _counted([f"{row[0]:g}" for row in limits if row[1] in numbers])
     with_limit = len({row[1] for row in limits if row[1] in numbers})
-    note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys in no scenario")
+    note = "ego's lane, or @map" + ("" if whole or not none else f"; {len(none)} keys unused")
     shown = {**on_ego, **on_map, **extra} if whole else _first(on_ego, KEYS_SHOWN) | _first(on_map, KEYS_SHOWN)
     limit_note = "; ".join(_about_limits(posted, with_limit, len(posted) if whole else LIMITS_SHOWN))
     posted = posted if whole else _first(posted, LIMITS_SHOWN)
@@ -136,7 +134,7 @@ def _obstacles(connection: sqlite3.Connection, numbers: frozenset[int], whole: b
     none = [kind for kind in OBSTACLE_TYPES if kind not in counts]
     if whole:
         counts |= dict.fromkeys(none, 0)
-    note = "scenarios with at least one" + (f"; {len(none)} types in no scenario" if none and not whole else "")
+    note = "scenarios with any" + (f"; {len(none)} types unused" if none and not whole else "")
     return [FacetCounts(facet="obstacles", counts=counts, note=note)]
 
 

@@ -104,7 +104,7 @@ async def test_duplicates_of_one_folder_are_refused_and_name_each_other(
         _, _, answer = await call(client, "import_files", path=str(folder))
         reasons = {item["file"]: item["reason"] for item in answer["refusals"]}
         assert "same content as good.xml" in reasons["same.xml"]
-        assert "good.xml has the id" in reasons["same_id.xml"]
+        assert "good.xml also has the id" in reasons["same_id.xml"]
         assert answer["added"] == 1
 
 
@@ -205,7 +205,7 @@ async def test_the_facets_are_short(connect: Connect, settings: Settings) -> Non
     ("tool", "arguments", "expected"),
     [
         ("find_scenarios", {"tags": ["tunnel"]}, "unknown_name"),
-        ("find_scenarios", {"method": "bm25"}, "no"),
+        ("find_scenarios", {"method": "bm25"}, "invalid_request"),
         ("find_scenarios", {"within": "search_nothing"}, "search_nothing"),
         ("describe_scenario", {"scenario_id": "DEU_Nowhere-1_1_T-1"}, "unknown_name"),
         ("import_files", {"path": "/etc/hostname"}, "outside_roots"),

@@ -64,12 +64,12 @@ def test_a_facet_by_itself_names_what_none_has_with_0(three: sqlite3.Connection)
 
 def test_among_all_facets_what_none_has_stands_in_a_note(three: sqlite3.Connection) -> None:
     found = notes(three, "all")
-    assert found["tags"] == f"in no scenario: {', '.join(tag for tag in TAGS if tag not in ('urban', 'critical'))}"
-    assert found["obstacles"] == f"scenarios with at least one; {len(OBSTACLE_TYPES) - 3} types in no scenario"
+    assert found["tags"] == f"unused: {', '.join(tag for tag in TAGS if tag not in ('urban', 'critical'))}"
+    assert found["obstacles"] == f"scenarios with any; {len(OBSTACLE_TYPES) - 3} types unused"
     assert found["places"] == ""
     # On the maps: stop, yield and a light; speed_limit is a sign that limits stand for.
     missing = {*SIGNS, "traffic_light"} - {"stop", "yield", "traffic_light", "speed_limit"}
-    assert found["road_net"] == f"ego's lane, or @map; {len(missing)} keys in no scenario"
+    assert found["road_net"] == f"ego's lane, or @map; {len(missing)} keys unused"
 
 
 def test_signs_are_counted_on_the_ego_s_lane_and_on_the_map(three: sqlite3.Connection) -> None:
