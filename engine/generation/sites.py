@@ -488,8 +488,9 @@ class SiteFocus:
         middle = middle_of(site, net)
         self.kind, self.net = site.kind, net
         self._name = FOCUS_NAMES.get(site.kind, "")
-        self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, network, middle)]
+        self._areas = [_area(network, belongs, middle) for belongs in _parts(site, net, middle)]
         self.ring = _ring_edges_at(net, middle) if site.kind == "roundabout" else frozenset[str]()
+        self._ring_joints = _area(network, lambda one: _joins(one, self.ring, network), middle) if self.ring else None
         self.junctions = _junctions_of(site, net, middle)
         self.spot_junctions, self._spot = _spot(site, self.junctions, net, network, middle)
 
@@ -527,6 +528,13 @@ class SiteFocus:
             within |= contains_xy(area, x, y)
         return within
 
+    def is_between_ring_edges(self, car: GeneratedVehicle, step: int) -> bool:
+        """Return True if the car's centre is inside a junction of the ring at a step, on the way round it."""
+        from shapely import contains_xy
+
+        x, y = car.motion.positions[step]
+        return self._ring_joints is not None and bool(contains_xy(self._ring_joints, x, y))
+
     def is_left_by(self, car: GeneratedVehicle, step: int) -> bool:
         """Return whether the car's centre is outside all areas at a step; always True if a road is the site."""
         from shapely import contains_xy
@@ -545,10 +553,6 @@ class SiteFocus:
         return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
 
 
-<<<<<<< HEAD
-def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
-    """Return a test for each area, the most important first, that tells whether a lanelet belongs to it."""
-=======
 def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) -> bool:
     """Return True for a lanelet inside a junction that leads from one of some edges to another one."""
 
@@ -558,12 +562,11 @@ def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) ->
     return lanelet.internal and is_among(lanelet.predecessors) and is_among(lanelet.successors)
 
 
-def _parts(site: Site, net: SumoNet, network: RoadNetwork, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
-    """For each area, the most important first, whether a lanelet belongs to it."""
->>>>>>> fix37
+def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
+    """Return a test for each area, the most important first, that tells whether a lanelet belongs to it."""
     if site.kind == "roundabout":
         edges = _ring_edges_at(net, middle)
-        return [lambda lanelet: lanelet.edge_id in edges or _joins(lanelet, edges, network)]
+        return [lambda lanelet: lanelet.edge_id in edges]
     if site.kind in ("signalised_intersection", "intersection", "urban"):
         junctions = _junctions_of(site, net, middle)
         return [lambda lanelet: lanelet.internal and _junction(lanelet) in junctions] if junctions else []

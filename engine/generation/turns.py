@@ -84,6 +84,8 @@ def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | N
     steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
     if not len(steps) or steps[0] == 0 or steps[-1] == last_step:
         return None
+    if focus.is_between_ring_edges(car, 0) or focus.is_between_ring_edges(car, last_step):
+        return None
     driven = arc_length(car.motion.positions)
     before = int(np.searchsorted(driven, driven[steps[0]] - BESIDE_M))
     behind = min(int(np.searchsorted(driven, driven[steps[-1]] + BESIDE_M)), last_step)

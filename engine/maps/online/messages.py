@@ -11,14 +11,27 @@ from collections.abc import Callable
 from functools import cache
 from typing import Annotated, Any, Literal, NotRequired, TypeVar
 
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, Field, TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
 from typing_extensions import TypedDict
 
 from ....schemas.text import one_line
 
-_Latitude = Annotated[float, Field(ge=-90.0, le=90.0, allow_inf_nan=False)]
-_Longitude = Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False)]
-_Id = Annotated[int, Field(gt=0, lt=2**63)]
+
+def _not_boolean(value: object) -> object:
+    """Return a value that is not a boolean, which pydantic would read as 0 or 1.
+
+    Raises:
+        PydanticCustomError: it is one.
+    """
+    if isinstance(value, bool):
+        raise PydanticCustomError("boolean", "a boolean is not a number")
+    return value
+
+
+_Latitude = Annotated[float, Field(ge=-90.0, le=90.0, allow_inf_nan=False), BeforeValidator(_not_boolean)]
+_Longitude = Annotated[float, Field(ge=-180.0, le=180.0, allow_inf_nan=False), BeforeValidator(_not_boolean)]
+_Id = Annotated[int, Field(gt=0, lt=2**63), BeforeValidator(_not_boolean)]
 """Ids are positive 64-bit integers; negative ones belong to an editor that has not uploaded them."""
 _LONGEST_TAG = 255
 """Characters of a key or a value of a tag (OpenStreetMap API 0.6)."""
@@ -106,7 +119,7 @@ class Finding(TypedDict):
     addresstype: NotRequired[_Tag | None]
     osm_type: NotRequired[_Tag]
     osm_id: NotRequired[_Id]
-    importance: NotRequired[Annotated[float, Field(allow_inf_nan=False)] | None]
+    importance: NotRequired[Annotated[float, Field(allow_inf_nan=False), BeforeValidator(_not_boolean)] | None]
     address: NotRequired[dict[_Tag, _Text]]
     namedetails: NotRequired[dict[_Tag, _Text] | None]
     geojson: NotRequired[_Shape]
