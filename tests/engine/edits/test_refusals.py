@@ -70,7 +70,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
     (CAR | {"at": "1", "lane": "left"}, "'1' is a lanelet", "position"),
     (CAR | {"at": "ego", "position": "middle"}, "'ego' is not a lanelet", "offset_m"),
     (CAR | {"at": "1", "position": "somewhere"}, "'somewhere' is not a position", "middle"),
-    (CAR | {"at": "1", "position": "500m"}, "500m lies beyond", "200.0m"),
+    (CAR | {"at": "1", "position": "500m"}, "500m is beyond", "200.0m"),
     (CAR | {"at": "1", "position": "7"}, "position 7 is not a fraction", "middle"),
     (CAR | {"at": "ego", "lane": "right", "offset_m": 10.0}, "no lane in its direction on its right", "left"),
     (CAR | {"at": "ego", "offset_m": 900.0}, "the road ends before", "up to"),
