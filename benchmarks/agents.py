@@ -1,16 +1,22 @@
-"""``make bench-agent``: what the tools allow at best, what agents without a model reach, and what an ideal agent needs.
+"""``make bench-agent``: the ceiling of the tools, the score of agents without a model, and the tokens of an ideal
+agent.
 
-Keys: ``oracle_TASK``: share of the corpus' requests that the ground truth as calls gets done, judged in the workspace;
-``oracle_e2e_made``: the same of conversations that are made for it (``--conversations``); ``spoiled_first_try``,
-``spoiled_after_refusal``: shares of requests that get done by calls as small models write them, at once and after two
-refusals at most, ``spoiled_unnoticed``: how many end wrongly without a refusal; ``regex_routing``,
-``bm25_top1`` and ``bm25_any5``: what keywords alone reach (the paper: 0.455, 0.675 and 0.86); ``misbehaviours``: kinds
-of misbehaviour of models and servers that the agent's tests stand for and that it survives; ``tokens_e2e``: tokens
-that an ideal agent needs for a conversation in the mean: prompt, tools, calls and answers, each counted once
-(o200k_base); ``tool_tokens`` and ``essential_tokens``: what the list of tools costs.
+Keys:
 
-The development corpora are taken where the shared folder is, the package's own elsewhere. Rows, tables and the report
-stay in ``--out``, and the same command goes on where it was broken off.
+- ``oracle_TASK``: share of the corpus's requests that succeed if the ground truth is sent as calls; the workspace
+  decides.
+- ``oracle_e2e_made``: the same for generated conversations (``--conversations``).
+- ``spoiled_first_try``, ``spoiled_after_refusal``: share of requests that succeed with calls as small models write
+  them, at once and after at most two refusals.
+- ``spoiled_unnoticed``: number of these that end wrongly without a refusal.
+- ``regex_routing``, ``bm25_top1``, ``bm25_any5``: what keywords alone reach (paper: 0.455, 0.675 and 0.86).
+- ``misbehaviours``: kinds of misbehaviour of models and servers that the agent survives in its tests.
+- ``tokens_e2e``: mean tokens of an ideal agent for a conversation: prompt, tools, calls and answers, each counted once
+  (o200k_base).
+- ``tool_tokens``, ``essential_tokens``: tokens of the list of tools.
+
+The bench reads the development corpora from the shared folder, or the packaged ones if there is no such folder. Rows,
+tables and the report stay in ``--out``; the same command resumes an interrupted run.
 """
 
 import argparse

@@ -1,22 +1,28 @@
 """``make bench-chain``: how long a chain of calls takes on scenarios of the size that the generator makes.
 
-Through a client, on a server of its own with two workers that are warm and know no scenario; medians of ``--repeats``.
-The scenarios are 20 s of traffic at the crossings of the built-in town; the ego's goal is 50 steps ahead, the paper's.
+A client calls its own server with two warm workers that have not seen the scenarios; figures are medians over
+``--repeats``. The scenarios are 20 s of traffic at the crossings of the built-in town, and the ego's goal is 50 steps
+ahead, as in the paper.
 
-Keys: ``generate_140_s``, ``describe_140_s``, ``edit_140_s`` (the first edit), ``edit_again_140_s``, ``run_140_s``,
-``run_again_140_s``, ``reactive_140_s``, ``picture_140_s``: each call on a scenario of 140 cars. ``chain_80_s`` and
-``chain_80_warm_s``: generate, describe, edit, two runs, compare and picture on 80 cars, on a fresh server and once more
-with another scenario on the same one. ``generate_exponent``, ``edit_exponent``, ``run_exponent``: growth of the time
-from the fewest to the most cars of ``--cars``. ``run_small_s``: a run of a public file, the median of ``--files``.
-``read_ratio``: processor time in which commonroad-io reads public files and generated ones, over ours where their
-recordings are on disk, as after a scenario was made or described once; ``read_ratio_new``: where they are not.
+Keys:
 
-``import_10k_per_s``: files a second of ``--imports`` copies of public files with ids of their own, the larger half of
-the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after those
-of two calls, in which it has loaded all that it needs (left out where there were no more). ``million_search_ms``: a
-filtered search among ``--entries`` entries made of the facts of those, the median of the corpus when all of it was
-asked once before; ``million_first_search_ms``: the same when the server has just started; ``million_memory_mb``: the
-memory of that server after all searches. ``demo_stages_s``: all calls of the demo.
+- ``generate_140_s``, ``describe_140_s``, ``edit_140_s`` (the first edit), ``edit_again_140_s``, ``run_140_s``,
+  ``run_again_140_s``, ``reactive_140_s``, ``picture_140_s``: each call on a scenario with 140 cars.
+- ``chain_80_s``, ``chain_80_warm_s``: generate, describe, edit, two runs, compare and picture with 80 cars, on a fresh
+  server and again with another scenario on the same server.
+- ``generate_exponent``, ``edit_exponent``, ``run_exponent``: growth of the time from the fewest to the most cars of
+  ``--cars``.
+- ``run_small_s``: a run of a public file, the median of ``--files``.
+- ``read_ratio``: processor time of commonroad-io for public and generated files over ours, if their recordings are on
+  disk (after a scenario was created or described once); ``read_ratio_new``: if they are not.
+- ``import_10k_per_s``: files per second for ``--imports`` copies of public files with unique ids, without the larger
+  half of the files.
+- ``import_memory_slope_mb``: growth of the server's memory per thousand files after the first two calls (omitted if
+  there were no more).
+- ``million_search_ms``: a filtered search among ``--entries`` entries built from the facts of those files, the median
+  over the corpus once every search ran before; ``million_first_search_ms``: the same right after the server's start;
+  ``million_memory_mb``: memory of that server after all searches.
+- ``demo_stages_s``: all calls of the demo.
 """
 
 import argparse

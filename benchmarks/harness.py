@@ -1,7 +1,7 @@
-"""What all benchmarks share: the form of their output, their files, their server and its client.
+"""The frame of all benchmarks: the form of their output, their files, their server and its client.
 
-Each prints a table for people and, as its last line, one JSON object for comparison. A benchmark of several parts is a
-package whose modules have a function ``measure(bench) -> Figures`` each, which explains its keys (:class:`Parts`).
+Each benchmark prints a table for people and ends with one JSON object for comparison. A benchmark of several parts is a
+package; each of its modules has a function ``measure(bench) -> Figures`` and explains its keys (:class:`Parts`).
 """
 
 import hashlib

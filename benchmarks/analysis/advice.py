@@ -1,13 +1,15 @@
-"""Advice that was tried: whether what is told to help on some scenarios helps on scenarios of other roads.
+"""Checks that advice that helps in a trial also helps on other roads.
 
-Frenetix' default is spoiled by one weight at a time. A spoiled configuration runs on scenarios of half of the roads;
-``analyze_results`` with ``trial=true`` suggests changes and tries them there. Each change that is told to help is then
-run on scenarios of the other half, which neither the analysis nor the trial has seen, beside the spoiled configuration.
-The roads are divided anew for each spoiled configuration.
+The bench spoils one weight of Frenetix's default at a time and runs the configuration on scenarios of half of the
+roads. ``analyze_results`` with ``trial=true`` suggests changes and tries them there. Each change that is reported to
+help then runs on the other half next to the spoiled configuration. The split of the roads is drawn again for each
+spoiled configuration.
 
-Keys: ``advice_helped``: of the changes told to help, the share under which more scenarios of the other roads reach the
-goal than without; ``advice_told``: of how many; ``advice_tried``: changes that were tried in all; ``advice_gain``: mean
-difference of the success rates of those told to help.
+Keys:
+
+- ``advice_helped``: share of the changes reported to help that raise the success on the other roads.
+- ``advice_told``: number of these changes; ``advice_tried``: number of all changes tried.
+- ``advice_gain``: mean difference in success rate of the changes reported to help.
 """
 
 import random

@@ -1,20 +1,25 @@
-"""Who hit whom and whether an ego could have prevented it, on collisions made for it.
+"""Checks the kind and the preventability of collisions on synthetic encounters.
 
-The collisions are drawn at random (a seed, 12 of each kind): a recorded follower, a standing ego, a slower or standing
-leader, a leader that brakes, one that cuts in, one that crosses, one that comes the other way. The truth is that of
-this module, which shares nothing with the product: the kind follows from how the encounter was made and which sides
-met, and whether full braking prevents it is found by trying every moment with steps of 5 ms and overlaps of rectangles
-by separating axes, until 30 s after the contact. What the other drivers prevent is judged by ``evals.loop.verdicts``.
+The seed draws 12 collisions of each kind: a recorded follower, a standing ego, a slower or standing leader, a braking
+leader, a cut-in, a crossing vehicle and an oncoming one. The construction determines the kind and the sides that meet.
+This module shares no code with the product: it decides whether full braking prevents the collision by trying every
+start in steps of 5 ms, with separating axes for overlaps, until 30 s after the contact. ``benchmarks.loop.verdicts`` judges
+the other drivers.
 
-Keys: ``class_right``: share of the collisions whose kind is told as it is; ``fault_right``: of those where braking
-decides clearly, the share that is told to be preventable or not as the truth has it; ``braking_until_error_s``: the
-largest difference of the latest moment; ``causes_collisions``: how many there were; ``unclear``: those left out of
-``fault_right``, because 2 % more speed or 0.1 m more width would turn the truth. ``recorded_class_right``,
-``recorded_fault_right``: the same of the collisions that Frenetix' and IDM's runs on the public scenarios end in, the
-latter of each verdict on full braking, the careful and the fuzzy driver and RSS from the moment before the contact, by
-the truth of ``recorded`` and ``recorded_drivers``; ``recorded_collisions``, ``recorded_verdicts``,
-``recorded_unclear``: how many collisions and verdicts there were, and how many verdicts were left out. What drivers do
-from the start is judged by ``evals.loop.verdicts``.
+Keys:
+
+- ``class_right``: share of collisions reported with the right kind.
+- ``fault_right``: share reported correctly as preventable or not, among the clear cases.
+- ``braking_until_error_s``: largest error of the latest start of braking.
+- ``causes_collisions``: number of collisions; ``unclear``: collisions left out of ``fault_right``, because 2 % more
+  speed or 0.1 m more width changes the truth.
+- ``recorded_class_right``, ``recorded_fault_right``: the same for collisions of Frenetix and IDM on the public
+  scenarios. The second covers each verdict on full braking, the careful and the fuzzy driver and RSS just before the
+  contact; the truth comes from ``recorded`` and ``recorded_drivers``.
+- ``recorded_collisions``, ``recorded_verdicts``, ``recorded_unclear``: numbers of collisions, verdicts and verdicts
+  left out.
+
+``benchmarks.loop.verdicts`` judges the drivers from the start of a scenario.
 """
 
 import math

@@ -1,14 +1,14 @@
-"""Runs CriMe inside its own environment: ``python -P crime_driver.py``, by ``measures.py`` alone.
+"""Runs CriMe in its own environment: ``python -P crime_driver.py``, started only by ``measures.py``.
 
-A line of JSON in is a moment to judge, a line of JSON out is what CriMe measures there (``measures.py`` names the
-fields). What its libraries print goes to standard error. Nothing of this project is imported here.
+Each input line is a JSON object with a situation, and each output line holds CriMe's measures of it (``measures.py``
+defines the fields). Output of its libraries goes to standard error. This file imports nothing of the project.
 
-Of states that know both components of their velocity, as those of trajectories in files do, CriMe takes the speed for
-the component along x: it is given states without components and derives them. It takes speeds along a lanelet
-by the lanelet's angle to the x axis, puts half a length on both coordinates, takes an angle of 0 for none, and averages
-angles on both sides of 0 to one in between. So each moment is turned until the lane is 1° off that axis, and bodies are
-shortened by what that adds to half a length. Where a measure of ours takes the speeds as constant, the accelerations
-that CriMe derives are set to 0. What it rounds is what it gives.
+The driver works around limits of CriMe. Given both velocity components, as in trajectories of files, CriMe takes the
+speed for the x component, so the driver omits the components. CriMe measures speeds along a lanelet by the angle to the
+x axis, adds half a length to both coordinates, treats an angle of 0 as missing, and averages angles around 0 wrongly.
+The driver therefore turns each situation until the lane is 1° off that axis, and shortens the bodies by what this adds
+to half a length. It sets the accelerations that CriMe derives to 0 if our measure assumes constant speed. Values keep
+CriMe's rounding.
 """
 
 import copy

@@ -1,9 +1,9 @@
-"""What the fields of an analysis or a comparison should hold, recomputed from the runs of a batch.
+"""The expected fields of an analysis or comparison, recomputed from the runs of a batch.
 
-``Expected`` builds content of the same form as an answer, with the figures that it can recompute from records, steps
-and scenario files by the code of ``recomputed``; ``Tally`` holds both side by side. Taken from the answers on single
-runs are how a collision came about, where an ego stood or braked, and the encounters of a run (``causes`` and
-``loop.standing`` judge these), and by how much a run breaks a traffic rule (``rules``).
+``Expected`` builds content in the form of an answer with the figures that ``recomputed`` derives from records, steps
+and scenario files. ``Tally`` compares both. Three things come from the answers about single runs instead: how a
+collision came about, where an ego stood or braked, and the encounters of a run (judged by ``causes`` and
+``loop.standing``), as well as the degree of a rule violation (``rules``).
 """
 
 import math

@@ -1,25 +1,31 @@
-"""Whether the measures of a run are what they are defined to be: closed forms, and CriMe on recorded traffic.
+"""Checks the measures of a run against closed forms, and against CriMe on recorded traffic.
 
-**Closed forms.** Encounters are drawn at random (a seed; turned and moved at random in the plane): a slower leader, a
-leader that brakes, one that crosses at any angle, a collision, an ego that turns along a spiral, one that jolts. What
-``analyze_results`` with ``detail=measures`` tells of a run of each is held against formulas of this module, which
-shares no code with the product: solved by hand, or for the times that are left found by trying every begin in steps of
-5 ms. A value agrees within 1 %, or its resolution where that is more (``RESOLUTION``: PET and ET 0.01 s, times
-left to one that crosses 0.02 s). The other and the moment have to be right too.
+**Closed forms.** The seed draws encounters, turned and moved at random: a slower leader, a braking leader, a vehicle
+that crosses at any angle, a collision, an ego that turns along a spiral, and one that jolts. Formulas of this module,
+which shares no code with the product, check ``analyze_results`` with ``detail=measures`` on a run of each. The formulas
+are closed, or try every start of a reaction in steps of 5 ms. A value agrees within 1 % or its resolution, if that is
+larger (``RESOLUTION``: PET and ET 0.01 s, reaction times to a crossing vehicle 0.02 s). The other road user and the
+time must also be right.
 
-**CriMe** (Lin and Althoff 2023, ``commonroad-crime``) runs in an environment of its own (``crime_requirements.txt``; in
-the folder that ``PLANNERFORGE_CRIME`` names, otherwise in one for temporary files, where it is made once). In each
-public file recorded vehicles stand for the ego; what the product tells of them, at the moment and with the other that
-it tells, is what CriMe is asked for (``crime_driver.py``). A value agrees within 1 %, or half of the last digit that
-CriMe gives. What is not compared, by conditions on the moment and never by the result, is counted by class:
-``not straight`` (the lane, the ego or the other is turned by more than 1° against the lane at the ego: CriMe measures
-along that), ``leader brakes`` (CriMe takes the leader's acceleration without its sign), ``not on one lane`` (CriMe
-needs both on a lanelet, or on successive ones), ``not ahead there`` (CriMe measures from the middle of the ego's lane
-and gives none).
+**CriMe** (Lin and Althoff 2023, ``commonroad-crime``) runs in its own environment (``crime_requirements.txt``), in the
+folder that ``PLANNERFORGE_CRIME`` gives or a temporary one, created once. Recorded vehicles of each public file act as
+the ego. CriMe measures the same time and road user that the product reports (``crime_driver.py``). A value agrees
+within 1 % or half of CriMe's last digit. Comparisons are left out by conditions on the situation, never by the result,
+and counted by class:
 
-Keys: ``measures_agree``: share of all compared values, of both parts, that agree; ``closed_form_agree``,
-``closed_form_values``; ``crime_agree``, ``crime_values``, ``crime_files``, ``crime_not_compared``. Each measure's share
-and each deviation go to standard error.
+- ``not straight``: the lane, the ego or the other is turned by more than 1° against the lane at the ego, along which
+  CriMe measures.
+- ``leader brakes``: CriMe ignores the sign of the leader's acceleration.
+- ``not on one lane``: CriMe needs both on one lanelet or on successive ones.
+- ``not ahead there``: CriMe measures from the middle of the ego's lane and gives no value.
+
+Keys:
+
+- ``measures_agree``: share of all compared values that agree.
+- ``closed_form_agree``, ``closed_form_values``: the same share and count for closed forms.
+- ``crime_agree``, ``crime_values``, ``crime_files``, ``crime_not_compared``: the same for CriMe.
+
+The share of each measure and each deviation go to standard error.
 """
 
 import json

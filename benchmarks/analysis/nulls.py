@@ -1,16 +1,18 @@
-"""Batches in which nothing differs, and batches in which something does: what the product's statistics make of them.
+"""Tests the product's statistics on batches with and without a true difference.
 
-Each batch has 25 to 60 scenarios under two configurations, one or two predictions, one to three planning problems. The
-runs of a scenario are alike: it has an effect of its own on success (normal on the logit scale, so that runs of a
-scenario correlate by about 0.4), another one under each prediction, and effects on each metric. In a null batch the
-configurations are drawn from the same numbers; in a planted one the second has a higher logit.
+Each batch has 25 to 60 scenarios under two configurations, one or two predictions, and one to three planning problems.
+Runs of one scenario are similar: the scenario has its own effect on success (normal on the logit scale, so that its
+runs correlate by about 0.4), another under each prediction, and effects on each metric. A null batch draws both
+configurations from the same distribution; in a planted batch the second has a higher logit.
 
-Keys: ``false_findings_rate``: null batches in which the comparison states any difference; ``interval_coverage``: 95 %
-intervals that hold the truth of the population of scenarios: the mean of ``rate_coverage`` and ``difference_coverage``,
-over both kinds of batches; ``false_correlations_rate``: null batches in which a feature is stated to go with success;
-``planted_shift``: the true difference in planted batches, ``power``: the share of them in which it is stated. What
-methods that take runs as independent make of the same batches: ``naive_findings_rate`` (McNemar), ``naive_coverage``
-(Wilson).
+Keys:
+
+- ``false_findings_rate``: share of null batches in which the comparison states a difference.
+- ``interval_coverage``: share of 95 % intervals that contain the truth of the population, over both kinds of batches:
+  the mean of ``rate_coverage`` and ``difference_coverage``.
+- ``false_correlations_rate``: share of null batches in which a feature is reported as correlated with success.
+- ``planted_shift``: true difference in planted batches; ``power``: share of these in which it is reported.
+- ``naive_findings_rate`` (McNemar), ``naive_coverage`` (Wilson): results of methods that treat runs as independent.
 """
 
 import math

@@ -1,15 +1,17 @@
-"""Batches with one cause of failure planted, and batches with none: what the findings name.
+"""Tests findings on batches with one planted cause of failure, and on batches without one.
 
-A batch has 24 scenarios of a straight road, one run each under a planner's configuration; one run in ten fails for no
-reason. Planted is one of five causes, six batches of each: a weight set to zero (a third of the runs fail as it works
-against), a predictor made blind (others turn into the ego's way within a second, which straight on they would not
-have), a class of scenarios made harder (those with a truck fail three times of four), a slower vehicle ahead in a third
-of the scenarios, and a goal too far for its time in a third. All drives are drawn here, by closed forms; the product
-sees records, steps and CommonRoad files as of any run.
+A batch has 24 scenarios of a straight road with one run each; one run in ten fails for no reason. Each of five causes
+is planted in six batches: a weight of zero (a third of the runs fail accordingly), a blind predictor (others turn into
+the ego's path within a second), a harder class of scenarios (those with a truck fail three times out of four), a slower
+leader in a third of the scenarios, and a goal that is too far for its time in a third. The drives follow closed forms,
+and the product sees records, steps and CommonRoad files as of any run.
 
-Keys: ``planted_found``: of the batches with a cause, those in which a finding names it (its weight, its class);
-``planted_misnamed``: those in which another of the five causes is named; ``planted_quiet``: of as many batches without,
-those in which none of the five is named; ``planted_batches``.
+Keys:
+
+- ``planted_found``: share of batches with a cause in which a finding names it (its weight, its class).
+- ``planted_misnamed``: share in which a finding names another of the five causes.
+- ``planted_quiet``: share of as many batches without a cause in which no finding names any of them.
+- ``planted_batches``: number of batches with a cause.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Runs on public scenarios that parts of ``make bench-analysis`` read, made once and kept in the bench's scratch."""
+"""Runs on public scenarios for the parts of ``make bench-analysis``, made once and kept in the bench's scratch folder."""
 
 import random
 from collections.abc import Mapping

@@ -1,12 +1,12 @@
-"""The questions of the corpora about results, each asked of stored runs by one call.
+"""Asks the corpora's questions about results, each with one call on stored runs.
 
-Every turn of ``corpora/dev/e2e.jsonl`` that analyses or compares is asked, and every line of ``routing.jsonl`` that
-is about results (what each of these asks for was read by hand: ``_ROUTED``). A question about one run is asked of a run
-that collided, one that reached its goal and one that missed it, where it can be meant of all; a question about a batch
-of forty public scenarios, a comparison of two configurations on them, of all pairs or of one. It is answered if the
-fields of the one call hold what is asked for, as the raw rows have it, and if its text shows the same figures.
+The questions are every turn of ``corpora/dev/e2e.jsonl`` that analyses or compares, and every line of ``routing.jsonl``
+about results (``_ROUTED`` states what each requests, read by hand). A question about one run is asked of a run that
+collided, one that succeeded and one that missed its goal, if it fits each. A question about a batch is asked of forty
+public scenarios, and a comparison of two configurations on all pairs or on one pair. It counts as answered if the
+fields hold what it requests, as the raw rows have it, and the text shows the same figures.
 
-Keys: ``questions_answered``: share of the questions that were answered in all of these, of ``questions``.
+``questions_answered`` is the share answered in all these cases, and ``questions`` is their number.
 """
 
 import json

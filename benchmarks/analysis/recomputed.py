@@ -1,6 +1,6 @@
-"""The figures of analyses once more, from records, steps and files, by code of its own.
+"""Recomputes the figures of analyses from records, steps and files.
 
-It follows what ``docs/statistics.md`` and ``docs/analysis.md`` say and shares nothing with ``engine/analysis``.
+It implements ``docs/statistics.md`` and ``docs/analysis.md`` and shares nothing with ``engine/analysis``.
 """
 
 import math
@@ -327,7 +327,7 @@ def late_because(raw: RawRuns, record: RunRecord, pace: Sequence[Mapping[str, An
     A place is out of reach if it is farther away than a car comes on a straight line that accelerates as hard as
     CommonRoad's vehicle 2 can, up to the highest posted limit or the vehicle's own; most of the drive is the largest
     sum of the stretches of one group, if it is 40 % of it. The stretches are those that the answer on the run alone
-    has; ``evals.loop.standing`` judges these.
+    has; ``benchmarks.loop.standing`` judges these.
     """
     if record.scenario_id not in raw.files:
         return ""

@@ -1,7 +1,7 @@
-"""Collisions of runs on public scenarios: who hit whom, apart from the product.
+"""Determines who hit whom in runs on public scenarios, independently of the product.
 
-The others are commonroad-io's own obstacles, the ego is what was driven. Kinds are told by the rules of
-``docs/runs.md``, written once more.
+The other road users are commonroad-io's obstacles, and the ego is the driven motion. The kinds follow the rules of
+``docs/runs.md``.
 """
 
 import math

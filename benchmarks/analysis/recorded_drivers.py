@@ -1,13 +1,13 @@
-"""What reference drivers do in the place of an ego that collided in a recorded scenario, apart from the product.
+"""Simulates reference drivers in place of an ego that collided in a recorded scenario, independently of the product.
 
-The drivers are those of ``evals.planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
-way that the ego drove, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms; others are
-projected onto that way near their last place on it. A track that has ended goes on straight at its last speed, or
-brakes to a stop if it braked. A driver prevents a collision if it touches neither the one that was hit until both can
-no longer meet, at most 30 s after the contact, nor another ahead of it once it brakes.
+The drivers are those of ``benchmarks.planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
+ego's path, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms. Other road users are
+projected onto this path near their previous place on it. A track that has ended continues straight at its last speed,
+or brakes to a stop if it braked. A driver prevents a collision if it touches neither the other party until both can no
+longer meet (at most 30 s after the contact) nor another road user ahead of it once it brakes.
 
-A verdict counts if it stays the same with the others 0.1 m larger and smaller on every side, and with a response
-0.2 s later and 0.05 s earlier. It is left out if another vehicle between the two may hide the one that was hit.
+A verdict counts if it stays the same with the others 0.1 m larger and smaller on every side, and with a response 0.2 s
+later and 0.05 s earlier. It is left out if another vehicle may hide the other party.
 """
 
 import math

@@ -1,13 +1,16 @@
-"""Traffic rules: whether a run is told to break them as it does, by how much and from when on, on drives made for it.
+"""Checks reported traffic rule violations, their degree and their start on synthetic drives.
 
-The drives are drawn at random (a seed, 12 of each of 15 kinds) on a crossing of two roads that is built for them:
-behind leaders, with cut-ins, hard braking with and without a reason, above the limit, over a solid line, past red and
-yellow lights and stop signs, and across the way of others from the right, from the left, with signs, and oncoming. The
-truth is arithmetic on how each drive was made, state by state, and shares nothing with the product.
+The seed draws 12 drives of each of 15 kinds on a crossing built for them: following, cut-ins, hard braking with and
+without a reason, speeding, crossing a solid line, red and yellow lights, stop signs, and crossing traffic from the
+right, from the left, with signs, and oncoming. The truth is arithmetic on the construction of each drive and shares
+nothing with the product.
 
-Keys: ``rules_right``: share of the drives for which the rule that they are about is told as it is: broken or kept, by
-how much (within 0.02 of its unit) and from which state on; ``rules_silent``: share of the drives for which no other
-rule is told to be broken; ``rule_cases``: how many drives there were.
+Keys:
+
+- ``rules_right``: share of drives whose rule is reported correctly: broken or kept, by how much (within 0.02 of its
+  unit) and from which state on.
+- ``rules_silent``: share of drives with no other rule reported as broken.
+- ``rule_cases``: number of drives.
 """
 
 import math

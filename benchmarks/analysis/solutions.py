@@ -1,19 +1,23 @@
-"""Solutions: whether CommonRoad's drivability checker accepts what runs that are told to be drivable are exported as.
+"""Checks exported solutions of runs reported as drivable with CommonRoad's drivability checker.
 
-Frenetix, MP-RBFN and IDM drive 62 public scenarios (a sample, always the same). Every run is exported by the product as
-a CommonRoad solution and read back by commonroad-io. Of a run that reached its goal and is told to keep to the limits
-of its vehicle the checker's ``valid_solution`` has to accept the solution: its planning problem solved, its goal
-reached, no collision, on the road, and each step feasible for the kinematic single-track model. Of other runs that are
-told to keep to them, each step has to be feasible. The road's edge is that of the checker's own rectangles, since its
-triangles need a package that is not free.
+Frenetix, MP-RBFN and IDM drive 62 public scenarios (a fixed sample). The product exports each run as a CommonRoad
+solution, and commonroad-io reads it back. If a run reached its goal and is reported within the limits of its vehicle,
+the checker's ``valid_solution`` must accept it: planning problem solved, goal reached, no collision, on the road, and
+each step feasible for the kinematic single-track model. Each step of other runs reported within the limits must be
+feasible too. The edge of the road comes from the checker's rectangles, because its triangles need a package that is not
+free.
 
-Wheels are looked at once more by code of this module, since the checker does not compare the steering angles of a
-solution with each other: how fast the angles in the file change, against the vehicle's limit.
+This module also checks how fast the steering angles in the file change against the vehicle's limit, because the checker
+does not compare the angles with each other.
 
-Keys: ``solutions_valid``: share of the runs to the goal, told to be drivable, whose solution is accepted;
-``solutions_judged``: of how many; ``motions_feasible``: share of the other runs, told to be drivable, of which each
-step is feasible; ``motions_judged``: of how many; ``steering_told``: share of all solutions of which too fast steering
-is told or not, as the file has it; ``solutions_told``: how many runs are told to be beyond their vehicle.
+Keys:
+
+- ``solutions_valid``: share of successful runs reported as drivable whose solution is accepted; ``solutions_judged``:
+  their number.
+- ``motions_feasible``: share of the other runs reported as drivable in which each step is feasible; ``motions_judged``:
+  their number.
+- ``steering_told``: share of all solutions for which too fast steering is reported if and only if the file contains it.
+- ``solutions_told``: number of runs reported as beyond their vehicle's limits.
 """
 
 import sys

@@ -1,13 +1,15 @@
-"""The figures of answers, findings and reports: recomputed from the raw rows, and the same in fields and text.
+"""Recomputes the figures of answers, findings and reports from the raw rows, and compares fields with text.
 
-Answers of ``analyze_results`` on all runs (summary, findings, costs, rows), on two configurations on forty scenarios
-(by configuration, findings, rules), and of ``compare_results`` on these are read twice. The figures of their fields are
-held against ``expected``, which recomputes them by code of its own. The figures of their text, and of the HTML report
-on the two configurations, have to stand in these fields (``told_figures``); no rule knows the words around them.
+The bench reads answers of ``analyze_results`` on all runs (summary, findings, costs, rows) and on two configurations on
+forty scenarios (by configuration, findings, rules), and of ``compare_results`` on these. It compares the figures of
+their fields with ``expected``, which recomputes them independently. The figures of their text, and of the HTML report
+on the two configurations, must occur in these fields (``told_figures``). No rule depends on the wording.
 
-Keys: ``statements_recomputed``: share of the figures in fields that agree; ``figures``: how many there are;
-``figures_unread``: those that nothing recomputes; ``figures_in_text``: figures of texts; ``figures_unknown``: those
-that no field holds.
+Keys:
+
+- ``statements_recomputed``: share of the figures in fields that agree; ``figures``: their number.
+- ``figures_unread``: figures that nothing recomputes.
+- ``figures_in_text``: figures in texts; ``figures_unknown``: those that no field holds.
 """
 
 import html

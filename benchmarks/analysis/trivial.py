@@ -1,14 +1,15 @@
-"""Goals that ask for no driving, on public scenarios: whether an analysis marks all of them, and no others.
+"""Checks that an analysis marks exactly the goals that require no driving, on public scenarios.
 
-The truth is told on commonroad-io's own objects: its ``GoalRegion.is_reached`` on the states that were driven. A
-reached goal asked for no driving where the initial state or the first driven one meets it (``at_the_start``), where its
-states name neither place nor speed nor heading (``by_time_alone``), or where a car left standing meets it: one that
-drove under half a metre, or one that begins standing and whose initial state meets the goal at its last step
-(``standing``).
+The truth is ``GoalRegion.is_reached`` of commonroad-io on the driven states. A reached goal requires no driving in
+three cases, tested in this order: the initial or the first driven state meets it (``at_the_start``); it specifies no
+place, speed or heading (``by_time_alone``); or a standing car meets it, that is, one that drove less than half a metre,
+or one that starts at rest with an initial state that meets the goal at its last time step (``standing``).
 
-Keys: ``trivial_marked``: share of the reached goals that are marked as asking for no driving or not, as the truth has
-it; ``trivial_kind_right``: of those that ask for none, the share marked with the right kind (the first that holds in
-the order above, standing last); ``trivial_goals``: how many ask for none; ``reached_goals``: of how many.
+Keys:
+
+- ``trivial_marked``: share of the reached goals marked correctly.
+- ``trivial_kind_right``: share of the goals that require no driving marked with the right kind.
+- ``trivial_goals``: number of these; ``reached_goals``: number of all reached goals.
 """
 
 import math

@@ -1,15 +1,19 @@
-"""``make bench-answers``: whether answers are true, hold what was asked, tell all faults of a call, and what they cost.
+"""``make bench-answers``: checks that answers are true and complete, and measures their tokens.
 
-Keys: ``cases``: questions that were asked; ``compared``: statements in the fields of their answers that the judge
-compared with the files; ``false_statements`` among them; ``contradictions``: fields that exclude one another or the
-text; ``figures_unknown``: figures of a text that no field holds; ``unanswered``: fields that an answer had to fill and
-to show and does not; ``places_understood``: share of the spellings of places, the lower one of those worked with and
-those kept aside; ``faults_told``: share of the calls with several faults that were refused with a word of each;
-``answer_tokens_median``, ``answer_tokens_p95``: tokens of the answers to the calls of the dev corpora, ``*_before`` and
-``tokens_ratio`` against the recording of an earlier version.
+Keys:
 
-``--record FILE`` records answers of the corpora alone, with the code of ``--checkout`` where given, whose server runs
-as a process of its own; ``--before FILE`` compares with such a recording.
+- ``cases``: questions sent; ``compared``: statements in answer fields that the judge compared with the files.
+- ``false_statements``: false ones among these.
+- ``contradictions``: fields that exclude each other or the text.
+- ``figures_unknown``: figures of a text that no field holds.
+- ``unanswered``: fields that an answer had to fill and show, and did not.
+- ``places_understood``: share of the place spellings understood; the lower of the tuned and the held-out set.
+- ``faults_told``: share of the calls with several faults whose refusal mentions each one.
+- ``answer_tokens_median``, ``answer_tokens_p95``: tokens of the answers to the calls of the dev corpora; ``*_before``
+  and ``tokens_ratio`` compare with the recording of an earlier version.
+
+``--record FILE`` only records answers of the corpora, with the code of ``--checkout`` if given, whose server then runs
+in its own process. ``--before FILE`` compares with such a recording.
 """
 
 import argparse

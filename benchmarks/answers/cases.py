@@ -1,8 +1,7 @@
-"""What is asked of the tools, and what an answer has to hold: questions of users as calls, and calls with many faults.
+"""Questions of users as calls, calls with several faults, and what each answer must hold.
 
-A sheet is a row of cases that one client asks in turn, so that ``latest`` and ``previous_run`` mean what came before.
-What an answer has to hold are fields that it has to fill and to show (``judge.unanswered``); ``judge`` looks after what
-is true.
+A sheet is a sequence of cases that one client sends, so that ``latest`` and ``previous_run`` refer to what came before.
+The requirements are fields that the answer must fill and show (``judge.unanswered``); ``judge`` checks their truth.
 """
 
 import csv

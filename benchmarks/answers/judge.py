@@ -1,9 +1,9 @@
-"""Says of the fields of an answer whether the files bear them out, and of its text whether it says the same.
+"""Checks the fields of an answer against the files, and its text against the fields.
 
-A rule reads the fields of a tool's answer, such as a count, a speed, a distance, a time, who hit whom, or what stayed
-as it was, and compares each with what ``files`` reads. Fields that exclude one another are contradictions, and so are
-an id that the fields hold and the text does not, and a figure of the text that no field holds (``told_figures``). No
-rule knows the words of an answer.
+A rule reads fields of an answer, such as a count, a speed, a distance, a time, the parties of a collision or what
+stayed unchanged, and compares each with what ``files`` reads. Contradictions are fields that exclude each other, an id
+in the fields that the text lacks, and a figure of the text that no field holds (``told_figures``). No rule depends on
+the wording.
 """
 
 import itertools

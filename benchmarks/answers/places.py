@@ -1,9 +1,9 @@
-"""How many spellings of places are understood as a local would: roads, crossings, settlements, whole maps, refusals.
+"""Measures how many spellings of places are understood: roads, crossings, settlements, whole maps, refusals.
 
-``places.tsv`` holds a spelling a line: the words, their language, the maps that may be chosen, what is meant, and
-whether the case was kept aside while names were being worked on. What is meant is an element of the map file (``way
-123``, several with `` + `` for a crossing; ``area node 5`` for a part of a map), ``map`` for the whole map, or
-``refused`` with the reason. The element's names and position are read from the file here, by osmium alone.
+Each line of ``places.tsv`` holds a spelling, its language, the maps to choose from, what it means, and whether the case
+was held out while the search for names was developed. The meaning is an element of the map file (``way 123``, several
+with `` + `` for a crossing, ``area node 5`` for a part of a map), ``map`` for the whole map, or ``refused`` with the
+reason. This module reads the element's names and position from the file with osmium.
 """
 
 import argparse

@@ -1,9 +1,9 @@
-"""Every answer that the requests of the dev corpora get, with its tokens; of this checkout or of another one.
+"""Records every answer to the requests of the dev corpora with its tokens, from this checkout or another one.
 
-Calls are those of the ground truth: arguments of the selection, generation, modification and tuning corpora as the
-benches of those make them; of a conversation each turn in order, with the ids that earlier answers gave. The routing
-corpus names no arguments: one call stands for each class of request. Requests at which a question is to be asked back
-call nothing. Of work that becomes a job only the last answer counts.
+The calls are the ground truth: arguments of the selection, generation, modification and tuning corpora as their benches
+use them, and each turn of a conversation in order, with the ids of earlier answers. The routing corpus names no
+arguments, so one call represents each class of request. Requests that need a question back are not called. If work
+becomes a job, only its last answer counts.
 """
 
 import json

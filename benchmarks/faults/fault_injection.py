@@ -1,4 +1,4 @@
-"""Fault injection for ``make bench-faults``: runs that hang or crash the native core, instead of those asked for."""
+"""Fault injection for ``make bench-faults``: runs that hang or crash the native core in place of the requested ones."""
 
 import ctypes
 import time

@@ -1,4 +1,4 @@
-"""A server by HTTP as benches start and end one, and a client of it."""
+"""Starts and stops an HTTP server for benches, and connects a client."""
 
 import os
 import sys

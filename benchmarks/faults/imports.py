@@ -1,11 +1,11 @@
-"""``make bench-import-crashes``: 30 kills at random moments of imports of real scenarios.
+"""``make bench-import-crashes``: 30 kills at random times during imports of real scenarios.
 
-Keys: ``blows``, ``disagreements`` (database, files, catalogue and text index after each restart, and files that are
-missing in the end). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else ``../shared``.
+Keys: ``blows`` (kills), ``disagreements`` (between database, files, catalogue and text index after each restart, plus
+files missing at the end). The bench needs the real scenarios in ``PLANNERFORGE_SHARED`` or ``../shared``.
 
-With arguments (``python -m benchmarks.faults.imports WORKSPACE FOLDER``) it is the server that gets killed: it
-imports the folder while a thread builds the text index again and again. Its vectors are made of hashes: what is tested
-here are the two stores, and a language model would take ten times as long to load as the import takes.
+``python -m benchmarks.faults.imports WORKSPACE FOLDER`` is the server that gets killed: it imports the folder while a
+thread rebuilds the text index. The vectors are hashes, because loading a language model takes ten times as long as the
+import.
 """
 
 import hashlib

@@ -1,13 +1,16 @@
-"""``make bench-kills``: 50 kills at random moments of two servers on one workspace that import, edit, run and generate.
+"""``make bench-kills``: 50 kills at random times of two servers that import, edit, run and generate in one workspace.
 
-Keys: ``kills``, ``broken_after_restart`` (what does not fit after a kill, and in the end: records, files, catalogue,
-jobs that seem to run, loads that do not finish when left alone, defects), ``orphans`` (processes
-that outlived the server or worker that had started them). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else
-``../shared``.
+Keys:
 
-With arguments (``python -m benchmarks.faults.mixed_load WORKSPACE FOLDER NUMBER``) it is one of the servers: it
-carries out the load of this number, all kinds of work at once, and ends. A load whose server was killed is taken up by
-the next one.
+- ``kills``.
+- ``broken_after_restart``: inconsistencies after each kill and at the end: records, files, catalogue, jobs that seem to
+  run, loads that do not finish undisturbed, and defects.
+- ``orphans``: processes that outlived the server or worker that started them.
+
+The bench needs the real scenarios in ``PLANNERFORGE_SHARED`` or ``../shared``.
+
+``python -m benchmarks.faults.mixed_load WORKSPACE FOLDER NUMBER`` is one of the servers: it carries out the load with
+this number, all kinds of work at once, and exits. The next server resumes the load of a killed one.
 """
 
 import argparse

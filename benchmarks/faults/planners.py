@@ -1,13 +1,17 @@
-"""``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, the disk is full.
+"""``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, and the disk is
+full.
 
-Grids of small starter scenarios under fast configurations of both planners, their weights drawn at random. Of each grid
-the runs of one scenario hang and those of another crash the native core, at first; then servers are asked for the whole
-grid until it is whole, while faults strike at random moments. All moments and weights come from one seed.
+The grids use small starter scenarios and fast configurations of both planners with random weights. In each grid the
+runs of one scenario hang at first, and those of another crash the native core. Servers then receive the whole grid
+until it is complete, while faults strike at random times. One seed determines all times and weights.
 
-Keys: ``runs`` (asked for), ``results`` (runs stored), ``named_errors`` (runs and calls that ended in an error with a
-code), ``lost`` (runs that ended in neither), ``double`` (runs made or listed more than once), ``resumed`` (servers that
-took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``, ``crashed``
-(faults that struck), ``minutes``.
+Keys:
+
+- ``runs`` (requested), ``results`` (stored), ``named_errors`` (runs and calls that ended in an error with a code).
+- ``lost``: runs that ended in neither; ``double``: runs created or listed more than once.
+- ``resumed``: servers that resumed the grid of a killed one.
+- ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``, ``crashed``: numbers of faults.
+- ``minutes``.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Processes that benches start and kill: their descendants, and which of them are left, by a mark that they inherit."""
+"""Processes that benches start and kill. Finds their descendants and survivors by a mark that they inherit."""
 
 import time
 from collections.abc import Callable

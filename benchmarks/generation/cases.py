@@ -1,4 +1,4 @@
-"""Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused."""
+"""Single jobs of ``make bench-generation``: convert a whole map, carry out and judge a request, check a refusal."""
 
 import asyncio
 import tempfile

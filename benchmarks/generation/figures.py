@@ -1,4 +1,4 @@
-"""What came out of ``make bench-generation``: verdicts on single scenarios, and their table."""
+"""The results of ``make bench-generation``: verdicts on single scenarios, and their table."""
 
 import statistics
 import sys

@@ -1,9 +1,9 @@
-"""Scenarios from maps that were made just now: what ``--fresh SEED`` measures.
+"""Scenarios from newly created maps, for ``--fresh SEED``.
 
-Two thirds of the maps are whole (``fresh_maps``), one third is broken (``mutated_maps``). Each goes the way of a user's
-file: it is read and searched for sites, its roads are converted as a whole, and where it is read, a scenario is made of
-a type of site that its index names; type, traffic and ego are drawn by the seed. A map is read or refused by name:
-anything else that is raised on this way is a crash.
+Two thirds of the maps are whole (``fresh_maps``), one third is broken (``mutated_maps``). Each takes the path of a
+user's file: it is read and searched for sites, and its roads are converted as a whole. If it can be read, a scenario is
+generated at a site type of its index, with type, traffic and ego drawn by the seed. A map must be read or refused by
+name; any other exception is a crash.
 """
 
 import random

@@ -1,4 +1,4 @@
-"""How the traffic of a made scenario moves: on the lanelets, without overlaps, drivable for the drivability checker."""
+"""Checks the traffic of a generated scenario: on the lanelets, without overlaps, feasible for the drivability checker."""
 
 import itertools
 import random

@@ -1,11 +1,11 @@
-"""Inputs of any size: maps, lanelet networks and recordings, written as text.
+"""Inputs of any size, as text: maps, lanelet networks and recordings.
 
-A town is a row of crossings, along which the vehicles drive one behind the other:
+A town is a row of crossings along which the vehicles drive one after the other:
 
     ── west ──► crossing ── east ──►  next crossing …     and from south to north across each
 
-A stack is lanelets over one another, each turned a little, so that each crosses all others. A star is a junction of
-many arms, from which lanelets lead to the others.
+A stack is a set of lanelets on top of each other, each turned a little so that it crosses all others. A star is a
+junction with many arms, with lanelets from each arm to the others.
 """
 
 import math

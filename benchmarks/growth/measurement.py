@@ -1,8 +1,8 @@
-"""Processor time on doubled inputs, and the exponent with which it grows.
+"""Processor time on doubled inputs, and the exponent of its growth.
 
-Time is that of the processor (user and system, of ended children too), so that a busy machine changes little. The
-exponent is the slope of the line through log time over log size (least squares); n log n has about 1.1 to 1.2 at the
-sizes here, and n² has 2.
+Times are processor times (user and system, including ended child processes), so that other load has little effect. The
+exponent is the least-squares slope of log time over log size; n log n has about 1.1 to 1.2 at these sizes, and n² has
+2.
 """
 
 import gc

@@ -1,4 +1,4 @@
-"""What is measured: everything that is done with maps, networks, scenarios, catalogues and arguments."""
+"""The measured subjects: all operations on maps, networks, scenarios, catalogues and arguments."""
 
 import hashlib
 import shutil

@@ -20,7 +20,7 @@ included; a scenario's first edit reads it, later ones find it kept), ``edit_fir
 ``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
 
 ``--fresh SEED`` makes the same drawn edits on scenarios that are made just then, ``--count`` of each seed
-(``fresh_scenarios`` of ``evals.symmetries.fresh_data``): one half generated, one half recordings made new. Keys:
+(``fresh_scenarios`` of ``benchmarks.symmetries.fresh_data``): one half generated, one half recordings made new. Keys:
 ``seeds``,
 ``fresh_files``, ``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``,
 ``fresh_edits`` (carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``,

@@ -1,6 +1,6 @@
 """``make bench-robust``: what shows that the product is sound on anything, part after part, in one table.
 
-Each part is a benchmark of its own, run in a process of its own: ``hostile`` (``evals.robustness``), ``growth``,
+Each part is a benchmark of its own, run in a process of its own: ``hostile`` (``benchmarks.robustness``), ``growth``,
 ``symmetries``, ``fresh_generation``, ``fresh_modification`` and ``fresh_traffic`` (the ``--fresh`` of those
 benchmarks, on every seed of ``--seeds``), ``drivable`` and ``kills``. The keys are those of the parts, where they are
 explained, ``fresh_rear_hits`` being hits by followers who could have braked.
