@@ -1,26 +1,30 @@
-"""``make bench-database FOLDER=FOLDER``: every scenario of a folder under the planners, in the product's own workers.
+"""``make bench-database FOLDER=FOLDER``: every scenario of a folder under the planners, in the product's workers.
 
-The folder is meant to be the public CommonRoad database, of over 2,000 scenarios, which whoever runs this fetches; any
-folder of CommonRoad files does. A run goes the way of the product's runs: one request to a warm worker process. Rows go
-to a journal (``--out``), one JSON line a run; a run with a row in the journal is not repeated, so a bench that was
-stopped goes on. A file that is refused is named with the reason, and counts in no share.
+The intended folder is a download of the public CommonRoad database with over 2,000 scenarios; any folder of CommonRoad
+files works. Each run is one request to a warm worker process, as in the product. The journal (``--out``) has one JSON
+line per run and is not repeated, so an interrupted bench resumes. Refused files are listed with the reason and count in
+no share.
 
-Success is a goal that was reached and that CommonRoad's benchmark accepts (``success_rule`` of the run). A table by
-kind of scenario goes to standard error: the first folder below the given one, or, for files directly in it, what their
-``source`` says.
+Success means that the goal is reached and that CommonRoad's benchmark accepts the motion (``success_rule`` of the run).
+A table by kind of scenario goes to standard error. The kind is the first folder below the given one, or the ``source``
+of a file directly in it.
 
-If the folder holds scenarios that FISS's authors measured, these are run once more as its authors ran them:
-CommonRoad's vehicle 3 (VW Vanagon), a plan at every step, five end states a dimension, a horizon of 5 s, the recording
-as prediction. Their figures (fiss-planner 1.0.0, docs/benchmarks.md, on an Intel Core i9-12900K) are with a smoother
-that this project does not use: ``fop`` 70.7 % success, 2.1 % collisions, 8.7 ms a plan; ``fiss`` 69.3 %, 1.4 %, 0.6 ms;
-without it 61.8 %, 2.1 % and 61.1 %, 2.1 %.
+If the folder holds scenarios that FISS's authors measured, these run again in the authors' way: CommonRoad's vehicle 3
+(VW Vanagon), a plan at every step, five end states per dimension, a horizon of 5 s, the recording as prediction. The
+authors' figures (fiss-planner 1.0.0, docs/benchmarks.md, on an Intel Core i9-12900K) use a smoother that this project
+does not have: ``fop`` 70.7 % success, 2.1 % collisions, 8.7 ms per plan; ``fiss`` 69.3 %, 1.4 %, 0.6 ms; without it
+61.8 %, 2.1 % and 61.1 %, 2.1 %.
 
-Keys: ``scenarios``, ``refused``; ``lost``: runs that ended by an error of ours; ``runs_per_second``: of Frenetix, as
-long as this took its runs (the journal counts the time of earlier parts); ``runs_per_second_PLANNER``;
-``beyond_limits``: the largest share, of all planners, of driven motions that exceed a limit of the vehicle;
-``success_PLANNER`` and ``collisions_PLANNER``: shares of the runs that could be attempted; ``authors_scenarios``: how
-many of the 280 are there; ``authors_success_SEARCH``, ``authors_collisions_SEARCH``, ``authors_plan_ms_SEARCH`` and
-``authors_core_ms_SEARCH``: on these; a plan's time as the loop waits for it, and of it that in the core, medians.
+Keys:
+
+- ``scenarios``, ``refused``; ``lost``: runs that ended with an error of ours.
+- ``runs_per_second``: of Frenetix, over the time that its runs took (the journal counts earlier parts);
+  ``runs_per_second_PLANNER``.
+- ``beyond_limits``: the largest share among all planners of motions that exceed a limit of the vehicle.
+- ``success_PLANNER``, ``collisions_PLANNER``: shares of the runs that could be attempted.
+- ``authors_scenarios``: how many of the 280 are in the folder; on these ``authors_success_SEARCH``,
+  ``authors_collisions_SEARCH``, and the medians ``authors_plan_ms_SEARCH`` (a plan as the loop waits for it) and
+  ``authors_core_ms_SEARCH`` (its share in the core).
 """
 
 import argparse

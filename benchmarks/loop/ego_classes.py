@@ -1,26 +1,24 @@
-"""Whether an ego of a class is that class everywhere: in files, judge, planners, answers and pictures.
+"""Checks that an ego of a class has that class everywhere: in files, judge, planners, answers and pictures.
 
-Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) go only through the tools. They come
-in every way in which a class can be said: a generation, a file that names it, an edit that names it, an edit that puts
-the ego in the place of a recorded vehicle, and a configuration that states another vehicle. The scenarios are drawn by
-the seed: where the ego starts, how fast, and on which road.
+Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) use only the tools, and every way to
+state a class: generation, a file, an edit that names the class, an edit that replaces a recorded vehicle with the ego,
+and a configuration with another vehicle. The seed draws the ego's start, speed and road.
 
-A request counts as right if all of this holds:
+A request is right if all of this holds:
 
-- the file that is kept for the scenario names the class, and the description and the picture's words name class and
-  size;
-- the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with
-  one 6 cm outside;
-- in the picture the ego is as long and as wide as the class, measured in pixels against a bus of known size;
-- every planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
-  power), steering angle and steering rate, and its rear axle, where the class has it, does not slide: the kinematic
-  single-track model of that wheelbase;
-- a semi-trailer is refused by name, with the classes that can be driven, and its tractor drives where a configuration
+- the stored file names the class, and the description and the text of the picture name class and size;
+- the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with one 6
+  cm outside;
+- the ego in the picture is as long and as wide as the class, measured in pixels against a bus of known size;
+- each planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
+  power), steering angle and steering rate, and its rear axle (if the class has one) does not slide, by the kinematic
+  single-track model with that wheelbase;
+- a semi-trailer is refused by name with the classes that can be driven, and its tractor drives if a configuration
   states vehicle 4.
 
 The table of truths below and all measurements share no code with the product.
 
-Keys: ``ego_classes_right``: share of the requests that are right; ``ego_requests``: how many there are.
+Keys: ``ego_classes_right``: share of the requests that are right; ``ego_requests``: their number.
 """
 
 import base64

@@ -1,14 +1,13 @@
-"""Progress and the distance to the goal on roundabouts, loops and crossings of a road with itself.
+"""Checks progress and distance to the goal on roundabouts, loops and roads that cross themselves.
 
-The roads are synthetic, with a centre line in closed form: it is composed of straight lines and arcs that meet in the
-same direction, so every place on it has an arc length without any projection. An ego drives a part of the way, at an
-offset from the centre line, and stands then until its time is over. What the product says of that drive is compared
-with the arc lengths of the closed form:
+The roads are synthetic. Their centre lines consist of straight lines and arcs that join smoothly, so every place has an
+arc length without any projection. An ego drives a part of the route at a lateral offset and stands until its time is
+over. The bench compares the product's statements about that drive with the arc lengths of the closed form:
 
-- ``lap_error_m_max``: the largest error in metres, over all cases, of the progress (the share of the way to the goal's
-  beginning, times that way) and of the distance to the goal's end in the verdict "ran out of time".
+- ``lap_error_m_max``: the largest error in metres over all cases, of the progress (the covered share of the distance to
+  the goal's beginning, times that distance) and of the distance to the goal's end in the verdict "ran out of time".
 
-A wrong lap shows as an error of tens of metres. The rest comes from the smoothing of the reference path.
+A wrong lap shows as an error of tens of metres. Smaller errors come from the smoothing of the reference path.
 """
 
 import math

@@ -1,16 +1,16 @@
-"""Goals that CommonRoad's own checker accepts, and driven motions that are beyond the vehicle.
+"""Counts the goals that CommonRoad's own checker accepts, and the motions beyond the vehicle's limits.
 
-``official_goals_gt`` and ``official_goals_cv``: runs of ``frenetix:Default`` that reach their goal by a motion that
-``valid_solution`` accepts, of all runs on problems that can be solved, with ground-truth and constant-velocity
-prediction. A problem can be solved if it is not invalid and the checker does not refuse its very first state.
+``official_goals_gt`` and ``official_goals_cv``: share of the runs of ``frenetix:Default`` on solvable problems that
+reach the goal by a motion that ``valid_solution`` accepts, with ground-truth and constant-velocity prediction. A
+problem is solvable if it is valid and the checker accepts its first state.
 
-``beyond_limits``: the share of driven motions of all built-in planners (whatever their outcome) that exceed their
-vehicle's limits.
+``beyond_limits``: the share of motions of all built-in planners, whatever their outcome, that exceed their vehicle's
+limits.
 
-The judge knows a run only by its exported solution file. It is the checker itself, with its triangulation of what is
-off the road if the package ``triangle`` is installed (it is not free, so it is not a dependency), otherwise with the
-checker's other boundary, rectangles along the outline of the lanelets. The limits are recomputed from positions,
-headings and speeds, without the steering angles that the file states.
+The judge knows a run only by its exported solution file. It is the checker itself. Its road boundary is a triangulation
+if the package ``triangle`` is installed (it is not free, so it is not a dependency), otherwise rectangles along the
+outline of the lanelets. The limits are recomputed from positions, headings and speeds, without the steering angles in
+the file.
 """
 
 import importlib.util

@@ -1,18 +1,17 @@
-"""Stepwise programs that go wrong, and what the protocol costs.
+"""Tests stepwise programs that go wrong, and measures the cost of the protocol.
 
-Each program of ``stepwise_program.py`` that goes wrong is run on a made road, as a program of the settings. Its run
-has to fail as a ``planner_failure`` with the reason that ``EXPECTED`` states, within the limits that the section gives,
-and no process that the program started may be left.
+Each faulty program of ``stepwise_program.py`` runs on a synthetic road as a program of the settings. Its run must fail
+as a ``planner_failure`` with the reason in ``EXPECTED``, within the limits of the settings, and leave no process
+behind.
 
-The cost of a step: the same planner, once as a class in this process and once as a program, is asked at the same
-observations of a made road with 40 road users in sight. It looks for the smallest distance to any predicted position,
-so both read everything that they are told. While it is measured, both processes run before all others where the system
-allows it (``SCHED_FIFO``): a message wakes the other process, and what is measured is not how long other work on the
-machine keeps it waiting.
+The cost of a step compares one planner as a class in this process and as a program, on the same observations of a road
+with 40 visible road users. It looks for the smallest distance to any predicted position, so both read all their input.
+During the measurement both processes have priority over all others if the system allows it (``SCHED_FIFO``), because a
+message wakes the other process and other load would delay it.
 
-Keys: ``protocol_named``: share of the programs with runs reported so; ``protocol_kinds``: how many programs;
-``protocol_slowest_s``: the longest of their runs beyond the limit that it may use; ``protocol_left``: processes left;
-``protocol_step_ms``: median over the steps of the program's time less the class's time; ``protocol_program_ms`` and
+Keys: ``protocol_named``: share of the programs whose runs are reported this way; ``protocol_kinds``: number of
+programs; ``protocol_slowest_s``: the longest run beyond its limit; ``protocol_left``: processes left behind;
+``protocol_step_ms``: median over the steps of the program's time minus the class's time; ``protocol_program_ms``,
 ``protocol_class_ms``: both medians.
 """
 

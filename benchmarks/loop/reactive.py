@@ -1,16 +1,16 @@
-"""Whether traffic that reacts to the ego drives every scenario to an end.
+"""Checks that every scenario can be driven to its end with traffic that reacts to the ego.
 
-A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place have to
-stay on their recordings instead, which the run reports (``on_recording``). A file that is refused by name as unsafe is
-no cell: some of the made files miss steps in a trajectory, which CommonRoad does not allow, and have to be refused.
+A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place must
+stay on their recordings, which the run reports (``on_recording``). Files refused by name as unsafe are not cells: some
+generated files miss steps in a trajectory, which CommonRoad does not allow.
 
 - ``reactive_lost``: lost cells of the public scenarios of the shared folder, with reactive traffic;
-- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios. They are drawn by the seed from the folder that
-  ``PLANNERFORGE_DATABASE`` names (a checkout of the public CommonRoad database; the shared ones are left out),
-  or are generated if it is not set; ``reactive_fresh_from`` says which. ``reactive_refused_fresh``: refused files.
+- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios, drawn by the seed from the folder in
+  ``PLANNERFORGE_DATABASE`` (a checkout of the public CommonRoad database, without the shared ones) or generated if it
+  is not set (``reactive_fresh_from`` says which); ``reactive_refused_fresh``: refused files.
 
-The planner is ``idm``, the cheapest: what SUMO does with the others does not depend on who drives the ego. The
-numbers of cells, and of cells with road users on their recordings, are reported too.
+The planner is ``idm``, the cheapest: SUMO treats the others independently of the ego's planner. The bench also reports
+the numbers of cells, and of cells with road users on their recordings.
 """
 
 import os

@@ -1,20 +1,19 @@
-"""Whether an ego that had to stop drives on once the road is free.
+"""Checks that an ego that had to stop drives on once the road is free.
 
-Made runs on a straight road, driven by each planner. Something blocks the lane until a drawn moment, mostly after the
-middle of the goal's time or after its end, and the road is free from then on:
+Each planner drives synthetic runs on a straight road. Something blocks the lane until a drawn time, mostly after the
+middle or the end of the goal's time interval, and the road is free from then on:
 
 - a leader stands and then leaves;
-- a leader waits at a red light, which the file holds, and leaves when it turns green (the planners read no lights
-  themselves);
-- a queue of three leaves one after the other;
-- an ego that begins at a stand, late, behind a leader;
-- a leader stands and leaves, and the goal asks for no place;
-- a leader brakes to a stand at the end of the goal's time and leaves.
+- a leader waits at a red light in the file and leaves when it turns green (the planners do not read lights themselves);
+- the vehicles of a queue of three leave one after the other;
+- an ego starts late at a standstill behind a leader;
+- a leader stands and leaves, and the goal has no place;
+- a leader brakes to a standstill at the end of the goal's time interval and leaves.
 
-``restarts``: the share of the runs in which the ego stood, and within seven seconds of the moment at which the last
-vehicle ahead has left is driving again: at 2 m/s or more, and 3 m on. The states of the run are examined here, without
-the product's analysis. It also reports the share per planner and per kind, and ``restarts_stood``, the share that
-stood.
+``restarts``: of the runs in which the ego stood, the share in which it drives again (at least 2 m/s, and 3 m further)
+within seven seconds after the last vehicle ahead left. This module examines the states itself, without the product's
+analysis. It also reports the share for each planner and kind, and ``restarts_stood``, the share of runs in which the
+ego stood.
 """
 
 import random

@@ -1,16 +1,15 @@
-"""Whether comparisons of two versions of a user's planner name both versions, only through the tools.
+"""Checks that comparisons of two versions of a user's planner name both versions, using only the tools.
 
 Four planners are edited between batches: a package that declares its version, one in a git checkout with tags, commits
-and uncommitted edits, one that is known only by its source, and a program of the settings file. Each version drives
-the same scenarios under the same configuration; then every batch is compared with every earlier one, and both are
-listed and analysed together.
+and uncommitted edits, one known only by its source, and a program of the settings file. Each version drives the same
+scenarios under the same configuration. Then the bench compares every batch with every earlier one, and lists and
+analyses both together.
 
-A comparison is told right if its headline names both versions: the words that the author gave (a declared version, the
-answer of git itself), and a digest that is another one for another source and the same one whenever that source is
-named; if it pairs every scenario and takes the batch that was named first as the baseline; and if the list of batches
-and an analysis of both batches keep the two apart under the same names.
+A comparison is right if its headline names both versions by the author's text (a declared version, or git's answer) and
+a digest that changes exactly with the source; if it pairs every scenario and uses the first batch given as baseline;
+and if the list of batches and an analysis of both keep them apart under the same names.
 
-Keys: ``versions_told``: share of the comparisons that are told right; ``version_comparisons``: how many there are.
+Keys: ``versions_told``: share of the comparisons that are right; ``version_comparisons``: their number.
 """
 
 import os

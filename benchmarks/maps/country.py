@@ -1,27 +1,27 @@
-"""A country of millions of nodes that nobody mapped, and what it costs to make scenarios in it.
+"""Measures the cost of scenarios in a synthetic country of millions of nodes.
 
-``write_country`` makes it of the shared extracts, the same bytes each time: in every cell of a grid lies a copy of one,
-with ids and place names of its own; motorways with slip roads join the cells; houses in bulk stand around. It lies in
-the South Pacific, where no country is near.
+``write_country`` builds it from the shared extracts, with the same bytes each time: every cell of a grid holds a copy
+of one with unique ids and place names, motorways with slip roads connect the cells, and houses add bulk. The country is
+in the South Pacific, away from any real one.
 
-Keys: ``country_cut_s``: seconds of a ``generate_scenarios`` call through the server, from the words for a place to the
-stored scenario (median over ``country_places`` towns; ``country_cut_worst_s``). ``country_cut_alone_s``: of it, looking
-the place up, cutting it out and reading what it shows (median; in a process that did nothing before).
-``country_refused``: towns where nothing could be made.
+Keys:
 
-``country_memory_mb``: the most memory (resident, as the system counts) of the largest worker that reads the country
-into tiles, or of a process that cuts towns out, whichever is more (``country_indexing_mb``, ``country_cutting_mb``).
-``country_server_mb``: of the server's process beside it; ``country_generating_mb``: of the largest worker once
-scenarios were made.
-
-The first server is killed with its workers in the middle of the work (``country_killed_at``, the share that was done;
-``country_kept_tiles``, with their sites known by then), a second one goes on (``country_resumed_s``).
-``country_index_s``: both together. ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
-
-``country_tiles_equal``: of ``country_tiles_judged`` tiles, those whose sites in the index are those of the same area
-when it is read as a small map that osmium cut out of the file; ``country_sites_judged``: how many sites that were;
-``country_sites_twice``: sites that the index holds twice. ``country_same_bytes``: 1 where a cut made again has the same
-bytes.
+- ``country_cut_s``: seconds of a ``generate_scenarios`` call through the server, from the place name to the stored
+  scenario (median over ``country_places`` towns); ``country_cut_worst_s``: the worst.
+- ``country_cut_alone_s``: the time to find the place, cut it out and read its content (median, in a fresh process).
+- ``country_refused``: towns in which no scenario could be generated.
+- ``country_memory_mb``: peak resident memory of the largest worker that reads the country into tiles, or of a process
+  that cuts towns out, whichever is more (``country_indexing_mb``, ``country_cutting_mb``).
+- ``country_server_mb``: memory of the server's process; ``country_generating_mb``: memory of the largest worker after
+  generation.
+- ``country_killed_at``: share of the work done when the first server and its workers are killed;
+  ``country_kept_tiles``: tiles kept, with their known sites; ``country_resumed_s``: time of the second server, which
+  continues; ``country_index_s``: both times together.
+- ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``: sizes.
+- ``country_tiles_equal``: of ``country_tiles_judged`` tiles, those with the same sites in the index as in a small map
+  of the same area that osmium cut out; ``country_sites_judged``: number of these sites; ``country_sites_twice``: sites
+  that the index holds twice.
+- ``country_same_bytes``: 1 if a repeated cut has the same bytes.
 """
 
 import hashlib

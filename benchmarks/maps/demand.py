@@ -1,14 +1,16 @@
-"""Whether generated traffic has the variety of drivers that was asked for by the name of a published calibration.
+"""Checks that generated traffic has the driver variety of the requested published calibration.
 
-A motorway of a real extract is filled with usual drivers, with those of ``gb_motorway`` (few vehicles) and with those
-of ``m25_gaps`` (many), and what they do is read from the written files by code of its own, with lxml and shapely, from
-nothing but the XML. Keys:
+The bench fills a motorway of a real extract with usual drivers, with those of ``gb_motorway`` (few vehicles) and with
+those of ``m25_gaps`` (many). It reads their behaviour from the written XML alone, with lxml and shapely.
 
-``free_speed_mean``, ``free_speed_deviation``: of the highest speed over the limit that a car holds on a free road
-for ``FREE_S``, one value a car, under ``gb_motorway``; ``usual_speed_…`` without a condition.
-``time_gap_mean_s``, ``time_gap_deviation_s``: of the gaps from bumper to bumper, less the ``STANDING_M`` that are kept
-when standing, over the speed, of vehicles that follow another at its speed within ``FOLLOWED_S``, one value a vehicle,
-under ``m25_gaps``; ``usual_gap_…`` without a condition. ``free_cars``, ``followers``: how many those are.
+Keys:
+
+- ``free_speed_mean``, ``free_speed_deviation``: the highest speed over the limit that a car keeps on a free road for
+  ``FREE_S``, one value per car, under ``gb_motorway``; ``usual_speed_…`` without a condition.
+- ``time_gap_mean_s``, ``time_gap_deviation_s``: the gap from bumper to bumper, minus the ``STANDING_M`` kept at a
+  standstill, over the speed, for vehicles that follow another at its speed within ``FOLLOWED_S``, one value per
+  vehicle, under ``m25_gaps``; ``usual_gap_…`` without a condition.
+- ``free_cars``, ``followers``: how many these are.
 """
 
 import statistics

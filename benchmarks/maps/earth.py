@@ -1,5 +1,7 @@
-"""What the services on this machine serve for the requests of the corpus: the real extracts at their places, and for
-places that none of them shows one that stands in, moved there with its metres kept and its roads called as asked.
+"""The earth that the local services serve for the corpus's requests.
+
+Real extracts are at their places. A place without an extract gets a substitute: an extract moved there with its
+distances kept and its roads renamed as the request needs.
 """
 
 import json

@@ -1,6 +1,6 @@
-"""Extracts of OpenStreetMap in memory, and the part of Overpass's query language that asks for them.
+"""Extracts of OpenStreetMap in memory, and the part of Overpass's query language that requests them.
 
-Written apart from the product, which never sees these files: it gets what the queries that it sends come to.
+This code is independent of the product, which only sees the responses to its queries.
 """
 
 import re

@@ -1,23 +1,27 @@
-"""Beside Scenario Factory 2.0: the same map files, the same machine, by turns, each in one process.
+"""Compares the product with Scenario Factory 2.0 on the same map files and machine, alternately, each in one process.
 
-It runs in an environment of its own (``factory_requirements.txt``; in the folder that ``PLANNERFORGE_FACTORY`` names,
-otherwise in one for temporary files, where it is made once), offline: it is given the files themselves
-(``factory_driver.py``). Maps are the extracts in XML that its documentation allows by their size. Settings are those
-of its documentation: scenarios of 20 s cut from 100 s of traffic (its command line) and of 5 s cut from 50 s (its
-read-me). Ours are asked for scenarios of the same length at different sites, all else by default.
+Scenario Factory runs offline in its own environment (``factory_requirements.txt``), in the folder that
+``PLANNERFORGE_FACTORY`` gives or a temporary one, created once. It receives the map files themselves
+(``factory_driver.py``): the XML extracts within the size that its documentation allows. The settings follow its
+documentation: scenarios of 20 s cut from 100 s of traffic (its command line) and of 5 s cut from 50 s (its readme). The
+product generates scenarios of the same lengths at different sites with its defaults.
 
-Time is processor time, programs that were started included, because other work on the machine lengthens the clock's;
-``factory_ratio_clock`` is by the clock. Start-up, and for Scenario Factory its table of places and the pauses of its
-executor, do not count; reading and indexing the map count for both. Of each map at most so many scenarios of each are
-judged (``factory_judge.py``), and the share of the judged ones stands for the others.
+Times are processor times including started programs, because other load lengthens the wall time
+(``factory_ratio_clock``). They exclude start-up and, for Scenario Factory, its table of places and the pauses of its
+executor; they include reading and indexing the map. For each map, ``factory_judge.py`` judges a limited number of
+scenarios of each side, and their share represents the rest.
 
-Keys: ``factory_ratio`` (executable scenarios a minute, ours over theirs, of 20 s), ``factory_ratio_5s``,
-``factory_ratio_clock`` (of 20 s), ``factory_ratio_places`` (different places with an executable scenario a minute, of
-20 s); for ``ours`` and ``theirs`` at each length ``_made``, ``_judged``, ``_executable`` (share of the judged),
-``_per_min``, ``_places`` (different networks among the scenarios), ``_empty_maps`` (maps without any), ``_inside``
-(positions on lanelets), ``_feasible`` (tracks), ``_overlaps`` (pairs), ``_collisions`` (of the default planner's runs);
-``_sites_km2``; ``factory_environment_s`` (0 where it was there) and ``factory_environment_mb``; ``factory_maps``.
-Faults with their reasons go to standard error, their whole log to ``factory.log`` in the environment's folder.
+Keys:
+
+- ``factory_ratio``: executable scenarios of 20 s per minute, ours over theirs; ``factory_ratio_5s``;
+  ``factory_ratio_clock`` (20 s); ``factory_ratio_places``: the same for different places with an executable scenario.
+- For ``ours`` and ``theirs`` at each length: ``_made``, ``_judged``, ``_executable`` (share of the judged),
+  ``_per_min``, ``_places`` (different networks), ``_empty_maps`` (maps without a scenario), ``_inside`` (positions on
+  lanelets), ``_feasible`` (tracks), ``_overlaps`` (pairs), ``_collisions`` (of the default planner's runs);
+  ``_sites_km2``.
+- ``factory_environment_s`` (0 if it existed), ``factory_environment_mb``; ``factory_maps``.
+
+Faults and their reasons go to standard error, and the full log to ``factory.log`` in the environment's folder.
 """
 
 import asyncio

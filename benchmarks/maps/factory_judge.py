@@ -1,7 +1,7 @@
-"""Judges a CommonRoad file, whoever made it, by commonroad-io, CommonRoad's schema and shapely.
+"""Judges a CommonRoad file from either generator with commonroad-io, CommonRoad's schema and shapely.
 
-Nothing here is code of a maker: the files of Scenario Factory 2.0 and ours go through the same checks. Then Frenetix
-with its default weights drives them, and the drivability checker looks at some of the recorded tracks.
+This module shares no code with the generators: files of Scenario Factory 2.0 and ours pass the same checks. Frenetix
+then drives them with its default weights, and the drivability checker tests some of the recorded tracks.
 """
 
 from dataclasses import dataclass

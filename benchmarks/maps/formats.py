@@ -1,17 +1,19 @@
-"""Roads and scenarios in other formats: what is written says what was there, what is read can be driven on.
+"""Checks that exported roads and scenarios match their source, and that imported ones can be driven.
 
-``opendrive_within_share``: share of the points of lanelet bounds that lie within 0.1 m of the bound of the same lanelet
-in the exported .xodr, and of the places on that bound, every 0.5 m, that lie within 0.1 m of the lanelet's: both ways,
-the lesser share; ``opendrive_max_m``: the farthest. The file is evaluated
-here by OpenDRIVE's formulas (reference line, lane offset, widths). ``opendrive_valid``: share of the files that
-ASAM's schema accepts.
-``openscenario_same_share``: share of the recorded poses whose centre the exported .xosc, read as XML, has at the same
-time within 1 mm; ``openscenario_valid``: share of the files that ASAM's schema accepts.
-``filled_networks_ok``: share of the public road networks that could be filled with new traffic and whose checks pass,
-judged from the written file: CommonRoad's schema, lanelets as in the source, the ego and a goal there, no overlap at
-the start. ``filled_networks``: how many were tried.
-``lanelet2_read``: share of the lanelets of public networks, written as Lanelet2 by code of this module, that are read
-with the same id, bounds within 0.1 m and the same successors.
+Keys:
+
+- ``opendrive_within_share``: share of the points of lanelet bounds within 0.1 m of the same bound in the exported
+  .xodr, or of the points on that bound (every 0.5 m) within 0.1 m of the lanelet's, whichever is smaller;
+  ``opendrive_max_m``: the largest distance. OpenDRIVE's formulas are evaluated here (reference line, lane offset,
+  widths).
+- ``opendrive_valid``, ``openscenario_valid``: share of the files that ASAM's schema accepts.
+- ``openscenario_same_share``: share of the recorded poses whose centre the exported .xosc has at the same time within 1
+  mm.
+- ``filled_networks_ok``: share of the public road networks that could be filled with new traffic and pass all checks of
+  the written file: CommonRoad's schema, unchanged lanelets, an ego and a goal, no overlap at the start;
+  ``filled_networks``: number of networks tried.
+- ``lanelet2_read``: share of the lanelets of public networks, written as Lanelet2 by this module, that are read with
+  the same id, bounds within 0.1 m and the same successors.
 """
 
 import math

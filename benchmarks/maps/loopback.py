@@ -1,8 +1,8 @@
-"""Nominatim and Overpass on this machine: their protocols, with extracts for the earth, and what can go wrong.
+"""Local servers for the protocols of Nominatim and Overpass, with extracts as the earth and injected faults.
 
 ``MapServers`` serves ``/search``, ``/lookup`` and ``/status`` of Nominatim below its address ``nominatim``, and
-``/interpreter``, ``/status`` and ``/kill_my_queries`` of Overpass below those of its ``mirrors``. A ``Fault`` is put
-before the next answers of one of them. All requests are noted.
+``/interpreter``, ``/status`` and ``/kill_my_queries`` of Overpass below those of its ``mirrors``. A ``Fault`` applies
+to the next responses of one of them. All requests are recorded.
 """
 
 import json

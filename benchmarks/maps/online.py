@@ -1,17 +1,21 @@
-"""Places from the net: the requests of the corpus with no map at hand, against services on this machine.
+"""Sends the corpus's requests without a local map, against Nominatim and Overpass services on this machine.
 
-Nominatim and Overpass are those of ``loopback.py``; they serve the real extracts at their places, and moved ones for
-places that none of them shows (``earth.py``). Every request goes through a client's session; what came is judged from
-the stored files by the judges of ``make bench-generation``, and by what the services themselves know.
+The services of ``loopback.py`` serve the real extracts at their places, and moved ones for places without an extract
+(``earth.py``). Every request goes through a client's session. The judges of ``make bench-generation`` examine the
+stored files, together with what the services know.
 
-Keys: ``online_requests`` that can be met, ``online_done`` (the share of them that came as asked: number of scenarios,
-type of road, vehicles, place, country, street, box, density or why not, and where the roads come from),
-``online_local_done`` (the same requests of places with an extract, the extracts at hand), ``online_refused`` (requests
-to be refused) and ``online_refused_right``; ``faults`` (cases of services that do something wrong) and
-``faults_survived`` (the scenario came and what was wrong is told, or the refusal tells it and nothing is stored);
-``cache_same_bytes`` (the share of requests that a fresh workspace answers with the same bytes from kept answers alone,
-the services stopped); ``online_median_s`` (a request, the pauses of politeness included); ``online_asked`` (requests
-to the services for one of a scenario: median).
+Keys:
+
+- ``online_requests``: requests that can be met; ``online_done``: share that succeeds as requested: number of scenarios,
+  type of road, vehicles, place, country, street, box, density or the reason against it, and the source of the roads.
+- ``online_local_done``: the same for places with an extract, with the extracts available locally.
+- ``online_refused``: requests that must be refused; ``online_refused_right``: share refused correctly.
+- ``faults``: cases of faulty services; ``faults_survived``: those in which the scenario is generated and the fault
+  reported, or the refusal reports it and nothing is stored.
+- ``cache_same_bytes``: share of requests that a fresh workspace answers with the same bytes from the cache alone, with
+  the services stopped.
+- ``online_median_s``: time per request, including pauses for the services' usage policy; ``online_asked``: median
+  number of service requests per scenario.
 """
 
 import json

@@ -1,15 +1,19 @@
-"""People and bicycles on the real extracts: are they where people walk and ride, do they meet cars, do cars give way.
+"""Checks pedestrians and bicycles on real extracts: their lanelets, their overlaps, and whether cars yield.
 
-Each map gives one scenario with ten pedestrians and four bicycles where its site has ways for both. The written files
-are judged by code of its own, with lxml and shapely, from nothing but the XML. Keys:
+Each map gives one scenario with ten pedestrians and four bicycles if its site has paths for both. The judge reads only
+the written XML, with lxml and shapely.
 
-``walkers_feasible``: share of the positions of pedestrians and cyclists that lie on lanelets for them: those whose type
-is a pavement, a crossing or a bicycle lane, or whose users name them.
-``walkers_overlaps``: pairs of a pedestrian or cyclist and another road user whose rectangles overlap at any step.
-``cars_yield_share``: of the encounters of a motor vehicle and a pedestrian on a crossing, those in which the vehicle
-comes ``GAP_S`` or more before or after the person at the place where their ways cross, or had come to a stand before.
-``walkers_encounters``: how many these are; ``walkers_on_crossings``: pedestrians who are on one in the recording, of
-``walkers``; ``walkers_scenarios`` made, ``walkers_refused`` for want of a way to walk or of room.
+Keys:
+
+- ``walkers_feasible``: share of the positions of pedestrians and cyclists on lanelets for them (type pavement, crossing
+  or bicycle lane, or users that name them).
+- ``walkers_overlaps``: pairs of a pedestrian or cyclist and another road user whose rectangles overlap at any time
+  step.
+- ``cars_yield_share``: of the encounters of a motor vehicle and a pedestrian on a crossing, the share in which the
+  vehicle passes the conflict point ``GAP_S`` or more before or after the pedestrian, or stopped before it.
+- ``walkers_encounters``: number of these; ``walkers_on_crossings``: pedestrians on a crossing in the recording, of
+  ``walkers``.
+- ``walkers_scenarios``: generated; ``walkers_refused``: refused for lack of a path or of space.
 """
 
 from collections import Counter

@@ -1,22 +1,21 @@
-"""Places, districts and streets by other spellings: ``python -m benchmarks.maps.places FOLDER``.
+"""Places, districts and streets in other spellings: ``python -m benchmarks.maps.places FOLDER``.
 
-The folder holds OpenStreetMap extracts, such as those that public repositories of routing programs keep for their
-tests. Every extract is read as a map; then all maps are at hand, and each request has to find its own.
+The folder holds OpenStreetMap extracts, such as the test data of public routing programs. Every extract is read as a
+map, all maps are then available, and each request must find its own.
 
-Requests are drawn from the extracts' own tags (``name:*``, ``alt_name``, ...), at most ``PER_KEY`` of one extract and
-tag, and read from ``words_for_places.tsv``, which was written by hand before any was tried. Half-typed and compound
-ones are drawn too: of ``HALVES`` names of roads of an extract in turn, the beginning alone, the name and the extract's
-largest place with nothing between, and the same the other way round. Extracts that the file lists under ``tune`` were
-looked at while the program was made; every other one is kept aside.
+Requests are drawn from the extracts' tags (``name:*``, ``alt_name``, ...), at most ``PER_KEY`` for each extract and
+tag, and read from ``words_for_places.tsv``, written by hand before any was tried. For ``HALVES`` road names of each
+extract in turn, a request has only the beginning of the name, or joins it with the extract's largest place, in either
+order. Extracts listed there under ``tune`` were used in development; all others are held out.
 
-A road counts as an extract's if the extract holds a stretch of it: relations name ways far outside.
+A road counts for an extract only if the extract holds a stretch of it, because relations name ways far outside.
 
-A request for a place is right if exactly the maps are found that show it, one for a road if the map is found and the
-road is among the streets that the site must carry there; other maps may have a road of that name too.
+A request for a place is right if it finds exactly the maps that show it. A request for a road is right if it finds the
+map and the road is among the streets required of the site; other maps may have a road of that name too.
 
-Keys: ``places_kept_aside``, the share of the spellings of extracts kept aside that are right; ``half_typed``, the same
-of half-typed and compound words; ``places_tuned`` and ``half_typed_tuned``, of the others; ``places_asked``,
-``half_asked`` and ``languages``, how many requests and languages the first two count.
+Keys: ``places_kept_aside``: share of the held-out spellings that are right; ``half_typed``: the same for partial and
+compound names; ``places_tuned``, ``half_typed_tuned``: the same for the others; ``places_asked``, ``half_asked``,
+``languages``: how many requests and languages the first two count.
 """
 
 import hashlib

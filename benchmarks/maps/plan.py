@@ -1,24 +1,26 @@
-"""A coverage plan over all maps, in one batch whose server is killed twice without notice.
+"""Runs a coverage plan over all maps in one batch, and kills its server twice without notice.
 
-Keys: ``batch_scenarios`` (made); ``batch_per_min``: of them, from the plan's call to its end, with both restarts (the
-maps are read before, in ``batch_maps_s``); ``batch_cpu_s``: processor time of server and workers for each, which other
-work on the machine hardly lengthens; ``batch_memory_slope_mb``: what the server and its workers hold more for each
-thousand scenarios, one slope over all looks, of each server by itself after its first ``_WARM`` scenarios;
-``batch_server_slope_mb``: the server alone (both are left out where fewer than two looks tell them);
-``batch_server_mb`` and ``batch_memory_mb``: the most that the server, and all processes, held; ``batch_disk_kb``: for
-each scenario, of the workspace without its maps and without the recordings that workers keep for the next reading (512
-MB at most); ``batch_kills``; ``batch_lost``: scenarios of the plan whose file or record is missing or broken, that were
-there before a kill and are not now, that were made twice, or that are not there of those asked for; ``batch_refused``
-(tries); ``batch_failed``.
+Keys:
 
-``coverage_2way``: of the pairs of levels that the maps allow, the share that the made files show by type, density,
-classes and turn; ``coverage_pairs`` is how many there are, without ``batch_cannot``: those that were refused three
-times and never made, though a map holds the type of site and the type has the turn (named on standard error).
-``coverage_asked``: the share of all of them, those refused included. ``batch_shown``: of the judged levels, the share
-that the files show.
+- ``batch_scenarios``: generated; ``batch_per_min``: scenarios per minute from the plan's call to its end, including
+  both restarts (the maps are read before, in ``batch_maps_s``); ``batch_cpu_s``: processor time of server and workers
+  for each.
+- ``batch_memory_slope_mb``: memory growth of the server and its workers per thousand scenarios, one slope over all
+  samples, for each server after its first ``_WARM`` scenarios; ``batch_server_slope_mb``: the same for the server alone
+  (both are omitted with fewer than two samples).
+- ``batch_server_mb``, ``batch_memory_mb``: peak memory of the server and of all processes.
+- ``batch_disk_kb``: size of the workspace per scenario, without its maps and the recordings cached by workers (512 MB
+  at most).
+- ``batch_kills``; ``batch_lost``: scenarios whose file or record is missing or broken, that vanished in a kill, that
+  were generated twice, or that are missing from the requested ones; ``batch_refused`` (attempts); ``batch_failed``.
+- ``coverage_2way``: of the pairs of levels that the maps allow, the share that the files show by type, density, classes
+  and turn; ``coverage_pairs``: their number without ``batch_cannot``, the pairs that were refused three times and never
+  generated although a map holds the site type and the type has the turn (listed on standard error); ``coverage_asked``:
+  the share of all pairs, including refused ones.
+- ``batch_shown``: share of the judged levels that the files show.
 
-Files are judged by the code that judges single generations (``evals/scoring/made_files.py``), and turns by the ego's
-heading at its start and at its goal, or by the classes of the roads there; a change of lane is not judged.
+``evals/scoring/made_files.py`` judges the files as for single generations. Turns follow from the ego's heading at its
+start and goal, or from the classes of the roads there. Lane changes are not judged.
 """
 
 import json

@@ -1,32 +1,37 @@
-"""``make bench-modification``: does an edit do what was asked, and nothing else?
+"""``make bench-modification``: checks that an edit does what was requested, and nothing else.
 
-All scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes of the safety
-table) and the requests of the modification corpus with their ground truth as arguments. Judged is what was written and
-what SUMO held in the run that made it: a vehicle's type, the route that it drove, the file.
+The bench edits all scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes
+of the safety table) and carries out the requests of the modification corpus with their ground truth as arguments. It
+judges the written file and the content of SUMO in that run: a vehicle's type and the route that it drove.
 
-Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO shows where and as fast as they were
-recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks; a refusal of what can be done fails),
-``composite_done`` (all checks of all edits of a composite), ``T_arrives`` (vehicles sent somewhere that are there
-before the scenario ends: of the others ``T_ends`` demands that they are on their way, and had no time or were held up),
-``checks_min`` (the least of all checks), ``valid_min`` (no schema error that the source does not have; CommonRoad's
-schema has no form for who enters after time 0, so that vehicles which the request itself lets enter later may, and no
-others), ``valid_strict_min`` (not those either), ``executable_min`` (all three the least over the tasks),
-``refused_right``, ``untouched_identical``, ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``
-(touched vehicles that the edits name, by the drivability checker from their hand-over + 1 s on),
-``physical_handed_over`` (those that no edit names), ``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the
-old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisions_left``, ``several_calls_equal``
-(composites, by the tool's calls), ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing
-included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
-``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
+Keys (shares unless stated otherwise):
 
-``--fresh SEED`` makes the same drawn edits on scenarios that are made just then, ``--count`` of each seed
-(``fresh_scenarios`` of ``benchmarks.symmetries.fresh_data``): one half generated, one half recordings made new. Keys:
-``seeds``,
-``fresh_files``, ``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``,
-``fresh_edits`` (carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``,
-``fresh_G_edge``, ``fresh_checks_min``, ``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``,
+- ``round_trip``: files whose road users SUMO shows at their recorded positions and speeds.
+- ``T_ends``, ``B_preset``, ``P_count``, ``G_edge``: the paper's checks; a refusal of a feasible edit fails.
+- ``composite_done``: all checks of all edits of a composite.
+- ``T_arrives``: redirected vehicles that arrive before the scenario ends. ``T_ends`` requires of the others that they
+  are on their route and lacked time or were held up.
+- ``checks_min``: the lowest of all checks.
+- ``valid_min``: no schema error that the source does not have, except for vehicles that the request lets enter after
+  time 0, which CommonRoad's schema cannot express; ``valid_strict_min``: without this exception.
+- ``executable_min``: as the two before, the lowest over the tasks.
+- ``refused_right``, ``untouched_identical``.
+- ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``: vehicles named by the edits, by the
+  drivability checker from 1 s after their hand-over on; ``physical_handed_over``: vehicles that no edit names.
+- ``handovers_smooth``: at most 5 cm beyond v·dt and 1 m/s, from the old and the new file.
+- ``unreported_collisions`` (of a touched vehicle), ``collisions_left``: numbers.
+- ``several_calls_equal``: composites, by calls of the tool.
+- ``edit_median_s``, ``edit_p95_s``: seconds of a warm worker including reading and writing (a scenario's first edit
+  reads it, later ones find it cached); ``edit_first_median_s``: first edits alone; ``edit_cpu_median_s``: processor
+  time of all edits.
+
+``--fresh SEED`` makes the same drawn edits on newly created scenarios, ``--count`` for each seed (``fresh_scenarios``
+of ``benchmarks.symmetries.fresh_data``): one half generated, one half rewritten recordings. Keys: ``seeds``,
+``fresh_files``, ``fresh_refused`` (refused by name on reading, which is no failure), ``fresh_crashed``, ``fresh_edits``
+(carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``, ``fresh_G_edge``,
+``fresh_checks_min``, ``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``,
 ``fresh_handovers_smooth``, ``fresh_untouched_identical``, ``fresh_unreported_collisions``, and ``fresh_physical_min``
-(the least of the ``physical_*``).
+(the lowest of ``physical_*``).
 """
 
 import argparse

@@ -1,7 +1,6 @@
-"""Whether a vehicle gets to its target, had to get there in time, and could have been sent there at all.
+"""Checks whether a vehicle arrives at its target, had enough time to, and could have been sent there at all.
 
-Computed from the lanelets and the motion as written, whatever the report says of it; none of this asks the code that
-edits.
+Everything is computed from the lanelets and the written motion, without the report or the editing code.
 """
 
 import math

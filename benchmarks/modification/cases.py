@@ -1,4 +1,4 @@
-"""One worker's share of the modification bench: everything that is measured on one file or one corpus line."""
+"""One worker's share of the modification bench: all measurements on one file or one corpus line."""
 
 import json
 import time

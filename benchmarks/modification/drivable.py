@@ -1,8 +1,9 @@
-"""``make bench-drivable``: how many recorded road users an edit can drive, and why the others cannot.
+"""``make bench-drivable``: how many recorded road users an edit can drive, and why it cannot drive the others.
 
-Keys: ``files``, ``unreadable`` (files), ``vehicles`` (recorded, of kinds that are driven), ``drivable_share``, and of
-the rest ``off_lanelets`` (matched with no lanelet), ``against_lanes`` (from one lanelet to another that runs the other
-way), ``beside_lanes`` (to one that starts near the end of the first or beside it) and ``far_lanes`` (farther away).
+Keys: ``files``, ``unreadable`` (files), ``vehicles`` (recorded, of kinds that can be driven), ``drivable_share``, and
+for the rest ``off_lanelets`` (on no lanelet), ``against_lanes`` (from one lanelet to another in the opposite
+direction), ``beside_lanes`` (to a lanelet that starts next to or near the end of the first) and ``far_lanes`` (farther
+away).
 """
 
 import math

@@ -1,8 +1,8 @@
-"""The paper's checks of an edited scenario, made on what was written and what SUMO held, never on the product's word.
+"""The paper's checks of an edited scenario, from the written file and from SUMO, never from the product's report.
 
-Each kind of edit has its judges: B the vehicle types that SUMO drove with, T the route that SUMO drove and the motion
-that was written, P the road users of both files, G the planning problem as written. Which other
-vehicles were handed over is taken from the report, and told with the figures.
+Each kind of edit has its judges: B the vehicle types in SUMO, T the route driven in SUMO and the written motion, P the
+road users of both files, G the written planning problem. Only the list of other handed-over vehicles comes from the
+report; the figures say so.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Whether SUMO holds all road users as recorded: they are put into it and read back, step by step."""
+"""Checks that SUMO holds all road users as recorded: inserts them and reads them back, step by step."""
 
 import math
 import tempfile

@@ -1,10 +1,10 @@
-"""The paper's safety table: what a stated recipe of each kind of edit does to an ego's risk.
+"""The paper's safety table: how a fixed recipe of each kind of edit changes an ego's risk.
 
-Recipes. B: the three nearest vehicles become aggressive. T: the nearest vehicle that has another branch within reach
-takes it. P: a car is put 15 m ahead of the ego in its lane, at half its speed. G: the goal moves to the nearest other
-lanelet that can be reached. The risk score (0 collision … 5 negligible) is that of an ego that drives ordinarily, and
-where a planner was run, of the planner. Vehicles that hit the ordinary ego from behind on their recording are left out,
-because they cannot react to it; the table says in how many scenarios an ego collides before any edit all the same.
+Recipes. B: the three nearest vehicles become aggressive. T: the nearest vehicle with another branch within reach takes
+it. P: a car is added 15 m ahead of the ego in its lane at half its speed. G: the goal moves to the nearest other
+reachable lanelet. The risk score (0 collision … 5 negligible) is that of an ordinarily driving ego, or of the planner
+if one ran. Vehicles that hit the ordinary ego from behind on their recording are left out, because they cannot react;
+the table still states in how many scenarios an ego collides before any edit.
 """
 
 import statistics

@@ -1,12 +1,12 @@
-"""What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile.
+"""The input of the modification bench's judges: the base, the written file, and the content of SUMO.
 
-Of SUMO's run it reads the vehicle types from the file that SUMO was started with, the routes from SUMO's own record,
-and the net that is kept with every scenario.
+Vehicle types come from the file that SUMO started with, routes from SUMO's own record, and the net is the one kept with
+every scenario.
 
-CommonRoad's schema has no form for a road user that enters after time 0: the ``initialState`` of a ``dynamicObstacle``
-is at time 0 and says that it is there then; a ``phantomObstacle``, which may begin later, stands for no real road user
-and has no type. CommonRoad's own reader takes any time. A vehicle that the request itself lets enter later hence makes
-one error that no way of writing avoids; that error of that vehicle is told apart from all others.
+CommonRoad's schema cannot express a road user that enters after time 0: the ``initialState`` of a ``dynamicObstacle``
+is at time 0, and a ``phantomObstacle``, which may begin later, is not a real road user and has no type. CommonRoad's
+own reader accepts any time. So a vehicle that the request lets enter later causes one unavoidable error, which is
+reported separately.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""A written CommonRoad file as the judge of ``make bench-edits`` reads it: with lxml and numpy, and nothing else.
+"""Reads a written CommonRoad file for the judge of ``make bench-edits``, with lxml and numpy alone.
 
-Only what the judge needs is read: lanelets with their lights, road users with their states, the first planning problem.
-Files of 2020a (``dynamicObstacle``) and of 2018b (``obstacle`` with a role) are understood.
+It reads only what the judge needs: lanelets with their lights, road users with their states, the first planning
+problem. It understands files of 2020a (``dynamicObstacle``) and 2018b (``obstacle`` with a role).
 """
 
 import math

@@ -1,22 +1,23 @@
-"""``make bench-peers FOLDER=FOLDER``: files of other people through the product: CommonRoad, OpenDRIVE, Lanelet2.
+"""``make bench-peers FOLDER=FOLDER``: imports other people's CommonRoad, OpenDRIVE and Lanelet2 files.
 
-The folder holds one folder for each repository that the files were fetched from; whoever runs this fetches them.
-``--part`` takes every other repository by name (``tuned``) or the rest (``kept``). Every file is imported as a map or a
-scenario by the product's own operations. Faults go to standard error, one a line.
+The folder holds one folder for each repository that the user fetched. ``--part`` takes every other repository by name
+(``tuned``) or the rest (``kept``). The product's own operations import every file as a map or a scenario. Faults go to
+standard error, one per line.
 
-Keys: ``commonroad``, ``opendrive``, ``lanelet2``, ``repositories``: how many were tried; ``accepted``: files that went
-in. ``wrong_refusals``: refused files that a judge accepts (CommonRoad: commonroad-io reads it and CommonRoad's schema
-and its rule of one state a step hold; OpenDRIVE: netconvert with its own settings makes a network for cars; Lanelet2: a
-lanelet has two bounds). ``crashes``: files that ended in an error that is no refusal.
+Keys:
 
-``lost_links``: links between roads of a network, as sumolib reads it, that the lanelets lack, without those that are
-named as too tight; and lanelets of a Lanelet2 map that begin where another ends without following it. ``links``: of how
-many; ``named_tight``: links that were told to be too tight for a lanelet. ``invalid_goals``: planning problems that
-went in without a start, a time, or a lanelet that is there. ``wrong_side``: roads that drive on the other side than the
-file says.
-
-With ``--asam PROGRAM`` (the program of asam-qc-opendrive, which needs an environment of its own) ``asam_clean``: share
-of ``asam_exports`` exported scenarios in which ASAM's checker finds nothing.
+- ``commonroad``, ``opendrive``, ``lanelet2``, ``repositories``: how many were tried; ``accepted``: imported files.
+- ``wrong_refusals``: refused files that a judge accepts (CommonRoad: commonroad-io reads it, and CommonRoad's schema
+  and its rule of one state per step hold; OpenDRIVE: netconvert makes a network for cars with its default settings;
+  Lanelet2: a lanelet has two bounds).
+- ``crashes``: files that ended in an error other than a refusal.
+- ``lost_links``: links between roads, as sumolib reads the network, that the lanelets lack and that are not reported as
+  too tight, and Lanelet2 lanelets that begin at another's end without following it; ``links``: all links;
+  ``named_tight``: links reported as too tight for a lanelet.
+- ``invalid_goals``: imported planning problems without a start, a time, or an existing lanelet.
+- ``wrong_side``: roads that drive on the other side than the file says.
+- ``asam_clean``: share of ``asam_exports`` exported scenarios in which ASAM's checker finds nothing, with ``--asam
+  PROGRAM`` (asam-qc-opendrive, which needs its own environment).
 """
 
 import argparse

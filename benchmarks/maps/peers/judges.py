@@ -1,4 +1,4 @@
-"""What others say of a foreign file and of what the product made of it: commonroad-io, SUMO, sumolib, ASAM's checker.
+"""Independent views of a foreign file and its import: commonroad-io, SUMO, sumolib, ASAM's checker.
 
 Nothing here uses the product's own readers.
 """

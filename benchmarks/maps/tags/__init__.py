@@ -1,14 +1,14 @@
-"""Whether roads of OpenStreetMap become what their tags say: small drawn crossings, countries' limits, real towns.
+"""Checks that OpenStreetMap roads match their tags: small drawn crossings, countries' limits, real towns.
 
-``tags_right``: share of drawn crossings (``osm_tags.tsv``) whose west arm is as OpenStreetMap's documentation has its
-tags, or for which the answer tells that it is not; ``tags_held_right``: of those that were kept aside while the reader
-of tags was written; ``tags_drawn``, ``tags_told`` (not drawn as documented, but told), ``tags_wrong`` (the first ones).
+Keys:
 
-``limits_right``: share of countries and kinds of road (a street in a town, a road outside, a motorway; none has a
-limit) that get the legal limit of the country; ``limits_wrong`` names the others.
-
-``town_over_60``: roads without a limit of the real extracts, in towns by this module's own look at the map, that get
-more than 60 km/h; motorways and trunk roads apart. ``town_roads``: how many were looked at.
+- ``tags_right``: share of drawn crossings (``osm_tags.tsv``) whose west arm matches OpenStreetMap's documentation of
+  its tags, or for which the answer reports that it does not; ``tags_held_right``: the same for the held-out ones;
+  ``tags_drawn``, ``tags_told`` (not as documented, but reported), ``tags_wrong`` (the first ones).
+- ``limits_right``: share of countries and kinds of road (town street, road outside, motorway, all without a signed
+  limit) that get the country's legal limit; ``limits_wrong`` lists the others.
+- ``town_over_60``: roads without a limit in towns of the real extracts, by this module's own reading of the map, that
+  get more than 60 km/h, except motorways and trunk roads; ``town_roads``: number of roads examined.
 """
 
 import csv

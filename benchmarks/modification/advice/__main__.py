@@ -1,12 +1,17 @@
-"""``python -m benchmarks.modification.advice``: refusals that are drawn, and their first suggestion followed.
+"""``python -m benchmarks.modification.advice``: draws refusals and follows their first suggestion.
 
-Wrong calls of all tools are drawn by kind from a seeded generator, on scenarios of a folder and on made ones, and sent
-to a server by standard input and output. Of each refusal the first suggestion is read from its text, and sent.
+A seeded generator draws wrong calls of all tools by kind, on scenarios of a folder and on generated ones, and sends
+them to a server over standard input and output. The bench reads the first suggestion from the text of each refusal and
+sends it.
 
-Keys: ``refusals``: calls that were refused; ``advice_succeeds``: share of them whose first suggestion is a call and is
-answered; ``advice_mends``: share whose first suggestion is the same tool's call, mended, and is answered (the others
-look something up); ``advice_repeated``: suggestions that failed and were given again; ``advice_names_ego``: suggestions
-that name the ego as a vehicle; ``not_refused``: drawn calls that were answered.
+Keys:
+
+- ``refusals``: refused calls; ``not_refused``: drawn calls that were answered.
+- ``advice_succeeds``: share of refusals whose first suggestion is a call that succeeds.
+- ``advice_mends``: share whose first suggestion is a corrected call of the same tool that succeeds (others look
+  something up).
+- ``advice_repeated``: suggestions that failed and were given again.
+- ``advice_names_ego``: suggestions that name the ego as a vehicle.
 """
 
 import argparse

@@ -1,6 +1,7 @@
-"""What a refusal's text suggests first, read as a program or a literal reader would: with regular expressions and JSON.
+"""Reads the first suggestion of a refusal from its text, as a program or a literal reader does, with regular
+expressions.
 
-Nothing of the product is used: neither its classes nor the metadata of its answers.
+It uses nothing of the product: neither its classes nor the metadata of its answers.
 """
 
 import copy

@@ -1,4 +1,4 @@
-"""Draws wrong calls, sends them, follows what the refusals suggest first, and counts."""
+"""Draws wrong calls, sends them, follows the first suggestion of each refusal, and counts."""
 
 import hashlib
 import json

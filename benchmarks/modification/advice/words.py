@@ -1,4 +1,4 @@
-"""Words that are nearly right."""
+"""Almost correct words."""
 
 import random
 import string

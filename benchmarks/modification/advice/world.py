@@ -1,4 +1,4 @@
-"""What refusals are drawn on: scenarios of a folder and made ones in a workspace, with runs, batches and the like."""
+"""The workspace in which refusals are drawn: scenarios of a folder and generated ones, runs and batches."""
 
 import random
 from collections.abc import Mapping

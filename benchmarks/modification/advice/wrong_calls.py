@@ -1,4 +1,4 @@
-"""Wrong calls of all tools but the edits by kind: each draws arguments that hold a fault."""
+"""Wrong calls of all tools except edits, by kind: each draws arguments with a fault."""
 
 import random
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Wrong edits by kind: each draw makes an edit that holds a fault, alone or behind a sound one."""
+"""Wrong edits by kind: each draws an edit with a fault, alone or after a correct one."""
 
 import random
 from collections.abc import Callable

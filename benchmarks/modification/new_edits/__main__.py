@@ -1,13 +1,13 @@
-"""``make bench-edits``: the new edits on scenarios of a folder, judged from the written files by code apart.
+"""``make bench-edits``: the newer edits on scenarios of a folder, judged by independent code from the written files.
 
-Of the folder that half is taken whose names' digests are odd (``--half even`` takes the other one). Each file gets one
-drawn edit of each kind that it allows; every file with lights gets a behaviour for all of its vehicles besides, and a
-reactive run's traffic around a standing ego.
+The bench takes the half of the folder with odd name digests (``--half even`` takes the other one). Each file gets one
+drawn edit of each kind that it allows. Every file with lights also gets a behaviour for all of its vehicles, and the
+traffic of a reactive run around a standing ego.
 
 Keys: ``new_edits`` (carried out), ``new_edits_right`` (share of them), ``new_edits_refused``, ``red_crossed`` (driven
-vehicles that cross at red unasked), ``red_judged`` (driven vehicles in files with lights), ``standing_moves`` (vehicles
-put in with speed 0 that move), ``edit_median_s``; with ``--advice``, as ``make bench-edits`` has it, those of
-``benchmarks.modification.advice`` besides: ``advice_succeeds``, ``advice_mends`` …
+vehicles that cross at red without a request), ``red_judged`` (driven vehicles in files with lights), ``standing_moves``
+(vehicles added with speed 0 that move), ``edit_median_s``. With ``--advice``, as in ``make bench-edits``, also those of
+``benchmarks.modification.advice``: ``advice_succeeds``, ``advice_mends`` …
 """
 
 import argparse

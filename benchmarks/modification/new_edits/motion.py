@@ -1,4 +1,4 @@
-"""Drawn edits of motions, each with the judge of what was written: stations, offsets and speeds by numpy alone."""
+"""Drawn edits of motions, each with a judge of the written file: stations, offsets and speeds in numpy."""
 
 import math
 import random

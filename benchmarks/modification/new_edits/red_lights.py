@@ -1,4 +1,4 @@
-"""Who crosses the end of a lanelet while its light is red, by the written file alone."""
+"""Finds vehicles that cross the end of a lanelet at red, from the written file alone."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Drawn edits of who is where and of the scene, each with the judge of what was written."""
+"""Drawn edits of placement and scene, each with a judge of the written file."""
 
 import math
 import random
