@@ -1,5 +1,4 @@
-"""``make bench-agent``: the ceiling of the tools, the score of agents without a model, and the tokens of an ideal
-agent.
+"""``make bench-agent``: the ceiling of the tools, agents without a model, and an ideal agent's tokens.
 
 Keys:
 

@@ -1,13 +1,13 @@
-"""Whether each figure in the text of an answer stands in its structured content too: one rule, without any English.
+"""Checks that each figure in the text of an answer is also in its structured content, by one rule without any English.
 
-A figure is a number that stands by itself in a text: it is no part of a name, an id, an address or a word. It is known
-if a field holds it, rounded to the digits that are shown. The text may show a value as a percentage, without its sign,
-or as the length of a list. It may tell how many entries it leaves out: a length or a whole number of the fields, less
-the names in the line, or less the items that the lines list. It may repeat the arguments of the call. The figures of a
-sentence that is a field itself, such as the statement of a finding, have to stand next to it, in the same object.
-Whatever is left is unknown: either the text says more than the fields, or one of both is wrong.
+A figure is a number by itself in a text, not a part of a name, an id, an address or a word. It is known if a field
+holds it, rounded to the digits shown. The text may show a value as a percentage, without its sign, or as the length of
+a list. It may state the number of omitted entries: a length or a whole number of the fields, minus the names in the
+line or the items that the lines list. It may repeat the arguments of the call. If a sentence is a field itself, such as
+the statement of a finding, its figures must be next to it, in the same object. Any other figure is unknown: either the
+text says more than the fields, or one of them is wrong.
 
-The fields themselves are judged elsewhere, by code that recomputes them.
+Other judges recompute the fields themselves.
 """
 
 import re

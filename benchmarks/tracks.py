@@ -1,4 +1,4 @@
-"""Where road users are, whose bodies overlap and which tracks can be driven, for the judges of all benches."""
+"""Positions, overlaps and feasibility of road users' tracks, for the judges of all benches."""
 
 import math
 

@@ -3,7 +3,7 @@
 The seed draws 12 collisions of each kind: a recorded follower, a standing ego, a slower or standing leader, a braking
 leader, a cut-in, a crossing vehicle and an oncoming one. The construction determines the kind and the sides that meet.
 This module shares no code with the product: it decides whether full braking prevents the collision by trying every
-start in steps of 5 ms, with separating axes for overlaps, until 30 s after the contact. ``benchmarks.loop.verdicts`` judges
+start in steps of 5 ms, with separating axes for overlaps, until 30 s after the contact. ``loop.verdicts`` judges
 the other drivers.
 
 Keys:
@@ -19,7 +19,7 @@ Keys:
 - ``recorded_collisions``, ``recorded_verdicts``, ``recorded_unclear``: numbers of collisions, verdicts and verdicts
   left out.
 
-``benchmarks.loop.verdicts`` judges the drivers from the start of a scenario.
+``loop.verdicts`` judges the drivers from the start of a scenario.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Runs on public scenarios for the parts of ``make bench-analysis``, made once and kept in the bench's scratch folder."""
+"""Runs on public scenarios for the parts of ``make bench-analysis``, made once and kept in the scratch folder."""
 
 import random
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """Simulates reference drivers in place of an ego that collided in a recorded scenario, independently of the product.
 
-The drivers are those of ``benchmarks.planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
+The drivers are those of ``planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
 ego's path, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms. Other road users are
 projected onto this path near their previous place on it. A track that has ended continues straight at its last speed,
 or brakes to a stop if it braked. A driver prevents a collision if it touches neither the other party until both can no

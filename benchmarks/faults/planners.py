@@ -1,5 +1,4 @@
-"""``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, and the disk is
-full.
+"""``make bench-faults``: planner batches while servers die, runs hang or crash, and the disk is full.
 
 The grids use small starter scenarios and fast configurations of both planners with random weights. In each grid the
 runs of one scenario hang at first, and those of another crash the native core. Servers then receive the whole grid

@@ -1,4 +1,4 @@
-"""Checks the traffic of a generated scenario: on the lanelets, without overlaps, feasible for the drivability checker."""
+"""Checks the traffic of a generated scenario: on the lanelets, without overlaps, feasible for the checker."""
 
 import itertools
 import random

@@ -1,17 +1,21 @@
-"""``make bench-planners``: how the planners fare on every scenario of a folder, and what the loop costs.
+"""``make bench-planners``: the planners' outcomes on every scenario of a folder, and the cost of the loop.
 
-Keys: ``runs``, ``lost`` (cells without a run), ``solvable`` (not invalid), ``success_<preset>_<prediction>``
-(share of the solvable problems that reach the goal), ``trap_infeasible`` (infeasible runs that look like a heading
-wrap: the yaw rate rejected the most candidates of the last attempt), ``step_over_core`` (planning step ÷ its time in
-the core, median), ``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the
-runs with which the throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting`` (those of Default
-whose raising changes the first choice in one of some scenarios), ``rear_scenarios`` (scenarios with a follower),
-``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
-hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
+Keys:
 
-``--fresh SEED`` drives problems that are drawn just then, ``--count`` of each seed: any recorded car as the ego, at any
-step, to where it was last recorded. Keys: ``seeds``, ``fresh_problems``, ``fresh_lost`` (runs that raised),
-``fresh_solvable`` (not invalid), ``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
+- ``runs``, ``lost`` (cells without a run), ``solvable`` (valid problems).
+- ``success_<preset>_<prediction>``: share of the solvable problems that reach the goal.
+- ``trap_infeasible``: infeasible runs that look like a heading wrap, because the yaw rate rejected the most candidates
+  of the last attempt.
+- ``step_over_core``: planning step over its time in the core, median.
+- ``run_median_s``: median wall time of a run in a single warm worker without other load (the runs that measure the
+  throughput of one worker); ``two_worker_speedup``.
+- ``weights_acting``: weights of Default whose increase changes the first choice in one of some scenarios.
+- ``rear_scenarios`` (scenarios with a follower); ``recorded_rear_hits``, ``reactive_rear_hits`` (braking egos hit from
+  behind, over all planners; ``make bench-reactive`` measures this in full).
+
+``--fresh SEED`` drives newly drawn problems, ``--count`` for each seed: any recorded car as the ego, from any step, to
+its last recorded position. Keys: ``seeds``, ``fresh_problems``, ``fresh_lost`` (runs that raised), ``fresh_solvable``
+(valid), ``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
 """
 
 import statistics

@@ -1,4 +1,4 @@
-"""Which cost weights act: those whose raising changes what the planner chooses in one and the same situation."""
+"""Finds the cost weights that act: an increase changes the planner's choice in the same situation."""
 
 from collections.abc import Sequence
 

@@ -1,6 +1,6 @@
-"""Reference drivers written from ``docs/reference_drivers.md`` apart from the product, for benches that judge verdicts.
+"""Reference drivers written from ``docs/reference_drivers.md`` independently of the product, for benches of verdicts.
 
-Each driver is asked at every step what deceleration it wants, from what it sees of one other road user (:class:`View`).
+At every time step each driver returns its desired deceleration from its view of one other road user (:class:`View`).
 """
 
 import math

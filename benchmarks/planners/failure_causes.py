@@ -1,4 +1,4 @@
-"""Why a run failed, derived from its stored record and steps and from the motion of what it collided with."""
+"""Derives the cause of a failed run from its stored record and steps and from the motion of the other party."""
 
 import math
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""Planning problems that are drawn just now, and how the planners fare on them.
+"""Newly drawn planning problems, and the planners' outcomes on them.
 
-Any recorded car of a scenario becomes the ego in place of the planning problem's, at any step of its recording; its
-goal is where it was last recorded, at any time until then.
+Any recorded car of a scenario replaces the ego at any step of its recording. Its goal is its last recorded position, at
+any time until then.
 """
 
 import random

@@ -1,8 +1,8 @@
-"""The outcomes of planners over a folder of scenarios, and what moved between two versions of the code.
+"""Records the planners' outcomes over a folder of scenarios, and compares two versions of the code.
 
-``measure`` runs each planner under each prediction and traffic over the folder, with this checkout or with the one that
-``--checkout`` names, and adds one JSON row per run to a file. Runs that the file already holds are not made again.
-``compare`` prints the outcomes of two such files side by side, and names each run whose outcome changed::
+``measure`` runs each planner under each prediction and traffic over the folder, with this checkout or the one that
+``--checkout`` gives, and adds one JSON row per run to a file. It skips runs that the file already holds. ``compare``
+prints the outcomes of two such files side by side, and lists each run whose outcome changed::
 
     python -m benchmarks.planners.outcomes measure --checkout ../before --out before.jsonl
     python -m benchmarks.planners.outcomes measure --out after.jsonl

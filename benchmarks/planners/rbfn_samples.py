@@ -1,15 +1,15 @@
-"""Motion primitives as an optimal control problem: what MP-RBFN's network is trained with and judged by.
+"""Motion primitives as an optimal control problem, for training and judging MP-RBFN's network.
 
-A primitive moves the rear axle of a kinematic single-track model between two states in a given time. Scaled as the
-network has it (``engine/planners/rbfn/network.py``), its states are x, y, ψ, V, K and its controls the changes A of V
-and B of K, piecewise constant on 30 intervals; the problem is
+A primitive moves the rear axle of a kinematic single-track model between two states in a given time. In the scale of
+the network (``engine/planners/rbfn/network.py``), its states are x, y, ψ, V, K and its controls the changes A of V and
+B of K, piecewise constant on 30 intervals. The problem is
 
     minimise ∫ A² + 0.01 · B² dτ,  with V ≥ 0, |K| ≤ 8 and both ends given,
 
-by direct multiple shooting (one Runge–Kutta step of fourth order an interval) with casadi and IPOPT. Boundary values
-are drawn as the planner meets them: a path whose curvature changes evenly over the way, an offset from it, an error of
-the heading and of the curvature at the beginning, an even change of speed and up to a tenth more or less way than that
-asks. A problem that IPOPT does not solve is counted and left out.
+by direct multiple shooting (one fourth-order Runge–Kutta step per interval) with casadi and IPOPT. Boundary values
+resemble those of the planner: a path with evenly changing curvature, an offset from it, initial errors of heading and
+curvature, an even change of speed, and up to a tenth more or less distance than this implies. A problem that IPOPT does
+not solve is counted and left out.
 """
 
 from dataclasses import dataclass

@@ -1,11 +1,11 @@
 """``make train-rbfn``: trains the network of MP-RBFN and writes its weights; the same seed gives the same bytes.
 
-Samples are solutions of an optimal control problem (``rbfn_samples.py``, which needs casadi, the extra ``train``).
-Units sit on samples that the seed chooses; all have one width; the outputs are the least squares fit to what the
-samples have above the straight line between their ends, with a ridge. Nothing is iterated in the fit, so it depends on
-the samples and on the linear algebra of numpy alone.
+Samples are solutions of an optimal control problem (``rbfn_samples.py``, which needs casadi, the extra ``train``). The
+seed chooses the samples on which the units sit. All units have one width, and the outputs are a least-squares fit with
+a ridge to the samples minus the straight line between their ends. The fit has no iterations, so it depends only on the
+samples and on numpy's linear algebra.
 
-``--cache`` keeps the samples in a folder: solving them takes most of the time.
+``--cache`` keeps the samples in a folder, because solving them takes most of the time.
 """
 
 import argparse

@@ -1,16 +1,17 @@
-"""``make bench-reactive``: rear hits of an ego that brakes to a stand.
+"""``make bench-reactive``: rear hits of an ego that brakes to a standstill.
 
 Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic: by a planner that brakes
-at once with 6 m/s², and by each of our planners, which drive for a second before the ego brakes so. A rear hit is one
-by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cut in on while it braked,
-because its reference path changes the lane, makes none. Keys: ``scenarios`` (with a follower), ``runs`` (with one
-traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms`` (median duration of a step of the
-reactive traffic).
+at once with 6 m/s², and by each built-in planner, which drives for a second before the ego brakes in the same way. A
+rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cuts in on
+while it brakes, because its reference path changes lanes, does not count.
 
-``--fresh SEED`` measures on approaches that are drawn just then: any recorded car with a follower becomes the ego, at
-any step of its recording, in place of the planning problem's, ``--count`` of each seed. Keys: ``seeds``,
-``fresh_approaches``, ``fresh_recorded_rear_hits``, ``fresh_rear_hits`` (reactive), and of those
-``fresh_avoidable_rear_hits`` by followers who could have stopped behind the ego with 8 m/s² after one step.
+Keys: ``scenarios`` (with a follower), ``runs`` (with one traffic), ``recorded_rear_hits``, ``reactive_rear_hits``,
+``reactive_step_ms`` (median duration of a step of the reactive traffic).
+
+``--fresh SEED`` measures newly drawn approaches, ``--count`` for each seed: any recorded car with a follower becomes
+the ego at any step of its recording. Keys: ``seeds``, ``fresh_approaches``, ``fresh_recorded_rear_hits``,
+``fresh_rear_hits`` (reactive), and ``fresh_avoidable_rear_hits``, those by followers that could have stopped behind the
+ego with 8 m/s² after one step.
 """
 
 import random

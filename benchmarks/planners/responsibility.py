@@ -1,4 +1,4 @@
-"""Is ``responsibility`` another measure than ``prediction``? Rank correlation over candidates, and its time.
+"""Measures whether ``responsibility`` differs from ``prediction``: rank correlation over candidates, and its time.
 
 Runs Safety-Conservative on the starter scenarios and on some files of a folder, and pools all feasible candidates of
 every planning step: ``python -m benchmarks.planners.responsibility [FOLDER_OF_XML [FILES]]``.

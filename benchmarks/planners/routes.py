@@ -1,7 +1,7 @@
-"""``make bench-routes``: our routes on the lanelet graph beside those of commonroad-route-planner.
+"""``make bench-routes``: compares our routes on the lanelet graph with those of commonroad-route-planner.
 
-Both plan route and reference path of every planning problem of a folder, in the same process, in turn. The peer is no
-dependency of this project: ``pip install --no-deps commonroad-route-planner`` (Python < 3.12) brings it in.
+Both plan route and reference path of every planning problem of a folder, alternately in the same process. The peer is
+not a dependency of this project; install it with ``pip install --no-deps commonroad-route-planner`` (Python < 3.12).
 
 Keys: ``problems``, and for ``ours`` and ``peer``: ``<who>_found`` (problems with a route), ``<who>_misses_goal``
 (routes that touch no lanelet of the goal), ``<who>_median_ms``, ``<who>_p95_ms`` (processor time, the better of two

@@ -1,4 +1,4 @@
-"""Hostile arguments: derived from each tool's JSON schema, and from the grammars that some of them are written in."""
+"""Hostile arguments, derived from each tool's JSON schema and from the grammars of some arguments."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

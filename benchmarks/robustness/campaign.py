@@ -1,8 +1,8 @@
-"""Hostile inputs, several at a time, and what each of them did; suspects are sent again, alone.
+"""Sends several hostile inputs at a time, records the effects of each, and repeats suspects alone.
 
-What one answer shows is certain. What was seen while several inputs were under way (the loop held up, memory, a late
-answer, a death, a write outside) only makes them suspects: they are sent again alone, to two servers one after the
-other, and count where both show it.
+The content of an answer is certain evidence. Effects seen while several inputs ran (a blocked loop, memory, a late
+answer, a death, a write outside) only make them suspects. Suspects are sent again alone, to two servers one after the
+other, and count if both show the effect.
 """
 
 import re

@@ -1,12 +1,15 @@
-"""``make bench-hostile``, key ``quoted``: words of files, services, archives and programs reach a model in one mark.
+"""``make bench-hostile``, key ``quoted``: text of files, services, archives and programs reaches a model only quoted.
 
-Keys: ``quoted`` (share of the paths by which such words reach a model on which every appearance of them stands in the
-documented mark, or is a field of its own in a structured answer; on one line, without control and direction characters,
-and no longer than 200 characters), ``quoted_paths`` (how many paths were driven), ``unreached`` (paths on which no
-poisoned word came out, which count as wrong).
+Keys:
 
-Each path is driven through a real server by a poisoned input: a sentence with instructions, line breaks, direction
-marks, and the mark itself, which it tries to close. The judge knows the mark from docs/threat_model.md alone.
+- ``quoted``: share of the paths to a model on which every occurrence of such text is in the documented quotation marks
+  or in its own field of a structured answer: on one line, without control and direction characters, and at most 200
+  characters long.
+- ``quoted_paths``: number of paths driven.
+- ``unreached``: paths on which no poisoned text arrived, which count as wrong.
+
+A poisoned input drives each path through a real server: a sentence with instructions, line breaks, direction marks, and
+the quotation mark itself, which it tries to close. The judge knows the mark only from docs/threat_model.md.
 """
 
 import hashlib

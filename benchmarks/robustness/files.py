@@ -1,7 +1,7 @@
 """Hostile files: real scenarios, maps, networks and weight files, mutated by bytes, by nodes and by numbers.
 
-Each is sent alone (``import_files`` of the file, then a call that uses what was stored of it), and some lie together in
-folders. Others never were sound: bombs, links, FIFOs and names that forge lines.
+Each is sent alone (``import_files`` of the file, then a call that uses the stored artifact), and some are sent together
+in folders. Others were never valid: bombs, links, FIFOs and names that forge lines.
 """
 
 import bz2

@@ -1,4 +1,4 @@
-"""The holes that were found once, each with variations: bombs, links, floods of text, shapes that physics forbids."""
+"""Past vulnerabilities with variations: bombs, links, floods of text, physically impossible shapes."""
 
 import copy
 import math

@@ -1,4 +1,4 @@
-"""A hostile input: the calls that make it, the files that it needs, and how it is kept as a small case."""
+"""A hostile input: its calls and files, and its storage as a small case."""
 
 import base64
 import json

@@ -1,4 +1,4 @@
-"""What an answer, the server's process and the files around it say about an input; nothing here asks the server."""
+"""Judges an input from its answer, the server's process and the surrounding files, without asking the server."""
 
 import hashlib
 import json

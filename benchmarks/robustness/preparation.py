@@ -1,4 +1,4 @@
-"""What a campaign begins with: a workspace that holds a little of everything, and sound files to be mutated."""
+"""The start of a campaign: a workspace with a few artifacts of every kind, and valid files to mutate."""
 
 import io
 import subprocess

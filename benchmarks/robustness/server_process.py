@@ -1,4 +1,4 @@
-"""A server of its own for hostile inputs: a process over stdio behind a real client, in folders that are watched."""
+"""A server for hostile inputs: a process over stdio with a real client, in watched folders."""
 
 import contextlib
 import os

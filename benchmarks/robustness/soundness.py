@@ -1,12 +1,12 @@
-"""``make bench-robust``: what shows that the product is sound on anything, part after part, in one table.
+"""``make bench-robust``: all evidence of soundness, part by part, in one table.
 
-Each part is a benchmark of its own, run in a process of its own: ``hostile`` (``benchmarks.robustness``), ``growth``,
-``symmetries``, ``fresh_generation``, ``fresh_modification`` and ``fresh_traffic`` (the ``--fresh`` of those
-benchmarks, on every seed of ``--seeds``), ``drivable`` and ``kills``. The keys are those of the parts, where they are
-explained, ``fresh_rear_hits`` being hits by followers who could have braked.
+Each part is a separate benchmark in its own process: ``hostile`` (``benchmarks.robustness``), ``growth``,
+``symmetries``, ``fresh_generation``, ``fresh_modification`` and ``fresh_traffic`` (the ``--fresh`` of those benchmarks,
+on every seed of ``--seeds``), ``drivable`` and ``kills``. The parts explain their keys; ``fresh_rear_hits`` counts hits
+by followers that could have braked.
 
-What a part said is kept in ``--record FOLDER`` at once, and is not measured again with the same arguments while it lies
-there: a run that was broken off goes on where it stopped. Inputs that broke something are kept there too.
+``--record FOLDER`` stores each part's result at once and does not repeat it with the same arguments, so an interrupted
+run resumes. Inputs that broke something are kept there too.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Hostile values of every JSON type, and hostile sentences of the grammars that arguments are written in."""
+"""Hostile values of every JSON type, and hostile sentences in the grammars of arguments."""
 
 from typing import Any
 

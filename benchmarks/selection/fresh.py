@@ -1,9 +1,9 @@
-"""Selection requests that are drawn just now, with the ids that satisfy them by a reading of the files of its own.
+"""Newly drawn selection requests, with the ids that satisfy them by an independent reading of the files.
 
-Places, tags, obstacles, the ego's speed and lights on the map are read from the XML with lxml. What is computed from
-the geometry (features and measures, lanes, signs and limits on the ego's lanelets) is taken from the facts that were
-stored; the bench of symmetries and tests judge those. No query and no parser of the product takes part: conditions are
-drawn as slots like those of the corpus, each with a predicate.
+Places, tags, obstacles, the ego's speed and lights on the map are read from the XML with lxml. Values computed from the
+geometry (features and measures, lanes, signs and limits on the ego's lanelets) come from the stored facts; the bench of
+symmetries and tests judge those. No query or parser of the product is involved: conditions are drawn as slots like
+those of the corpus, each with a predicate.
 """
 
 import random

@@ -1,8 +1,8 @@
-"""What happens in a CommonRoad file, read and measured apart from the product: lanes as areas, and three answers.
+"""Reads and measures the events of a CommonRoad file independently of the product: lanes as areas, and three answers.
 
-A road user is in the ego's lane if its centre lies in the area of the lanelets that the ego follows. The ego keeps its
-initial speed unless the file holds its recording. Whatever lies near a threshold of the vocabulary's definitions
-(3 s of headway, 3.4 m/s², half a lane) is not decided, so that no figure hangs on a rounding.
+A road user is in the ego's lane if its centre is in the area of the lanelets that the ego follows. The ego keeps its
+initial speed unless the file holds its recording. A value near a threshold of the vocabulary's definitions (3 s of
+headway, 3.4 m/s², half a lane) is undecided, so that no figure depends on rounding.
 """
 
 import heapq

@@ -1,14 +1,19 @@
-"""``make bench-manoeuvres``: search and generation by manoeuvre, against what a judge of its own reads from the files.
+"""``make bench-manoeuvres``: search and generation by manoeuvre, against an independent judge of the files.
 
 ``--count`` files are drawn from ``--folder`` with ``--seed``, and ``--made`` scenarios are generated on the built-in
-maps: each request asks for a manoeuvre of others or of the ego. All are searched by each manoeuvre. Pairs of scenario
-and manoeuvre that the judge leaves open are not counted.
+maps; each request specifies a manoeuvre of others or of the ego. All files are searched for each manoeuvre. Pairs of
+scenario and manoeuvre that the judge leaves open do not count.
 
-Keys: ``scenarios``; ``manoeuvres_right`` (of the pairs that the search or the judge says yes to, and of the generated
-scenarios, those that are right); ``search_right`` and ``generated_right`` (the two parts of it); ``found_true`` (of the
-pairs that the search names, those that happen), ``happened_found`` (of the pairs that happen, those that the search
-names); ``happened`` (how many happen), ``pairs`` (all that are decided), ``pairs_right``; ``open`` (share of all pairs
-that the judge leaves open); ``generated``, ``generated_open``, ``generated_refused``, ``generated_scripted``.
+Keys:
+
+- ``scenarios``.
+- ``manoeuvres_right``: share of right cases among the pairs that the search or the judge affirms and the generated
+  scenarios; ``search_right`` and ``generated_right``: its two parts.
+- ``found_true``: share of the pairs from the search that happen; ``happened_found``: share of the pairs that happen
+  that the search returns.
+- ``happened`` (pairs that happen), ``pairs`` (all decided), ``pairs_right``; ``open`` (share of all pairs that the
+  judge leaves open).
+- ``generated``, ``generated_open``, ``generated_refused``, ``generated_scripted``.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Asking find_scenarios as a client does, page after page, and comparing with the ids of the corpus."""
+"""Calls find_scenarios as a client does, page by page, and compares the result with the ids of the corpus."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

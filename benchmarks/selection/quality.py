@@ -1,4 +1,4 @@
-"""How well searches find what was asked for, with the paper's metrics, against the corpus's ground truth."""
+"""Measures search quality by the paper's metrics, against the corpus's ground truth."""
 
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence

@@ -1,6 +1,6 @@
-"""How long searches take: among many entries, and from the start of a server.
+"""Measures the duration of searches among many entries, and from the start of a server.
 
-A large catalogue is made from real facts, whose places, counts, tags and speeds are mixed anew by a seed.
+A large catalogue combines real facts: a seed mixes their places, counts, tags and speeds.
 """
 
 import os

@@ -1,8 +1,9 @@
-"""The player with many vehicles in a headless Chromium: how fast it draws while it plays.
+"""The player with many vehicles in a headless Chromium: its drawing speed during playback.
 
-Keys: ``app_fps`` (frames a second while it plays with all vehicles in view; a screen shows at most 60),
-``app_frame_ms`` (median time that the page's scripts take for a frame), ``app_frame_ms_95`` (95 of 100),
-``app_vehicles``, ``app_page_mb`` (size of the page), ``app_follow_fps`` (the same following the ego).
+Keys: ``app_fps`` (frames per second during playback with all vehicles in view; a screen shows at most 60),
+``app_frame_ms`` (median time of the page's scripts for a frame), ``app_frame_ms_95`` (95th percentile),
+``app_vehicles``, ``app_page_mb`` (size of the page), ``app_follow_fps`` (frames per second while the view follows the
+ego).
 
 A browser without a graphics card draws on the processor.
 """

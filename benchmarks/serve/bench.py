@@ -1,4 +1,4 @@
-"""What the parts of ``make bench-serve`` are given."""
+"""The input of the parts of ``make bench-serve``."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The installed Chromium, driven by Playwright: pages with what they logged and loaded, and frames in them."""
+"""The installed Chromium, driven by Playwright: pages with their logs and requests, and their frames."""
 
 import shutil
 from collections.abc import Iterator

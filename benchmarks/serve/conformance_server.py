@@ -1,9 +1,9 @@
-"""The real server by HTTP, with the tools, resources and prompts that the official suite calls by name beside its own.
+"""The real server over HTTP, plus the tools, resources and prompts that the official suite calls by name.
 
-``python -m benchmarks.serve.conformance_server --port 0``. Fixtures that take time are tools of this server as
-any other (``ToolSpec``), so that its tasks are tested; those that speak the protocol in ways in which no tool of this
-server does (sampling, logging, audio, state between rounds) are answered before its own handlers. What the suite asks
-of each is told by its scenarios: https://github.com/modelcontextprotocol/conformance.
+``python -m benchmarks.serve.conformance_server --port 0``. Fixtures that take time are ordinary tools of this server
+(``ToolSpec``), so that its tasks are tested. Fixtures that use parts of the protocol that no tool of this server uses
+(sampling, logging, audio, state between rounds) are answered before its own handlers. The suite's scenarios define each
+fixture: https://github.com/modelcontextprotocol/conformance.
 """
 
 import argparse

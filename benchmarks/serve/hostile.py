@@ -1,7 +1,7 @@
-"""The hostile inputs of ``make bench-robust`` against a server by HTTP.
+"""The hostile inputs of ``make bench-robust`` against an HTTP server.
 
-Keys: ``hostile_inputs``, ``hostile_failures`` (laws that inputs broke, deaths of the server, writes outside its roots
-and faults of its journal: docs/robustness.md), ``hostile_memory_mb`` (the most that the server's process held),
+Keys: ``hostile_inputs``, ``hostile_failures`` (laws broken by inputs, deaths of the server, writes outside its roots
+and faults of its journal: docs/robustness.md), ``hostile_memory_mb`` (peak memory of the server's process),
 ``hostile_late_s`` (the slowest refusal).
 """
 

@@ -1,11 +1,11 @@
-"""A server by HTTP that is killed at random moments while clients search, edit, configure and run.
+"""Kills an HTTP server at random times while clients search, edit, configure and run.
 
-After each kill its processes have to be gone and the workspace to fit; the next server takes it on, the last one
-undisturbed.
+After each kill its processes must be gone and the workspace consistent. The next server continues, and the last one
+runs undisturbed.
 
-Keys: ``kills``, ``lost`` (what a client was told that it is there, and is not), ``broken`` (records, files, catalogue
-and jobs that do not fit after a kill), ``left_processes`` (of a server that was killed), ``kept`` (artifacts that
-clients were told of, and that are there), ``kill_errors`` (failed calls of clients of the last server).
+Keys: ``kills``; ``lost`` (artifacts reported to a client that are missing); ``broken`` (inconsistent records, files,
+catalogue and jobs after a kill); ``left_processes`` (of a killed server); ``kept`` (artifacts reported to clients that
+exist); ``kill_errors`` (failed calls of the last server's clients).
 """
 
 import os

@@ -1,15 +1,18 @@
-"""Several clients on one server by HTTP for some minutes: reading, searching, editing and running, all mixed.
+"""Several clients on one HTTP server for some minutes: mixed reading, searching, editing and running.
 
-Half of the clients speak the revision without sessions, half one with; each has a token and works on what it made.
-What a call answers is checked: a search finds something, a run is one run, and ``latest`` and ``current`` are what this
-client made last. A refusal that names a bound of the server (429) is counted apart.
+Half of the clients use the revision without sessions, half one with sessions. Each has a token and works on its own
+artifacts. The bench checks each answer: a search finds something, a run is one run, and ``latest`` and ``current``
+refer to this client's latest. A refusal that states a limit of the server (429) is counted separately.
 
-Keys: ``http_errors`` (calls that failed, or answered something else than they should), ``http_limited`` (refused by a
-stated bound), ``http_calls``, ``http_edits`` and ``http_runs`` (scenarios and runs that clients made, those stored
-before not counted twice), ``http_minutes``, ``memory_slope_mb_per_h`` (of the server's own process, least squares over
-the last two thirds), ``memory_start_mb``, ``memory_end_mb`` (at the beginning and end of these), ``slowest_share``
-(calls of the client that got fewest, of an equal share), ``slowest_call_s``. What nobody could measure is left out:
-edits and runs where there were none, for without them this is another load, and a slope of fewer than two looks.
+Keys:
+
+- ``http_errors``: calls that failed or got a wrong answer; ``http_limited``: refused by a stated limit; ``http_calls``.
+- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if there were none, because that is
+  another load).
+- ``http_minutes``.
+- ``memory_slope_mb_per_h``: of the server's process, least squares over the last two thirds (omitted with fewer than
+  two samples); ``memory_start_mb``, ``memory_end_mb``: at the start and end of these.
+- ``slowest_share``: calls of the slowest client over an equal share; ``slowest_call_s``.
 """
 
 import random

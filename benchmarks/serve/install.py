@@ -1,12 +1,18 @@
-"""From nothing to the first answer in a host: a wheel, a new environment, the host's settings, a call as it makes it.
+"""From nothing to the first answer in a host: a wheel, a new environment, the host's settings, a call.
 
-Keys: ``install_s`` (all of it by pip, with packages from pip's cache where it has them), ``install_packages_s``
-(environment, the wheel and the pinned versions of all that it needs), ``install_host_s`` (``plannerforge install`` into
-a host's settings), ``install_answer_s`` (the server started as those settings say, to the answer of a search),
-``install_mb`` (what the environment takes); ``install_cold_s``: all of it without pip's cache; ``install_uv_s``,
-``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which chooses versions itself, with its cache and with an
-empty one. Neither installs what docs/install.md leaves out. The wheel itself is built before the clock starts, and uv
-is had from PyPI: a user has them.
+Keys:
+
+- ``install_s``: everything by pip, with packages from pip's cache if available.
+- ``install_packages_s``: environment, wheel and pinned versions of all dependencies.
+- ``install_host_s``: ``plannerforge install`` into a host's settings.
+- ``install_answer_s``: from the server's start by those settings to the answer of a search.
+- ``install_mb``: size of the environment.
+- ``install_cold_s``: everything without pip's cache.
+- ``install_uv_s``, ``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which chooses versions itself, with its
+  cache and with an empty one.
+
+Neither installs what docs/install.md leaves out. The wheel is built before the clock starts, and uv comes from PyPI,
+because users have both.
 """
 
 import os

@@ -1,13 +1,16 @@
-"""How fast the server answers, by each transport, in one run on one machine.
+"""The server's speed over each transport, in one run on one machine.
 
-Keys: ``memory_ms``, ``stdio_ms``, ``http_ms`` (medians of a call that reads the workspace, ``list_artifacts``, in
-memory, by standard input and by HTTP with a token), ``http_sessions_ms`` (by HTTP in a revision with sessions),
-``bare_http_ms`` (the same SDK's server with one tool that does nothing, by HTTP), ``find_scenarios_ms``,
-``describe_catalog_ms``, ``describe_scenario_ms`` (medians of these calls in memory; the last one asks a worker),
-``start_ratio`` (process start to the first answer, median of the paired ratios against an ``MCPServer`` without tools).
+Keys:
 
-Every workspace holds the starter scenarios. Transports and calls take turns, block by block, so that what else the
-machine does falls on all of them alike.
+- ``memory_ms``, ``stdio_ms``, ``http_ms``: medians of a call that reads the workspace (``list_artifacts``), in memory,
+  over standard input and over HTTP with a token; ``http_sessions_ms``: over HTTP in a revision with sessions.
+- ``bare_http_ms``: the same SDK's server over HTTP with one empty tool.
+- ``find_scenarios_ms``, ``describe_catalog_ms``, ``describe_scenario_ms``: medians of these calls in memory; the last
+  one uses a worker.
+- ``start_ratio``: process start to first answer, median of the paired ratios against an ``MCPServer`` without tools.
+
+Every workspace holds the starter scenarios. Transports and calls alternate in blocks, so that other load on the machine
+affects all equally.
 """
 
 import statistics

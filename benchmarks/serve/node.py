@@ -1,6 +1,6 @@
-"""Node and packages for it, as parts fetch them: Node from PyPI, packages by npm, into folders that the caller names.
+"""Fetches Node from PyPI and packages from npm into folders that the caller chooses.
 
-What cannot be had here is :class:`LeftOut` with the installer's own reason.
+If something is not available, :class:`LeftOut` carries the installer's reason.
 """
 
 import os

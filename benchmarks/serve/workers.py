@@ -1,4 +1,4 @@
-"""``make bench-server``: what the server adds to the protocol, against an ``MCPServer`` without tools in the same run.
+"""``make bench-server``: the server's overhead over an ``MCPServer`` without tools in the same run.
 
 Keys: ``start_ratio`` (process start to first answer, median of the paired ratios), ``call_memory_ms``,
 ``call_stdio_ms`` (medians of a call that reads the workspace), ``kill_error_s`` (worker killed → error at the client),

@@ -1,11 +1,11 @@
-"""``make bench-symmetries``: does the product say the same about a scenario that is written otherwise?
+"""``make bench-symmetries``: checks that the product says the same about an equivalent scenario.
 
-Scenarios of the shared folder and generated ones are moved, turned, mirrored, numbered anew and so on (``relations``);
-judges ask the product before and after, and compare what it says by the law of the relation.
+Scenarios of the shared folder and generated ones are moved, turned, mirrored, renumbered and so on (``relations``).
+Judges query the product before and after, and compare the answers by the law of the relation.
 
-Keys: ``metamorphic_cases`` (comparisons of one judge under one relation on one file), ``metamorphic_failures`` (where
-the law is broken; what ``docs/symmetries.md`` states is none), ``stated`` (cases with such a difference),
-``relations``, ``files``; ``relation NAME`` and ``judge NAME`` say how many of its cases failed.
+Keys: ``metamorphic_cases`` (comparisons of one judge under one relation on one file), ``metamorphic_failures`` (broken
+laws, without the exceptions in ``docs/symmetries.md``), ``stated`` (cases with such an exception), ``relations``,
+``files``; ``relation NAME`` and ``judge NAME`` count the failed cases of each.
 """
 
 import argparse

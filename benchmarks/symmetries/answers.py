@@ -1,7 +1,7 @@
-"""What the product says about a file, translated back into the terms of the original.
+"""The product's answers about a file, translated back into the terms of the original.
 
-A judge asks one thing and gives it as named values: numbers (compared within the law's tolerance), words and ids
-(compared exactly). Angles are given as unit vectors, which know no whole turns; sets of ids as sorted tuples.
+A judge reads one aspect as named values: numbers (compared within the law's tolerance), and texts and ids (compared
+exactly). Angles are unit vectors, which do not depend on full turns; sets of ids are sorted tuples.
 """
 
 import random

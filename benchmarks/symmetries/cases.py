@@ -1,6 +1,6 @@
-"""Cases: one file, one relation, one judge; what is said before and after is compared by the law of the relation.
+"""Cases of one file, one relation and one judge: the law of the relation compares the answers before and after.
 
-A difference that a law does not forbid is *stated*: each has its reason in ``docs/symmetries.md`` and its name here.
+A difference that a law permits is *stated*: ``docs/symmetries.md`` gives the reason for each, and this module its name.
 """
 
 import random

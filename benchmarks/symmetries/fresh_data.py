@@ -1,22 +1,21 @@
-"""Data that nobody has seen: made from a seed, in any number, the same bytes for the same seed.
+"""Unseen data, created from a seed in any number, with the same bytes for the same seed.
 
-Figures on files that a program was made on say little about others. A benchmark with ``--fresh SEED`` runs on what is
-made here, with a seed that was never run before:
+Figures on files that a program was developed with say little about others. A benchmark with ``--fresh SEED`` runs on
+this data with a seed that was never run before:
 
-- ``fresh_maps``: maps to generate from. Boxes cut out of the shared extracts anywhere (not at sites), networks by
-  SUMO's netgenerate (grids, spiders, random ones) with lights, turn lanes and traffic on either side, and towns drawn
-  at random with roundabouts, ramps, lights and winding roads.
-- ``mutated_maps``: maps to be read or refused by name. The same with nodes missing, ways of one node, ids twice, tags
-  long or with line breaks, coordinates at the poles and the antimeridian.
-- ``fresh_recordings``: scenarios of the shared folder whose recordings are made new: road users that are lost and found
-  again under another id, seen late or not to the end; jitter of some cm; driving without lanes; rows of parked cars;
-  pedestrians along the road; all of it turned and moved. In one of 25 a road user misses steps in the middle of its
-  trajectory, which CommonRoad does not know: such a file is to be refused by name.
-- ``fresh_scenarios``: every second one of those, every other one generated from a fresh map with traffic of many
-  classes.
+- ``fresh_maps``: maps for generation. Boxes cut out of the shared extracts anywhere (not at sites), networks by SUMO's
+  netgenerate (grids, spiders, random ones) with lights, turn lanes and traffic on either side, and random towns with
+  roundabouts, ramps, lights and winding roads.
+- ``mutated_maps``: maps that must be read or refused by name. The same with missing nodes, ways of one node, duplicate
+  ids, long tags or tags with line breaks, coordinates at the poles and the antimeridian.
+- ``fresh_recordings``: scenarios of the shared folder with altered recordings: road users that are lost and reappear
+  under another id, appear late or vanish early; jitter of some cm; driving without lanes; rows of parked cars;
+  pedestrians along the road; everything turned and moved. In one of 25 a road user misses time steps in the middle of
+  its trajectory, which CommonRoad forbids: such a file must be refused by name.
+- ``fresh_scenarios``: alternately one of those and one generated from a fresh map with traffic of many classes.
 
-``python -m benchmarks.fresh_data SEED FOLDER --count 20`` writes maps into a folder, ``--mutated`` and
-``--scenarios`` the others.
+``python -m benchmarks.symmetries.fresh_data SEED FOLDER --count 20`` writes maps into a folder; ``--mutated`` and
+``--scenarios`` write the others.
 """
 
 import argparse

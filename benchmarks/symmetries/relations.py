@@ -1,8 +1,8 @@
-"""Relations: a CommonRoad file written otherwise, in a way that must not change what is known about it.
+"""Relations: equivalent forms of a CommonRoad file that must not change the knowledge about it.
 
-A relation changes the XML tree and gives the ``Frame`` by which answers about the changed file are translated back.
-Nothing of the product is used here, so that a defect there cannot hide itself: the file is read and written with lxml
-alone. Coordinates in m, angles in rad, both formats (2018b and 2020a).
+A relation changes the XML tree and returns the ``Frame`` that translates answers about the changed file back. It uses
+lxml alone and nothing of the product, so that a defect there cannot hide itself. Coordinates in m, angles in rad, both
+formats (2018b and 2020a).
 """
 
 import copy

@@ -1,9 +1,9 @@
-"""``make bench-same-bytes``: digests of all that a fixed list of requests makes, to compare a changed program with.
+"""``make bench-same-bytes``: digests of the results of a fixed list of requests, for comparison with a changed program.
 
-``record FILE`` asks a server for scenarios from maps, edits of each kind, planner runs and descriptions, through an MCP
-client, and writes a digest of every file and every answer; ``compare BEFORE AFTER`` names what differs. Only tools are
-called, so that the same list of requests runs on any version of the program. With make: ``make bench-same-bytes
-RECORD=before.json``, then, after the change, ``make bench-same-bytes RECORD=after.json BEFORE=before.json``.
+``record FILE`` requests scenarios from maps, edits of each kind, planner runs and descriptions through an MCP client,
+and writes a digest of every file and every answer. ``compare BEFORE AFTER`` lists the differences. It only calls tools,
+so the same list runs on any version of the program. With make: ``make bench-same-bytes RECORD=before.json``, then,
+after the change, ``make bench-same-bytes RECORD=after.json BEFORE=before.json``.
 """
 
 import argparse

@@ -1,14 +1,17 @@
-"""Batches on two real Dask workers beside the same batch on one process of this machine.
+"""Batches on two real Dask workers, compared with the same batch in one process of this machine.
 
-The scheduler and its workers are processes of Dask's own command line, one thread each, with the settings that
-docs/cluster.md names, and without nannies: what is killed stays dead. The same runs are made five times, each in a
-workspace of its own: by one worker process of the server; by one Dask worker; by two; by two of which one is killed
-when a third of the runs is there; and by two whose scheduler is killed then.
+The scheduler and its workers are processes of Dask's command line, with one thread each, the settings of
+docs/cluster.md, and without nannies, so that a killed process stays dead. The same runs are made five times, each in
+its own workspace: by one worker process of the server, by one Dask worker, by two, by two with one killed after a third
+of the runs, and by two with their scheduler killed at that point.
 
-Keys: ``dask_same_rows``: share of the runs, over all four batches on the cluster, whose record and steps have the bytes
-that one process gave them; ``dask_lost``: runs of those batches that are not there; ``dask_speedup``: time of the batch
-on one Dask worker by that on two, once all have carried out a few other runs; ``dask_by_process``: the same by that on
-one process of the server; ``dask_runs``: runs of a batch.
+Keys:
+
+- ``dask_same_rows``: share of the runs of all four cluster batches with the same record and steps, byte for byte, as in
+  one process; ``dask_lost``: missing runs of those batches.
+- ``dask_speedup``: time of the batch on one Dask worker over that on two, after a few other runs; ``dask_by_process``:
+  the same over that in one process of the server.
+- ``dask_runs``: runs of a batch.
 """
 
 import contextlib

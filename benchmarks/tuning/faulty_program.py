@@ -1,6 +1,6 @@
-"""A planner that is a program and goes wrong as its first argument says; of the standard library alone.
+"""A planner program that fails as its first argument says; standard library only.
 
-``own_planners.py`` names it in a settings file, once for each way to go wrong; ``drives`` goes straight on.
+``own_planners.py`` lists it in a settings file once for each kind of failure; ``drives`` goes straight on.
 """
 
 import json

@@ -1,17 +1,21 @@
-"""Whether a search finds weights that are better on roads that it has not seen.
+"""Checks whether a search finds weights that are better on unseen roads.
 
-For three seeds of the split ``optimize_planner`` searches six weights of Frenetix from its default, for success under
-constant-velocity prediction, on half of a hundred public scenarios. On the other half the found configuration, the
-default and Safety-Conservative are run. Their goals and collisions are counted here from the stored runs; a scenario
-that several splits hold out counts once, with its mean. The interval is a bootstrap over places.
+For three seeds of the split, ``optimize_planner`` searches six weights of Frenetix from its default, for success under
+constant-velocity prediction, on half of a hundred public scenarios. The found configuration, the default and
+Safety-Conservative then run on the other half. This module counts goals and collisions from the stored runs. A scenario
+held out by several splits counts once, with its mean. The interval is a bootstrap over places.
 
-Keys: ``optimised_gain``: mean difference of success, found − default; ``optimised_gain_low``, ``optimised_gain_high``:
-its 95 % interval; ``optimised_collision_change``: mean difference of the share of collisions;
-``optimised_over_safety``: difference of success, found − Safety-Conservative; ``safety_gain``: Safety-Conservative −
-default on the same; ``default_success``, ``safety_success``, ``optimised_success``, and the same with ``_collisions``:
-the shares themselves, which are the paper's table of presets and what was found; ``optimised_told``: searches whose
-answer says *is better*; ``optimised_found``: searches in which something was better in training;
-``optimised_scenarios``: held-out scenarios in all.
+Keys:
+
+- ``optimised_gain``: mean difference of success, found − default; ``optimised_gain_low``, ``optimised_gain_high``: its
+  95 % interval.
+- ``optimised_collision_change``: mean difference of the share of collisions.
+- ``optimised_over_safety``: difference of success, found − Safety-Conservative; ``safety_gain``: Safety-Conservative −
+  default on the same.
+- ``default_success``, ``safety_success``, ``optimised_success``, and the same with ``_collisions``: the shares
+  themselves, that is, the paper's table of presets and the found one.
+- ``optimised_told``: searches whose answer says *is better*; ``optimised_found``: searches with an improvement in
+  training; ``optimised_scenarios``: number of held-out scenarios.
 """
 
 import random

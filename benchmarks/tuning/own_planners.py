@@ -1,11 +1,11 @@
-"""Programs as planners that go wrong, named in a settings file and run by the command line, as a user would.
+"""Faulty planner programs, listed in a settings file and run from the command line, as a user does.
 
-One batch holds a program for each way to go wrong, one that drives, and Frenetix. Of a program that goes wrong the run
-has to be lost with a ``planner_failure`` that names the planner and says what it did; the others have to be run, and
-nothing of a program may be left: no process, no file.
+One batch holds a program for each kind of failure, a working one, and Frenetix. The run of a faulty program must be
+lost with a ``planner_failure`` that names the planner and its fault. The others must run, and no process or file of a
+program may be left.
 
-Keys: ``own_faults_named``: share of the ways to go wrong that are told so; ``own_faults``: how many ways;
-``own_beside``: share of the other runs that were made; ``own_left``: processes and files that are left.
+Keys: ``own_faults_named``: share of the kinds of failure reported this way; ``own_faults``: number of kinds;
+``own_beside``: share of the other runs that were made; ``own_left``: processes and files left behind.
 """
 
 import json

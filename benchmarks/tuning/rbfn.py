@@ -1,26 +1,29 @@
-"""What MP-RBFN's primitives are worth, and how the planner fares beside Frenetix.
+"""Measures the quality of MP-RBFN's primitives, and compares the planner with Frenetix.
 
-**Primitives.** Problems of a seed that the network was not trained with (``planners/rbfn_samples.py``) are
-brought to the scale of driving: each gets a duration of 1 to 3 s and a mean speed of
-2 to 20 m/s. The judge drives what the network gives, curvatures and speeds at nodes, with a Runge–Kutta integration of
-its own, and compares the end with the one asked for: that is the miss before it is closed. By how much closing it
-takes a primitive away from the single-track model is told by the angle between heading and motion. Times are processor
-times of one thread, for 1,000 primitives of 31 states to different ends, in 11 durations, at once: the network's,
-analytic quintics in x and y between the same boundary values (position, velocity, acceleration), and the solver, one
-after the other.
+**Primitives.** Problems of a seed outside the training (``planners/rbfn_samples.py``) are scaled to driving: each gets
+a duration of 1 to 3 s and a mean speed of 2 to 20 m/s. The judge integrates the network's curvatures and speeds at
+nodes by its own Runge–Kutta method, and compares the end with the requested one: this is the miss before the primitive
+is closed. The angle between heading and motion shows how far closing moves a primitive away from the single-track
+model. Times are processor times of one thread for 1,000 primitives of 31 states to different ends, in 11 durations, at
+once: of the network, of analytic quintics in x and y between the same boundary values (position, velocity,
+acceleration), and of the solver, one problem after the other.
 
 **Planner.** MP-RBFN and Frenetix, each with ``Default``, on every public scenario with ``ground_truth``; runs on
-problems that no planner can solve are in no share. Whether each weight acts is judged by
-``planners/acting_weights.py``; the contract (``check_planner``) is held to what it saw at every step of some drives.
+unsolvable problems are in no share. ``planners/acting_weights.py`` judges whether each weight acts, and
+``check_planner`` tests the contract on what the planner saw at every step of some drives.
 
-Keys: ``rbfn_end_error_m``: mean miss of the ends in m; ``_95``: what 95 of 100 do not exceed; ``rbfn_end_heading_rad``
-and ``_95`` alike; ``rbfn_known``: share of the problems within what the network knows, of which these are;
-``rbfn_slip_rad_95``: the largest angle between heading and motion of a closed primitive, likewise;
-``rbfn_us_per_primitive``, ``quintic_us_per_primitive``, ``solver_us_per_primitive``: µs for one of 1,000;
-``rbfn_success``, ``frenetix_success``: share of the solvable problems that reach the goal; ``rbfn_solvable``: how many;
-``rbfn_points``: the difference in points, with a bootstrapped 95 % interval (``_low``, ``_high``);
-``rbfn_weights_acting``: how many of its weights act; ``rbfn_breaches``: what it breaks of the contract, in
-``rbfn_asked`` situations.
+Keys:
+
+- ``rbfn_end_error_m``: mean miss of the ends in m; ``_95``: 95th percentile; ``rbfn_end_heading_rad`` and ``_95``
+  likewise.
+- ``rbfn_known``: share of the problems within the network's range, to which these figures refer.
+- ``rbfn_slip_rad_95``: the largest angle between heading and motion of a closed primitive, 95th percentile.
+- ``rbfn_us_per_primitive``, ``quintic_us_per_primitive``, ``solver_us_per_primitive``: µs for one of 1,000.
+- ``rbfn_success``, ``frenetix_success``: share of the solvable problems that reach the goal; ``rbfn_solvable``: their
+  number.
+- ``rbfn_points``: the difference in percentage points, with a bootstrapped 95 % interval (``_low``, ``_high``).
+- ``rbfn_weights_acting``: number of its acting weights.
+- ``rbfn_breaches``: its breaches of the contract, in ``rbfn_asked`` situations.
 """
 
 import time

@@ -1,25 +1,27 @@
-"""Beside Frenetix-Motion-Planner, the public loop around the same core: the same scenarios, the same weights.
+"""Compares the product with Frenetix-Motion-Planner, the public loop around the same core, on scenarios and weights.
 
-It runs from a checkout (``--reference``) in an environment of its own (``--reference-python``, made of
-``reference_requirements.txt``), in one process that drives one scenario after the other (``reference_driver.py``).
-Scenarios are drawn from the public ones by the seed; weights are those of our presets, which are written over its own.
+The reference runs from a checkout (``--reference``) in its own environment (``--reference-python``, from
+``reference_requirements.txt``), in one process that drives one scenario after the other (``reference_driver.py``). The
+seed draws the scenarios from the public ones. The weights of our presets replace its own.
 
-Both know the recording as prediction (``ground_truth``), the one that both loops have; the scenarios are driven by
-turns, each on every other one first. As it is configured, the reference leaves out followers behind the ego whatever
-the prediction, ours only where it guesses; so the reference drives once more with its cone for that set to 0
-(``seeing``). The other way round, our loop drives once more by two rules of the reference: it leaves followers out, and
-keeps its speed in a goal that asks for none (``alike``). How a run ends is told in the same five classes, and a pair
-that ends otherwise is classed from the logs by :func:`cause_of`: what the two did is asked apart from who judged it, by
-driving what the reference drove once more through our loop.
+Both use the recording as prediction (``ground_truth``), the only one that both loops have, and alternate in driving
+first. The reference by default leaves out followers behind the ego under any prediction, and our loop only if it
+guesses. The reference therefore drives again with its cone for that set to 0 (``seeing``), and our loop drives again by
+two rules of the reference: it leaves followers out, and keeps its speed in a goal without one (``alike``). Ends of runs
+fall into the same five classes. :func:`cause_of` classifies a differing pair from the logs: it separates the drive from
+its verdict by driving the reference's motion again through our loop.
 
-Keys: ``reference_scenarios``: which both attempt (no other count); ``reference_agree``: share that end in the same
-class; ``reference_trap``, ``reference_prediction``, ``reference_goal_rule``, ``reference_road_check``,
-``reference_sampling``: how many end otherwise, by cause; ``reference_from_behind``: of these, those in which another
-hit the reference's ego from behind; ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach
-the goal; ``reference_seeing_agree`` and so on: the same where the reference sees followers; ``reference_alike_agree``
-and so on: where our loop has its two rules; ``reference_time_ratio``: processor time, theirs over ours, of all runs
-together (as configured); ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``:
-medians of processor time.
+Keys:
+
+- ``reference_scenarios``: attempted by both (no other counts); ``reference_agree``: share that end in the same class.
+- ``reference_trap``, ``reference_prediction``, ``reference_goal_rule``, ``reference_road_check``,
+  ``reference_sampling``: number that end differently, by cause; ``reference_from_behind``: those in which another
+  vehicle hit the reference's ego from behind.
+- ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach the goal.
+- ``reference_seeing_agree`` and so on: the same if the reference sees followers; ``reference_alike_agree`` and so on:
+  the same if our loop has its two rules.
+- ``reference_time_ratio``: processor time, theirs over ours, of all runs together (default settings);
+  ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``: medians of processor time.
 """
 
 import math

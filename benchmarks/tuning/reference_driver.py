@@ -1,14 +1,14 @@
-"""Runs Frenetix-Motion-Planner inside its own environment: ``python -P reference_driver.py CHECKOUT``.
+"""Runs Frenetix-Motion-Planner in its own environment: ``python -P reference_driver.py CHECKOUT``.
 
-A line of JSON in is a scenario to drive, a line of JSON out is what came of it; ``reference.py``, which starts it,
-names the fields. What its libraries print goes to standard error, which is kept as the log. Nothing of this project is
-imported here, and nothing is written into the checkout: its configuration is read through a link in a folder of the
-run's own.
+Each input line is a JSON object with a scenario to drive, and each output line holds the result; ``reference.py``,
+which starts this file, defines the fields. Output of its libraries goes to standard error, which is kept as the log.
+This file imports nothing of the project and writes nothing into the checkout: it reads the configuration through a link
+in a folder of the run.
 
-All stays as its configuration has it, but for what is asked (weights, prediction) and what would only cost time: no
-pictures, no messages, no logs of its own, one thread. Its learned prediction is the copy for onnxruntime that the
-checkout holds itself (``wale_net_lite``); the package that it imports instead needs torch. Logs of the run come from
-its planner's own fields after each plan.
+Everything stays as configured except for the requested values (weights, prediction) and for work that only costs time:
+no pictures, messages or logs, and one thread. The learned prediction is the checkout's own copy for onnxruntime
+(``wale_net_lite``), because the package that it imports needs torch. The logs of a run come from the planner's own
+fields after each plan.
 """
 
 import functools

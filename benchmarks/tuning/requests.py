@@ -1,21 +1,21 @@
 """Every line of the tuning corpus as arguments of ``configure_planner``, judged by the numbers of the corpus.
 
-Before each request its context is put in force as a configuration of its own. Then the call is made that the truth
-comes to: a preset, stated values, relative changes in the words of the tool (``jerk*2``, ``jerk+0.1``,
-``jerk=lateral_jerk``), so that the product does the arithmetic; a request outside the vocabulary goes through as it was
-said. What came out is read from the YAML that the answer holds.
+Before each request its context becomes the active configuration. Then the bench makes the call that the truth implies:
+a preset, absolute values, or relative changes in the tool's notation (``jerk*2``, ``jerk+0.1``, ``jerk=lateral_jerk``),
+so that the product does the arithmetic. A request outside the vocabulary is sent as it is. The result is read from the
+YAML in the answer.
 
-A line is exact where every weight is that of the truth within 1e-3 of it, those that the request does not touch and
-the three external ones included; where it gives a direction alone, where one of the named weights moved there and
-nothing else moved. For MP-RBFN's presets, whose values the corpus does not know, the weights that it does not name are
-those that ``list_planners`` shows. A refusal is right where the tool refuses, names what it refuses, and makes no
-configuration. Lines at which a question is right have no arguments.
+A line is exact if every weight is within 1e-3 (relative) of the truth, including unchanged ones and the three external
+ones. If the truth gives only a direction, one of the named weights must move that way and no other weight may move. For
+MP-RBFN's presets, which the corpus does not know, unnamed weights are compared with ``list_planners``. A refusal is
+right if the tool refuses, names the refused part, and creates no configuration. Lines that need a question have no
+arguments.
 
-The configurations of MP-RBFN that came out each drive one scenario.
+Each resulting configuration of MP-RBFN drives one scenario.
 
-Keys: ``requests_exact``: share of the exact lines; ``refused_right``: share of the right refusals;
-``requests_of_rbfn``: share of the exact lines of MP-RBFN alone; ``rbfn_lines``: how many these are;
-``rbfn_driven``: share of their configurations whose run was driven; ``requests``: lines in all.
+Keys: ``requests_exact``: share of exact lines; ``refused_right``: share of right refusals; ``requests_of_rbfn``: share
+of exact lines for MP-RBFN alone; ``rbfn_lines``: their number; ``rbfn_driven``: share of their configurations that
+drove; ``requests``: number of lines.
 """
 
 import math

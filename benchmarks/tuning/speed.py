@@ -1,16 +1,18 @@
-"""What a run costs and where its time goes, what two workers gain, and how soon the first run of a batch begins.
+"""The cost of a run and its stages, the gain of two workers, and the delay of a batch's first run.
 
-The same public scenarios are run by Frenetix with ``Default`` and ``constant_velocity``: by a server with one worker,
-by one with two, and, for the shares of the stages, in this process, where functions between the stages are timed. All
-were run a few times before, so that what is loaded once is loaded. Times of a busy machine say little, so processor
-times stand beside them. Last, a batch of several presets is asked for that has not begun, and is cancelled once its
-first run is stored.
+Frenetix with ``Default`` and ``constant_velocity`` runs the same public scenarios on a server with one worker, on one
+with two, and, for the shares of the stages, in this process with timed functions. A few runs come first, so that
+everything is loaded. Processor times accompany the wall times, which say little on a busy machine. Last, the bench
+requests a new batch of several presets and cancels it once its first run is stored.
 
-Keys: ``run_median_s``: median time of a run in its worker; ``run_processor_s``: processor time of the worker by run;
-``server_processor_s``: of the server by run, to claim, hand out, read and store it; ``two_worker_speedup``: time of the
-batch with one worker by that with two; ``two_worker_processor``: processor time by run with two workers by that with
-one; ``first_run_s``: from the call to the beginning of the first of ``first_run_of`` runs; ``stage_…``: shares of the
-time of a run; the core's is in ``stage_core``, not in ``stage_planner``.
+Keys:
+
+- ``run_median_s``: median time of a run in its worker; ``run_processor_s``: processor time of the worker per run.
+- ``server_processor_s``: of the server per run, to claim, hand out, read and store it.
+- ``two_worker_speedup``: time of the batch with one worker over that with two; ``two_worker_processor``: processor time
+  per run with two workers over that with one.
+- ``first_run_s``: from the call to the start of the first of ``first_run_of`` runs.
+- ``stage_…``: shares of the time of a run; ``stage_core`` holds the core's, which ``stage_planner`` excludes.
 """
 
 import functools

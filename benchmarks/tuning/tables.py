@@ -1,12 +1,12 @@
-"""The paper's benchmark of planners once more: each on the presets of 50, 100 and all scenarios.
+"""Reproduces the paper's benchmark of planners on the presets of 50, 100 and all scenarios.
 
 Every registered planner runs under its default configuration on all public scenarios (predictions ``constant_velocity``
-and ``ground_truth``, recorded traffic); ``preset:50`` and ``preset:100`` are parts of them. Runs that could not be
-attempted are in no share. The tables go to stderr, as Markdown, with Wilson's 95 % intervals, and beside each planner
-its success less that of the first one on the scenarios that both attempted (95 % of a bootstrap over these).
+and ``ground_truth``, recorded traffic); ``preset:50`` and ``preset:100`` are subsets. Runs that could not be attempted
+are in no share. The tables go to standard error as Markdown, with Wilson's 95 % intervals and each planner's difference
+in success from the first one on the scenarios that both attempted (95 % bootstrap interval).
 
-Keys: ``success_PLANNER_N`` and ``collisions_PLANNER_N``: shares of the runs under ``constant_velocity``, on the preset
-of N scenarios; ``foreseen_success_PLANNER``: of all scenarios under ``ground_truth``; ``tabled``: runs in all.
+Keys: ``success_PLANNER_N``, ``collisions_PLANNER_N``: shares of the runs under ``constant_velocity`` on the preset of N
+scenarios; ``foreseen_success_PLANNER``: of all scenarios under ``ground_truth``; ``tabled``: number of runs.
 """
 
 import sys

@@ -1,10 +1,10 @@
-"""Whether weight files come back byte for byte but for the numbers that were changed.
+"""Checks that weight files come back byte for byte except for the changed numbers.
 
-Made files with the names of the reference in any order, with comments, blank lines, indentations, quotes
-and line ends of many kinds, are imported, some weights are configured, and the result is exported. What must come out
-is known from the making of the file.
+Synthetic files with the reference's names in any order, with comments, blank lines, indentations, quotes and line
+endings of many kinds, are imported, some weights are configured, and the result is exported. The construction of the
+file determines the expected result.
 
-Keys: ``yaml_exact``: share of files that come out exactly so; ``yaml_files``: of how many.
+Keys: ``yaml_exact``: share of exact files; ``yaml_files``: their number.
 """
 
 import random

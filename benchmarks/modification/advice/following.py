@@ -1,5 +1,4 @@
-"""Reads the first suggestion of a refusal from its text, as a program or a literal reader does, with regular
-expressions.
+"""Reads the first suggestion of a refusal from its text with regular expressions, as a literal reader does.
 
 It uses nothing of the product: neither its classes nor the metadata of its answers.
 """

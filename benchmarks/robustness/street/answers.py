@@ -1,12 +1,12 @@
-"""Forged answers of map services and of planner programs, one after the other, to a server that asks them.
+"""Sends forged answers of map services and planner programs to a server that requests them.
 
-A forged answer is a sound one in which some values were changed, or bytes that are hardly JSON. Three of four are those
-of a Nominatim or an Overpass on loopback, the others those of a program that plans (:mod:`.told_planner`). What is
-not in the documented form by this module's own reading must not be kept: the same call has to ask the service again.
+A forged answer is a valid one with some changed values, or bytes that are hardly JSON. Three out of four come from a
+local Nominatim or Overpass, the others from a planner program (:mod:`.told_planner`). The server must not keep an
+answer that breaks the documented form by this module's own reading: the same call must ask the service again.
 
-Keys: ``forged_answers``, ``bad_answers_kept`` (answers in another form than documented that answered a later call),
-``forged_lines``, ``unexpected`` (in what the tools said), ``service_answers`` and ``bad_answers`` (of them, those in
-another form), ``planner_answers``.
+Keys: ``forged_answers``; ``bad_answers_kept`` (undocumented answers that served a later call); ``forged_lines``,
+``unexpected`` (in the tools' answers); ``service_answers`` and among them ``bad_answers`` (in an undocumented form);
+``planner_answers``.
 """
 
 import json

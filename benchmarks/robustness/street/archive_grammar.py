@@ -1,7 +1,7 @@
-"""Forged archives: what ``workspace export`` wrote, changed by a grammar over its records and files, digests made anew.
+"""Forged archives: an export changed by a grammar over its records and files, with recomputed digests.
 
 A forged archive is the export of a real workspace after one to three *productions*. Each changes a record, its recipe,
-its id, its files or the lists that bind them together; all digests are made again, so that nothing is merely damaged.
+its id, its files or the lists that connect them. All digests are recomputed, so that no forgery is a mere damage.
 """
 
 import hashlib

@@ -1,12 +1,12 @@
-"""Forged archives (:mod:`.archive_grammar`) are imported by the command line, and what was taken in is asked about.
+"""Imports forged archives (:mod:`.archive_grammar`) by the command line, and queries the imported content.
 
-Each goes into a copy of a workspace that holds own work. A refusal has to have a name and has to leave the workspace
-as it was. What was taken in has to be marked: an answer that names a run of the archive says that it was imported. Then
-tools are asked, about the archive's content and about the own work, and ``workspace verify`` has to agree with them.
+Each goes into a copy of a workspace with work of its own. A refusal must have a name and leave the workspace unchanged.
+Imported content must be marked: an answer that names a run of the archive says that it was imported. Then tools are
+called on the archive's content and on the original work, and ``workspace verify`` must agree with them.
 
-Keys: ``forged_archives``, ``archives_right`` (the share that was refused by name and left nothing, or taken in and
-marked), ``archives_taken`` (of them), ``tools_broken_after`` (tools that did not answer afterwards as they should),
-``forged_lines``, ``unexpected`` (in all answers).
+Keys: ``forged_archives``; ``archives_right`` (share refused by name without traces, or imported and marked);
+``archives_taken`` (imported); ``tools_broken_after`` (tools that answer wrongly afterwards); ``forged_lines``,
+``unexpected`` (in all answers).
 """
 
 import itertools

@@ -1,4 +1,4 @@
-"""What the parts of ``make bench-hostile`` about a server on the street receive."""
+"""The input of the ``make bench-hostile`` parts about an exposed server."""
 
 from dataclasses import dataclass
 from pathlib import Path

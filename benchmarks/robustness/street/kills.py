@@ -1,12 +1,11 @@
-"""Kills of coverage plans, optimisations and imports of archives, until each has come to its end all the same.
+"""Kills coverage plans, optimisations and imports of archives until each has finished nevertheless.
 
-A piece of work is one command in a process of its own on the same workspace; it is killed (SIGKILL to the process and
-its workers) at a random moment, and begun again with the same words. What was in the workspace before a kill has to be
-there after it, as it was; an import is there whole or not at all; and the work has to end well in the end.
+A piece of work is one command in its own process on the same workspace. It is killed (SIGKILL to the process and its
+workers) at a random time and restarted with the same arguments. Everything in the workspace before a kill must be there
+unchanged after it, an import must be complete or absent, and the work must finish in the end.
 
-Keys: ``killed`` (processes that were killed in the middle of their work), ``lost`` (artifacts, rows of plans and files
-that were there before a kill and are not, or differ; imports that are there in part; work that never ended),
-``pieces_done``.
+Keys: ``killed`` (processes killed during their work); ``lost`` (artifacts, rows of plans and files that vanished or
+changed, partial imports, and work that never finished); ``pieces_done``.
 """
 
 import hashlib

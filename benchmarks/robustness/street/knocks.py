@@ -1,11 +1,11 @@
-"""What a stranger without a token sends to a server by HTTP, as a program: ``knocks HOST PORT SECONDS SEED``.
+"""Requests of a stranger without a token to an HTTP server, as a program: ``knocks HOST PORT SECONDS SEED``.
 
-It shares no code with the server. Its last line counts what it sent, and what it was answered, by kind.
+It shares no code with the server. Its last line counts requests and responses by kind.
 
-Kinds: ``long_head`` (one header that goes on), ``many_lines`` (headers without an end), ``half_head`` (kept open),
-``slow_head`` (a line a second), ``body`` (megabytes that were announced), ``half_body`` (announced and not sent),
-``chunks`` (mostly framing), ``stream`` (of news), ``session`` (begun), ``wrong_token``, ``foreign`` (another Host and
-Origin), ``ready`` (asked without end).
+Kinds: ``long_head`` (one endless header), ``many_lines`` (endless headers), ``half_head`` (kept open), ``slow_head`` (a
+line per second), ``body`` (megabytes, announced), ``half_body`` (announced and not sent), ``chunks`` (mostly framing),
+``stream`` (of events), ``session`` (started), ``wrong_token``, ``foreign`` (another Host and Origin), ``ready``
+(requested endlessly).
 """
 
 import asyncio

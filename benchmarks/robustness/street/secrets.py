@@ -1,10 +1,11 @@
-"""Planner programs that look for tokens (:mod:`.spy`), under servers that were given secrets in every way there is.
+"""Planner programs that look for tokens (:mod:`.spy`), under servers that received secrets in every possible way.
 
-Tokens and keys are in variables, in a file of tokens and in the headers for a collector; one of the programs is asked
-once, one at each step, one stays. What they read is searched for each secret, as it is and in Base64.
+Tokens and keys are in variables, in a token file and in the headers for a collector. One program is called once, one at
+each step, and one stays alive. The bench searches everything that they read for each secret, in plain text and in
+Base64.
 
-Keys: ``secrets_seen`` (secrets that a program saw, by place), ``places_looked_at`` (environments, command lines and
-descriptors), ``ancestors_seen`` (processes with an environment that a program could open), ``secrets_planted``.
+Keys: ``secrets_seen`` (secrets that a program saw, by place); ``places_looked_at`` (environments, command lines and
+descriptors); ``ancestors_seen`` (processes with an environment that a program could open); ``secrets_planted``.
 """
 
 import base64

@@ -1,7 +1,7 @@
-"""A planner program that looks for secrets and writes what it saw: ``spy.py FILE``; it uses only the standard library.
+"""A planner program that looks for secrets and writes what it finds: ``spy.py FILE``; standard library only.
 
-It reads the environment, the command line and the open descriptors of itself, of all its ancestors and of whatever
-these started, as far as the operating system lets it. It answers no plan.
+It reads the environment, the command line and the open descriptors of itself, its ancestors and their descendants, as
+far as the operating system permits. It returns no plan.
 """
 
 import os

@@ -1,13 +1,16 @@
 """A stranger on loopback without a token, while four honest clients with a token work.
 
-The honest clients do the same work twice, first alone and then with the stranger (:mod:`.knocks`, a process of its
-own): they search, read, edit and run, with a pause after each call as a person makes one.
+The honest clients do the same work twice, first alone and then with the stranger (:mod:`.knocks`, in its own process):
+they search, read, edit and run, with a human pause after each call.
 
-Keys: ``honest_answered`` (the share of their calls that were answered as they should be, with the stranger there),
-``honest_p95_ratio`` (the 95th percentile of their waits with the stranger, over the one alone), ``honest_calls``,
-``memory_over_bound_mb`` (what the server's process held beyond ``server_memory_mb``), ``descriptors_left`` (that it
-still holds after the stranger has gone, beyond those before it came), ``log_lines_per_s`` (while the stranger was
-there), ``stranger_requests``, ``stranger_let_in`` (requests of the stranger to MCP that were answered with success).
+Keys:
+
+- ``honest_answered``: share of their calls answered correctly next to the stranger; ``honest_calls``.
+- ``honest_p95_ratio``: 95th percentile of their waiting times with the stranger over that without.
+- ``memory_over_bound_mb``: memory of the server's process beyond ``server_memory_mb``.
+- ``descriptors_left``: descriptors that it still holds after the stranger left, beyond the initial ones.
+- ``log_lines_per_s``: while the stranger was there.
+- ``stranger_requests``; ``stranger_let_in``: the stranger's MCP requests that succeeded.
 """
 
 import json

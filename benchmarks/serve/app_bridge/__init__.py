@@ -1,17 +1,20 @@
-"""The pages of views in the bridge that hosts of MCP Apps are built on, with clicks and keys in a headless Chromium.
+"""The pages of views in the bridge of MCP Apps hosts, with clicks and keys in a headless Chromium.
 
-Keys: ``bridge_views`` (pages that were shown: a generated scenario, a recorded one, one with pedestrians, a run, a
-board, a refusal; each in two widths, dark and light), ``bridge_checks`` (what was held against them), ``bridge_failed``
-(of these, what does not hold; each is named on standard error), ``bridge_read_ms`` (median time from the tool's answer
-to the view's data, both as the bridge sees them), ``bridge_made_ms`` (the longest: of a view that was not made before;
--1 where nothing was read), ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
+Keys:
 
-``AppBridge`` with its ``PostMessageTransport`` comes from npm, and so does the client by which the host's page talks to
-a real PlannerForge server by HTTP; both in the versions that are named here, bundled by esbuild. Light pages are shown
-by a host of protocol revision 2026-07-28, dark ones by one of 2025-11-25. The page stands in a sandbox of another
-origin with the policy of the specification (``serving.py``); what is held against it stands in ``checks.py``.
+- ``bridge_views``: pages shown (a generated scenario, a recorded one, one with pedestrians, a run, a board, a refusal;
+  each in two widths, dark and light).
+- ``bridge_checks``: checks made; ``bridge_failed``: failed checks, each listed on standard error.
+- ``bridge_read_ms``: median time from the tool's answer to the view's data, both at the bridge; ``bridge_made_ms``: the
+  longest, for a view that did not exist before (-1 if none was read).
+- ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
 
-``--pictures FOLDER`` keeps a picture of each page; ``--node`` names a Node of 20 or newer that is there.
+``AppBridge`` with its ``PostMessageTransport`` comes from npm, as does the client that connects the host's page to a
+real PlannerForge server over HTTP; both have pinned versions and are bundled by esbuild. A host of protocol revision
+2026-07-28 shows the light pages, one of 2025-11-25 the dark ones. The page runs in a sandbox of another origin with the
+policy of the specification (``serving.py``); ``checks.py`` holds the checks.
+
+``--pictures FOLDER`` keeps a picture of each page; ``--node`` selects an installed Node 20 or newer.
 """
 
 import json

@@ -1,6 +1,6 @@
-"""What is held against a page that a host shows: by clicks and keys, and by what came over the bridge.
+"""The checks of a page in a host: by clicks and keys, and by the messages over the bridge.
 
-Each check is its words and whether it holds. A page that breaks on the way fails the check that was under way.
+Each check is a description and whether it passes. If a page breaks, the current check fails.
 """
 
 import json

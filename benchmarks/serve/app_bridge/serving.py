@@ -1,7 +1,7 @@
-"""Where the host of the judge is: its page, the sandbox of another origin, and the server of MCP behind the page's own.
+"""Serves the judge's host: its page, the sandbox of another origin, and a proxy to the MCP server.
 
-A browser lets a page talk to its own origin alone, so that requests to ``/mcp`` are passed on to the real server. The
-sandbox is sent with the policy that the specification names for pages that declare nothing: it loads nothing.
+A browser lets a page talk only to its own origin, so requests to ``/mcp`` are forwarded to the real server. The sandbox
+has the policy that the specification gives for pages that declare nothing: it loads nothing.
 """
 
 import http.client

@@ -1,8 +1,8 @@
-"""Where the clients live: an environment for each, made once of named versions and kept outside the checkout.
+"""The clients' environments: one for each, created once with pinned versions, outside the checkout.
 
-Clients in Python get a virtual environment, clients for Node a folder that npm fills; Node itself comes from PyPI. The
-name of each ends with the digest of what was asked for: other versions make another one. What cannot be installed
-is :class:`LeftOut` with the installer's own reason.
+Python clients get a virtual environment, Node clients a folder filled by npm; Node itself comes from PyPI. Each name
+ends with the digest of the requirements, so other versions create another environment. If an installation fails,
+:class:`LeftOut` carries the installer's reason.
 """
 
 import hashlib

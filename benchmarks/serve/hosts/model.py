@@ -1,8 +1,8 @@
-"""A model that is a script, on loopback, in the protocols that clients of language models speak.
+"""A scripted model on loopback that speaks the protocols of language-model clients.
 
-OpenAI's (chat completions and responses), Anthropic's messages, Ollama's chat, each streamed or whole as it is asked
-for, and a plain one for clients without a model: the same story for all (``story.py``). Nothing is kept between two
-requests but what was shown last: like any model, it knows of the story what the request holds.
+It supports OpenAI's chat completions and responses, Anthropic's messages and Ollama's chat, streamed or complete as
+requested, and a plain protocol for clients without a model. All follow the same story (``story.py``). Between requests
+it keeps only the last content shown: like any model, it knows only the part of the story in the request.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""What came of the clients, and the table of it in ``docs/hosts.md``."""
+"""The results of the clients, and their table in ``docs/hosts.md``."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The clients that are tried, in the versions that are tried: one entry each."""
+"""The clients and versions that are tried, one entry each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,12 +1,13 @@
-"""Takes every client through the story, by standard input and by HTTP, and writes down what came of it.
+"""Runs every client through the story, over standard input and HTTP, and records the results.
 
-A client's driver (``drivers/``) is a small program that uses the client's public interface alone, in the client's own
-environment. It is given the path of a file that says what to do, and writes another with what the client showed:
+A client's driver (``drivers/``) is a small program in the client's own environment that uses only the client's public
+interface. It receives the path of an input file, and writes an output file with what the client showed:
 
-given: ``command``, ``arguments`` and ``env`` of the server, or its ``url``; ``model`` (address of the scripted model)
-and ``model_name``; ``request`` (what the user asks for); ``helped`` (whether the roster's setting is made);
-``packages`` (a file beside the packages of Node, from which they are found).
-written, at ``report``: ``said`` (what the user saw at the end), and ``progress`` (notes shown) where there is a place.
+- input: ``command``, ``arguments`` and ``env`` of the server, or its ``url``; ``model`` (address of the scripted model)
+  and ``model_name``; ``request`` (the user's request); ``helped`` (whether the roster's setting is used); ``packages``
+  (a file next to the Node packages, from which they are found).
+- output, at ``report``: ``said`` (what the user saw at the end), and ``progress`` (notes shown), if there is a place
+  for them.
 """
 
 import json

@@ -1,9 +1,9 @@
-"""The story that every client takes through the server, told call by call, and what must lie in the workspace then.
+"""The story that every client follows call by call, and the required content of the workspace after each call.
 
-A model that is a script tells it (``model.py``): each call is made of what the client showed of the answers before, as
-a model would make it. Two calls are wrong on purpose, one after the other: they show what a client does with refusals.
+A scripted model tells it (``model.py``): each call uses what the client showed of earlier answers, as a model would.
+Two successive calls are wrong on purpose, to show how a client handles refusals.
 
-What counts is what the server wrote down, never what a client says: its journal of calls, and the artifacts.
+Only the server's records count, never a client's statements: the journal of calls, and the artifacts.
 """
 
 import json

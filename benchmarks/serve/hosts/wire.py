@@ -1,8 +1,8 @@
-"""Stands between a client and the server by standard input, hands every line on, and keeps a copy of each.
+"""A relay between a client and the server over standard input that keeps a copy of each line.
 
-Run as a program of its own, ``python -P wire.py COPY SERVER ARGUMENT…``: the client starts it in the server's place.
-What is read of the copy afterwards (:func:`wire_facts`) is what neither the client nor the journal tells: the revision
-that both agreed on, what the client calls itself, whether it asked for progress.
+Run it as a separate program, ``python -P wire.py COPY SERVER ARGUMENT…``; the client starts it in place of the server.
+:func:`wire_facts` reads from the copy what neither the client nor the journal reports: the agreed revision, the
+client's name, and whether it requested progress.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""FastMCP's client: a program that calls tools by itself; what to call next it asks the plain story."""
+"""FastMCP's client: a program that calls tools itself and takes its next call from the plain story."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The MCP Inspector's command line, a process for each call; what to call next it asks the plain story."""
+"""The MCP Inspector's command line, a process for each call. It takes its next call from the plain story."""
 
 import json
 import subprocess

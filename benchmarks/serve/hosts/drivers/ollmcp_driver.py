@@ -1,4 +1,4 @@
-"""ollmcp in a terminal of its own: what a user would type is typed, what stands on the screen is read."""
+"""ollmcp in its own terminal: the driver types a user's input and reads the screen."""
 
 import json
 import os

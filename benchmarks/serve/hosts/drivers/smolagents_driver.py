@@ -1,6 +1,6 @@
 """smolagents' tools of an MCP server, called as a code agent's program calls them.
 
-What to call next it asks the plain story.
+It takes its next call from the plain story.
 """
 
 import json
