@@ -107,7 +107,7 @@ def main() -> None:
 
 
 def _order(folder: Path, agent: str, task: str, limit: int | None, workers: int) -> EvaluationOrder:
-    """An evaluation over the development corpora, or over the package's own where those are not here."""
+    """Return an evaluation over the development corpora, or over the packaged ones if there are none."""
     shared = shared_folder() / "corpora" / "dev"
     data = shared_folder() / "data" if shared.is_dir() else None
     return EvaluationOrder(
@@ -141,7 +141,7 @@ def _rows(order: EvaluationOrder) -> Sequence[Row]:
 
 
 def tokens_of(conversations: Sequence[Row]) -> Figures:
-    """What conversations and the list of tools cost, each text counted once."""
+    """Count the tokens of conversations and of the list of tools, each text once."""
     full, essential = (
         sum(tool_cost(spec) for spec in offered_tools(Settings(tools=tools))) for tools in ("all", "essential")
     )
@@ -160,9 +160,9 @@ def tokens_of(conversations: Sequence[Row]) -> Figures:
 
 
 def spoiled_figures(rows: Sequence[Row]) -> Figures:
-    """How the tools bear calls as small models write them, of the requests that can be done here.
+    """Measure how the tools handle calls as small models write them, over the requests that can be done here.
 
-    Routing is left out: its verdicts are about the calls that were made, and not about what came of them.
+    Routing is left out, because its verdicts concern the calls, not their results.
     """
     there = [
         row

@@ -84,13 +84,13 @@ Times = dict[str, float]
 
 @dataclass
 class _Clock:
-    """A client whose calls are timed; the seconds of each by the name that it is given."""
+    """A client that measures its calls; the seconds of each are stored by a given name."""
 
     client: Client
     times: Times
 
     async def call(self, name: str, tool: str, **arguments: Any) -> Any:
-        """The structured answer of a tool, whose time is noted; None of one that has none.
+        """Return the structured answer of a tool (None if it has none), and record its time.
 
         Raises:
             RuntimeError: the tool refused.
@@ -150,7 +150,7 @@ def _edit(preset: str) -> Mapping[str, Any]:
 
 @asynccontextmanager
 async def _warm_server(workspace: Path) -> AsyncIterator[Client]:
-    """The client of a server of its own, whose workers have imported what they will need."""
+    """Open a client of a separate server with workers that have imported everything they need."""
     async with Client(create_server(settings_for(workspace, shared_scenarios(), WORKERS))) as client:
         async with anyio.create_task_group() as tasks:
             for seed in range(WORKERS):
@@ -206,7 +206,7 @@ def _read_ratios(files: int, generated: Sequence[Path], store: RecordingStore) -
 
 
 def _read_known(store: RecordingStore, path: Path) -> None:
-    """As ``kept_recording`` reads a file whose recording is on disk, its tracks included."""
+    """Read a file, tracks included, as ``kept_recording`` does if its recording is on disk."""
     found = store.find(_content_of(path))
     if found is None:
         raise RuntimeError(f"the recording of {path.name} is gone")
@@ -249,7 +249,7 @@ def _demo_s(folder: Path) -> float:
 
 
 async def _volume(folder: Path, imports: int, entries: int) -> Figures:
-    """Many files imported, and a search among many entries made of their facts: each by a server in its own process."""
+    """Import many files, and search among many entries made of their facts, each with a server in its own process."""
     folders = _copies(folder / "files", imports)
     memory_mb: list[tuple[int, float]] = []
     async with _server_process(folder / "workspace", folder) as (client, server):

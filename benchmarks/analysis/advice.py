@@ -61,7 +61,7 @@ SPOILED = (
 
 @dataclass(frozen=True)
 class _Advice:
-    """A change that was told to help, and the goals reached on the other roads."""
+    """A change reported to help, and the goals reached on the other roads."""
 
     change: str
     before: int
@@ -70,7 +70,7 @@ class _Advice:
 
     @property
     def helped(self) -> bool:
-        """Whether more scenarios reach the goal with it."""
+        """True if more scenarios reach the goal with it."""
         return self.after > self.before
 
     @property
@@ -80,7 +80,7 @@ class _Advice:
 
 
 def road_of(scenario_id: str) -> str:
-    """The place that a scenario lies in: ``DEU_Aachen`` of ``DEU_Aachen-2_7_T-1``."""
+    """Return the place of a scenario: ``DEU_Aachen`` for ``DEU_Aachen-2_7_T-1``."""
     return scenario_id.removeprefix("C-").split("-", maxsplit=1)[0]
 
 
@@ -138,7 +138,7 @@ def _scenarios(bench: SeededBench) -> list[str]:
 async def _round(
     bench: SeededBench, client: Client, spoiled: str, sides: tuple[list[str], list[str]]
 ) -> tuple[int, list[_Advice]]:
-    """How many changes were tried for a spoiled configuration, and those told to help with what they do elsewhere."""
+    """Return the number of changes tried for a spoiled configuration, and the helpful ones with their effect."""
     seen, unseen = sides
     base = (await ask(client, "configure_planner", base=DEFAULT, weights=[spoiled]))["config_id"]
     batch_id = await finished_batch(client, scenarios=seen, configs=[base], prediction=PREDICTION)
@@ -164,7 +164,7 @@ def _elsewhere(change: str, before: Mapping[str, bool], after: Mapping[str, bool
 
 
 async def _changes(client: Client, batch_id: str) -> list[Mapping[str, Any]]:
-    """What was tried."""
+    """Return the changes that were tried."""
     answer = await ask(client, "analyze_results", results=[batch_id], trial=True)
     while answer["job_id"]:
         await ask_to_the_end(client, "get_job", job_id=answer["job_id"], wait_s=0)
@@ -174,12 +174,12 @@ async def _changes(client: Client, batch_id: str) -> list[Mapping[str, Any]]:
 
 
 def _told(tried: Mapping[str, Any]) -> bool:
-    """Whether the answer calls it a help: more gained than lost, at the level of docs/analysis.md."""
+    """Return True if the answer calls it a help: more gained than lost, at the level of docs/analysis.md."""
     return bool(tried["gained"] > tried["lost"] and tried["p"] <= 1 / 16)
 
 
 def _goals(bench: SeededBench, batch_id: str, configs: Sequence[str]) -> dict[str, dict[str, bool]]:
-    """By configuration: scenario → whether it reached its goal; runs that could not be attempted are left out."""
+    """Return by configuration whether each scenario reached its goal, without runs that could not be attempted."""
     records = attempted_runs(public_folder(bench), batch_id)
     return {
         config_id: {

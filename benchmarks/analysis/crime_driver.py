@@ -31,7 +31,7 @@ def _read(path: str) -> Any:
 
 
 def _work(asked: dict[str, Any]) -> dict[str, Any]:
-    """What CriMe measures between two recorded vehicles at a step: one of the three kinds that can be asked."""
+    """Return CriMe's measures between two recorded vehicles at a step, for one of the three kinds of requests."""
     from commonroad.scenario.scenario import Scenario
 
     whole = _read(asked["file"])
@@ -88,7 +88,7 @@ def _closest(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _leader(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
-    """Gap, time to collision, deceleration and brake threat number, and how the lane lies at both."""
+    """Return gap, time to collision, deceleration and brake threat number, and the lane's direction at both."""
     import numpy as np
     from commonroad.geometry.shape import Rectangle
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -153,7 +153,7 @@ def _finite(value: float) -> float | None:
 
 
 def _lanelet(scenario: Any, state: Any) -> int:
-    """The lanelet at a state whose direction is nearest to its heading."""
+    """Return the lanelet at a state with the direction nearest to its heading."""
     network = scenario.lanelet_network
     there = network.find_lanelet_by_position([state.position])[0]
     if not there:
@@ -183,7 +183,7 @@ def _wrapped(angle: float) -> float:
 
 
 def _main() -> None:
-    """Answer line by line; a moment that CriMe cannot judge is answered with the reason."""
+    """Answer line by line; if CriMe cannot judge a situation, answer with the reason."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # native libraries print past sys.stdout
     sys.stdout = sys.stderr

@@ -82,7 +82,7 @@ _REQUIREMENTS, _DRIVER = (Path(__file__).with_name(f"crime_{name}") for name in 
 
 @dataclass
 class Tally:
-    """Values that agree and that do not, by measure; what was not compared, by class."""
+    """Values that agree and that differ, by measure, and comparisons left out, by class."""
 
     agreeing: Counter[str] = field(default_factory=Counter)
     compared: Counter[str] = field(default_factory=Counter)
@@ -103,7 +103,7 @@ class Tally:
         return round(self.agreeing.total() / self.compared.total(), 4) if self.compared else 0.0
 
     def tell(self, title: str) -> None:
-        """Shares by measure, deviations and what was left out, to standard error."""
+        """Print shares by measure, deviations and omissions to standard error."""
         for name, count in sorted(self.compared.items()):
             sys.stderr.write(f"{title}: {name} {self.agreeing[name]} of {count}\n")
         sys.stderr.writelines(f"{title}: {one}\n" for one in self.deviations)
@@ -111,10 +111,10 @@ class Tally:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over 40 encounters of each kind and all files, or the bench's limit of both.
+    """Measure the keys above over 40 encounters of each kind and all files, or the bench's limit of both.
 
     Raises:
-        LeftOut: CriMe's environment cannot be made here.
+        LeftOut: CriMe's environment cannot be created here.
     """
     closed = closed_forms(bench.seed, bench.limit or EACH, bench.folder("measures"))
     closed.tell("closed form")
@@ -156,9 +156,10 @@ class Moving:
 
 @dataclass(frozen=True)
 class Made:
-    """An encounter, what is true of it by measure, with the step of the moment (None: not asked), and who is met.
+    """An encounter with its true values by measure, each with its time step (None if not required), and the other
+    party.
 
-    ``hit``: whether it ends in a collision; ``relation``: how the other lies, as far as it is asked.
+    ``hit``: whether it ends in a collision; ``relation``: the other's relative position, if required.
     """
 
     name: str
@@ -178,7 +179,7 @@ def straight(x: float, y: float, heading: float, speed: float, steps: int, **cha
 
 
 def closed_forms(seed: int, each: int, folder: Path) -> Tally:
-    """All drawn encounters, each told by the product and held against its truth."""
+    """Compare the product's values with the truth for all drawn encounters."""
     choice, tally = random.Random(seed), Tally()  # noqa: S311 - reproducible, not secret
     for make in (_following, _braking_leader, _crossing, _conflict, _crash, _spiral, _jolting):
         for _ in range(each):
@@ -199,7 +200,7 @@ def closed_forms(seed: int, each: int, folder: Path) -> Tally:
 def told_of(
     ego: Moving, others: Sequence[Moving], step_s: float, folder: Path, *, hit: bool = False, first: Sequence[int] = ()
 ) -> dict[str, MeasuredValue]:
-    """What the product tells of a run in which the ego and others moved so; ``first``: the others' first steps."""
+    """Return the product's statements about a run with these motions; ``first``: the others' first time steps."""
     x, y, heading, speed = (tuple(column) for column in zip(*ego.poses, strict=True))
     driven = tuple(
         DrivenObstacle(
@@ -297,7 +298,7 @@ _RISK = (0.0, 0.5, 1.0, 3.0, 5.0)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a falling function is 0, by bisection."""
+    """Find the root of a falling function by bisection."""
     for _ in range(80):
         middle = (low + high) / 2
         low, high = (middle, high) if function(middle) > 0 else (low, middle)
@@ -334,9 +335,9 @@ def _braking_leader(choice: random.Random) -> Made:
 
 
 def _needed(gap: float, ego: float, leader: float, slope: float) -> float:
-    """The least even deceleration that stays clear of a leader with an even one, found by trying.
+    """Find the smallest constant deceleration that stays clear of a leader with a constant one, by trying.
 
-    The gap while both brake is least where both are equally fast, or where both stand.
+    The gap while both brake is smallest when both are equally fast, or when both stand.
     """
 
     def clear(braking: float) -> bool:
@@ -385,7 +386,7 @@ def _crossing(choice: random.Random) -> Made:
 
 
 def _conflict(choice: random.Random) -> Made:
-    """One that crosses on a course to a collision: what is left of the time to act, by trying every begin."""
+    """Return the remaining reaction times to a vehicle on a crossing collision course, by trying every start."""
     ego, other = choice.uniform(6, 16), choice.uniform(4, 12)
     side = choice.choice((-1.0, 1.0))
     met_m, late = choice.uniform(18, 35), choice.uniform(-0.25, 0.25)
@@ -456,7 +457,7 @@ def _crash(choice: random.Random) -> Made:
 
 
 def _spiral(choice: random.Random) -> Made:
-    """An ego that speeds up or brakes evenly into a clothoid: what it feels is known at every moment."""
+    """Return an ego that accelerates or brakes evenly into a clothoid, with its accelerations in closed form."""
     steps, fine = 31, 200
     speed, by = choice.uniform(8, 15), choice.uniform(-2.0, 2.0)
     sharper = choice.uniform(0.001, 0.003) * choice.choice((-1, 1))
@@ -496,7 +497,7 @@ def _spiral(choice: random.Random) -> Made:
 
 
 def _jolting(choice: random.Random) -> Made:
-    """An ego on a straight line whose acceleration is a cosine over whole periods: its jerk is a sine."""
+    """Return an ego on a straight line whose acceleration is a cosine over full periods, so its jerk is a sine."""
     steps, most, speed = 61, choice.uniform(0.5, 3.0), choice.uniform(10, 25)
     last = (steps - 1) * STEP_S
     turning = 2 * math.pi / last
@@ -523,10 +524,10 @@ def _jolting(choice: random.Random) -> Made:
 
 
 def against_crime(bench: SeededBench) -> tuple[Tally, int]:
-    """What the product tells of recorded vehicles, and what CriMe measures there; over how many files.
+    """Compare the product's values for recorded vehicles with CriMe's; also return the number of files.
 
     Raises:
-        LeftOut: CriMe's environment cannot be made here.
+        LeftOut: CriMe's environment cannot be created here.
     """
     interpreter = prepared_environment() / "bin" / "python"
     folder, tally, files = bench.folder("crime"), Tally(), 0
@@ -544,10 +545,10 @@ MOST_FILES = 80
 
 
 def prepared_environment() -> Path:
-    """The folder of the environment, made where it is not there.
+    """Return the folder of the environment, creating it if necessary.
 
     Raises:
-        LeftOut: it cannot be made here.
+        LeftOut: it cannot be created here.
     """
     return made_environment("crime", "CriMe", _REQUIREMENTS)
 
@@ -573,7 +574,7 @@ class _Crime:
         self._process.communicate()
 
     def ask(self, **asked: Any) -> dict[str, Any]:
-        """What CriMe measures; ``fault`` where it does not."""
+        """Return CriMe's measures, or ``fault`` if it fails."""
         assert self._process.stdin is not None and self._process.stdout is not None  # noqa: S101, PT018 - pipes
         self._process.stdin.write(json.dumps(asked) + "\n")
         self._process.stdin.flush()

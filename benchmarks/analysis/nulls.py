@@ -96,7 +96,7 @@ def _record(
     level: np.ndarray,
     generator: np.random.Generator,
 ) -> RunRecord:
-    """A run whose metrics are those of its scenario, times noise with heavy tails."""
+    """Return a run with the metrics of its scenario, times noise with heavy tails."""
     noise = np.exp(0.6 * level + 0.2 * generator.standard_t(3, 4))
     config = _CONFIGS[place]
     return RunRecord(
@@ -140,7 +140,7 @@ def _compared(batch: _Batch) -> CompareResultsResult:
 
 
 def _states_a_difference(result: CompareResultsResult) -> bool:
-    """Whether the headline says that something differs, as its reader would take it."""
+    """Return True if the headline states a difference, as a reader would understand it."""
     comparison = result.comparisons[0]
     is_shown = comparison.headline_code in ("better", "worse", "mixed")
     return is_shown or "Differs after" in comparison.verdict or any(one.better for one in comparison.metrics)
@@ -154,7 +154,7 @@ def _naive_p(result: CompareResultsResult) -> float:
 
 
 def _naive_covers(rate: Rate, truth: float) -> bool:
-    """Whether the truth is in Wilson's interval, each run by itself: where its score test does not refuse it."""
+    """Return True if the truth is in Wilson's interval of independent runs, that is, if its score test accepts it."""
     return abs(rate.count / rate.of - truth) <= 1.96 * math.sqrt(truth * (1 - truth) / rate.of)
 
 

@@ -107,7 +107,7 @@ def _into_a_slower_one(run: _Run, choice: random.Random) -> None:
 
 
 def _hit_by_one_that_turns(run: _Run, choice: random.Random) -> None:
-    """Another drives beside the ego, ahead of it, and turns across its way within the last second."""
+    """Return a road user that drives next to and ahead of the ego and turns into its path within the last second."""
     touch, aside, speed = choice.uniform(3.0, 5.0), choice.uniform(3.4, 3.8), run.speed_mps
     across = aside / 0.9
 
@@ -126,7 +126,7 @@ def _next_step_s(time_s: float) -> float:
 
 
 def _steps_of(run: _Run, weights: Mapping[str, float], choice: random.Random) -> RunSteps:
-    """What was driven: the ego evenly, or behind the slower one with a gap; and what the plans cost."""
+    """Return the driven steps (the ego at constant speed, or with a gap to its slower leader) and the plans' costs."""
     last = round(run.touch_s / _STEP_S) if run.touch_s is not None else _STEPS - 1
     times = np.arange(_STEPS) * _STEP_S
     other = [run.other(float(t)) for t in times] if run.other else []
@@ -234,7 +234,7 @@ def _record(scenario_id: str, run: _Run) -> RunRecord:
 
 
 def findings_of(cause: Cause, choice: random.Random, folder: Path) -> Sequence[Finding]:
-    """What the product finds in a batch with a cause."""
+    """Return the product's findings in a batch with a cause."""
     kind, _, name = cause.partition(" ")
     weights = _WEIGHTS | ({name: 0.0} if kind == "weight" else {})
     runs, scenarios = [], []
@@ -257,7 +257,7 @@ def findings_of(cause: Cause, choice: random.Random, folder: Path) -> Sequence[F
 
 
 def names(cause: Cause, findings: Sequence[Finding]) -> bool:
-    """Whether a finding names the cause."""
+    """Return True if a finding names the cause."""
     kind, _, word = cause.partition(" ")
     return any(one.name == _NAMES[kind] and word in one.statement for one in findings)
 

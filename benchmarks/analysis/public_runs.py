@@ -33,7 +33,7 @@ def public_server(bench: SeededBench) -> Client:
 
 
 async def import_public(bench: SeededBench, client: Client, limit: int | None = None) -> None:
-    """Import every public scenario, or as many as a limit; what was imported by another part is there."""
+    """Import every public scenario up to a limit; scenarios that another part imported are already there."""
     marker = public_folder(bench) / f"{_DONE}-{limit or 'all'}"
     if not marker.exists():
         await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", limit))
@@ -55,7 +55,7 @@ async def compared_batch(bench: SeededBench, client: Client, batch_id: str) -> s
 
 @dataclass(frozen=True)
 class RawRuns:
-    """What is stored of the runs of a batch, by run id and by scenario id, in the order of the batch."""
+    """The stored data of a batch's runs, by run id and by scenario id, in the order of the batch."""
 
     batch: BatchRecord
     records: tuple[RunRecord, ...]
@@ -65,7 +65,7 @@ class RawRuns:
 
     @property
     def valid(self) -> tuple[RunRecord, ...]:
-        """Those that could be attempted."""
+        """The runs that could be attempted."""
         return tuple(record for record in self.records if record.outcome != "invalid")
 
 

@@ -75,12 +75,12 @@ class Told:
     text: str = ""
 
     def shows(self, *values: float) -> bool:
-        """Return whether the text holds each of some values, rounded, as a number or in percent."""
+        """Return True if the text holds each of some values, rounded, as a number or in percent."""
         figures = figures_in(self.text)
         return all(any(agrees(one, value) or agrees(one, 100 * value) for one in figures) for value in values)
 
     def has(self, told: float | None, value: float | None) -> bool:
-        """Return whether a field is what was recomputed and the text shows it; None if there is no such value."""
+        """Return True if a field equals the recomputed value and the text shows it; None if there is no such value."""
         if told is None or value is None:
             return told is value
         return math.isclose(told, value, rel_tol=1e-6, abs_tol=1e-9) and self.shows(value)
@@ -88,7 +88,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Question:
-    """A line, what it is about (a run by its outcome, ``run`` any, ``batch``, ``pair``, ``batches``), what it asks."""
+    """A line, its subject (a run by its outcome, ``run`` any, ``batch``, ``pair``, ``batches``), and its requests."""
 
     line_id: str
     text: str
@@ -123,7 +123,7 @@ def _of_chain(line: Mapping[str, Any]) -> list[Question]:
 
 
 def _compared(text: str) -> tuple[str, ...]:
-    """What a comparison is asked for by name; the outcome and the verdict always."""
+    """Return the metrics that a comparison requests by name, always with the outcome and the verdict."""
     low = text.lower()
     return ("success", *(what for word, what in _COMPARE_WORDS.items() if word in low))
 
@@ -138,7 +138,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 async def _measured(bench: SeededBench) -> tuple[int, list[str]]:
-    """How many questions there are, and of those not answered: the line, what was asked, and the answer's beginning."""
+    """Count the questions; for each unanswered one, return the line, the request and the beginning of the answer."""
     asked = questions(bench.shared / "corpora" / "dev")
     faults = []
     async with Client(create_server(settings_for(bench.folder("no_runs"), bench.shared, 1))) as client:
@@ -169,7 +169,7 @@ def _text_of(answer: Any) -> str:
 
 @dataclass(frozen=True)
 class _Situation:
-    """One call, and whether an answer holds what is asked for."""
+    """One call, and whether its answer holds what was requested."""
 
     tool: str
     arguments: dict[str, Any]
@@ -177,7 +177,7 @@ class _Situation:
 
 
 class Situations:
-    """The runs of a batch of two configurations, as what questions are about."""
+    """The runs of a batch of two configurations, as subjects of questions."""
 
     def __init__(self, raw: RawRuns) -> None:
         self._raw = raw

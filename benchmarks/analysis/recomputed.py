@@ -45,7 +45,7 @@ Trial = tuple[str, float]
 
 
 def goal(record: RunRecord) -> bool:
-    """Whether a run reached its goal."""
+    """Return True if a run reached its goal."""
     return record.outcome == "goal_reached"
 
 
@@ -56,7 +56,7 @@ def metric(record: RunRecord, name: str) -> float | None:
 
 
 def worth(trials: Sequence[Trial], mean: float, variance: float) -> float:
-    """How many independent trials these are worth, the scenario being the unit."""
+    """Return the number of independent trials that these are worth, with the scenario as the unit."""
     groups: dict[str, list[float]] = {}
     for name, value in trials:
         groups.setdefault(name, []).append(value)
@@ -71,7 +71,7 @@ def worth(trials: Sequence[Trial], mean: float, variance: float) -> float:
 
 
 def rate(trials: Sequence[Trial]) -> list[float]:
-    """Count, of, and in per cent the share with its interval; the scenarios where these are another number."""
+    """Return count, total, and the share with its interval in percent; also the number of scenarios if it differs."""
     of, count = len(trials), sum(value for _, value in trials)
     if not of:
         return [0, 0]
@@ -98,7 +98,7 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
 
 
 def sign_flip_p(sizes: Sequence[float], positive: float) -> float:
-    """Two-sided p of a sum of positive parts where each sign is a fair coin: exact, or normal above sixty."""
+    """Return the two-sided p of a sum of positive parts if each sign is a fair coin: exact, or normal above sixty."""
     values = [value for value in sizes if value]
     if not values:
         return 1.0
@@ -134,7 +134,7 @@ class Pairs:
         self.flips = [(one.scenario_id, float(goal(other) - goal(one))) for one, other in self.pairs]
 
     def count(self, before: bool, after: bool) -> int:
-        """Pairs whose runs reached the goal before, and after, or not."""
+        """Count the pairs whose runs reached the goal before, and after, or not."""
         return sum((goal(one), goal(other)) == (before, after) for one, other in self.pairs)
 
     def success(self) -> dict[str, float]:
@@ -262,7 +262,9 @@ class Costs:
 
 
 def correlation(raw: RawRuns) -> dict[str, list[float]]:
-    """By feature: Spearman's ρ, p, Holm's p, scenarios, and ρ and p with the other features and the road held fixed."""
+    """Return for each feature Spearman's ρ, p, Holm's p, scenarios, and partial ρ and p (other features, road
+    fixed).
+    """
     from plannerforge.schemas.vocabulary import ROAD_KINDS
 
     runs: dict[str, list[RunRecord]] = {}
@@ -322,12 +324,12 @@ _LATE_BY: Mapping[str, tuple[str, ...]] = {
 
 
 def late_because(raw: RawRuns, record: RunRecord, pace: Sequence[Mapping[str, Any]]) -> str:
-    """Why a run came late: no ego is at the goal in time, or what took most of the drive; empty if that is neither.
+    """Return why a run was late: the goal is out of reach, or what took most of the drive; empty if neither.
 
-    A place is out of reach if it is farther away than a car comes on a straight line that accelerates as hard as
-    CommonRoad's vehicle 2 can, up to the highest posted limit or the vehicle's own; most of the drive is the largest
-    sum of the stretches of one group, if it is 40 % of it. The stretches are those that the answer on the run alone
-    has; ``benchmarks.loop.standing`` judges these.
+    A place is out of reach if it is farther away than a car gets on a straight line at the highest acceleration of
+    CommonRoad's vehicle 2, up to the highest posted limit or the vehicle's own. A group of stretches took most of the
+    drive if its sum is the largest and at least 40 %. The stretches come from the answer on the run alone;
+    ``benchmarks.loop.standing`` judges these.
     """
     if record.scenario_id not in raw.files:
         return ""

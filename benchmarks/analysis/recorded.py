@@ -48,7 +48,7 @@ class Hit:
         return np.array([s.x_m[index], s.y_m[index], s.heading_rad[index], s.speed_mps[index]])
 
     def other(self, index: int) -> Array | None:
-        """The same of the other at a driven state, or at one after the run; None where it is not there."""
+        """Return the same for the other at a driven state or one after the run; None if it is not there."""
         return pose_of(self.obstacle, self.steps.first_step + index)
 
     @property
@@ -88,7 +88,7 @@ def corners(pose: Array, size: Array, more_m: float = 0.0) -> Array:
 
 
 def overlap(one: Array, other: Array, headings: tuple[float, float]) -> bool:
-    """Whether two rectangles overlap, by the axes of both."""
+    """Return True if two rectangles overlap, by the axes of both."""
     for heading in (headings[0], headings[0] + math.pi / 2, headings[1], headings[1] + math.pi / 2):
         axis = np.array([math.cos(heading), math.sin(heading)])
         a, b = one @ axis, other @ axis
@@ -98,7 +98,7 @@ def overlap(one: Array, other: Array, headings: tuple[float, float]) -> bool:
 
 
 def side_of(pose: Array, size: Array, others: Array) -> str:
-    """The side of a body beyond which another lies farthest."""
+    """Return the side of a body beyond which another body extends farthest."""
     away = others - pose[:2]
     along = away @ np.array([math.cos(pose[2]), math.sin(pose[2])])
     left = away @ np.array([-math.sin(pose[2]), math.cos(pose[2])])
@@ -140,7 +140,7 @@ def kind_of(hit: Hit) -> str:
 
 
 def _came_in(hit: Hit, index: int, *, ego_is_ahead: bool) -> bool:
-    """Whether the one ahead was beside the way of the one behind within 3 s, and came farther across than that one."""
+    """Return True if the leader was next to the follower's path within 3 s and moved farther across than it."""
     back = min(round(3.0 / hit.record.step_s), index)
     while back and hit.other(index - back) is None:
         back -= 1
@@ -162,7 +162,7 @@ def _across(poses: list[Array]) -> float:
 
 
 async def public_hits(bench: SeededBench) -> tuple[list[Hit], Mapping[str, Any]]:
-    """The collisions of two planners on the public scenarios, and what the product tells of each, by run id."""
+    """Return the collisions of two planners on public scenarios, and the product's statements, by run id."""
     async with public_server(bench) as client:
         first = await public_batch(bench, client)
         second = await finished_batch(

@@ -59,7 +59,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Case:
-    """A drive that is about one rule: the truth is its robustness at every state, infinite where it asks nothing."""
+    """A drive about one rule: the truth is its robustness at every state, infinite if it does not apply."""
 
     rule: str
     ego: Motion
@@ -100,7 +100,7 @@ def _straight(start: tuple[float, float], end: tuple[float, float], count: int =
 
 
 def crossing(case: Case) -> LaneletNetwork:
-    """Two roads of two lanes that cross at the origin, with what a case has of lights, signs and lines."""
+    """Return two crossing roads of two lanes each at the origin, with the lights, signs and lines of a case."""
     half = LANE_M / 2
     turn = [(-10 + (10 + half) * math.sin(a), 10 - (10 + half) * math.cos(a)) for a in np.linspace(0, math.pi / 2, 31)]
     network = LaneletNetwork()
@@ -202,7 +202,7 @@ def slowing(speed: float, seconds: float, begins: float, by: float) -> list[floa
 
 
 def drawn(choice: random.Random) -> Iterator[Case]:
-    """One drive of each kind."""
+    """Return one drive of each kind."""
     yield from _behind_another(choice)
     yield from _braking(choice)
     yield from _limits(choice)
@@ -333,7 +333,7 @@ def _in_box(one: Motion, index: int, area: tuple[float, float, float, float]) ->
 
 
 def _kept_clear_turning(ego: Motion, other: Motion) -> list[float]:
-    """The same where the ego turns left: its lane's arc overlaps the oncoming lane in a strip, looked at by points."""
+    """Return the same for a left turn: the arc of its lane overlaps the oncoming lane in a strip, sampled by points."""
     a, b = (part.ravel() for part in np.meshgrid(np.linspace(-0.5, 0.5, 91), np.linspace(-0.5, 0.5, 37)))
 
     def there(one: Motion, index: int) -> bool:
@@ -373,7 +373,7 @@ def _track(motion: Motion, number: int) -> Track:
 
 
 def told_of(case: Case) -> tuple[bool, bool]:
-    """Whether the rule of a case is told as it is, and whether no other is told to be broken."""
+    """Return whether the rule of a case is reported correctly, and whether no other rule is reported as broken."""
     ego = _track(case.ego, -1)
     felt = np.diff(ego.speeds_mps, prepend=ego.speeds_mps[:1]) / STEP_S
     others = {number + 1: _track(one, number + 1) for number, one in enumerate(case.others)}

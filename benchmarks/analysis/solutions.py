@@ -61,12 +61,12 @@ class Judged:
 
     @property
     def is_told(self) -> bool:
-        """Whether the product says that the motion is beyond the vehicle."""
+        """True if the product reports the motion as beyond the vehicle's limits."""
         return bool(self.record.beyond_vehicle)
 
     @property
     def is_steering_told(self) -> bool:
-        """Whether it says so of the steering rate."""
+        """True if it reports the steering rate as such."""
         return any(excess.name == "steering rate" for excess in self.record.beyond_vehicle or ())
 
 
@@ -126,7 +126,7 @@ async def _exported(client: Client, run_ids: list[str], folder: Path) -> Mapping
 
 
 def judged(record: RunRecord, scenario_file: Path, solution_file: Path) -> Judged:
-    """A run with what the checker and the file say of it."""
+    """Return a run with the results of the checker and the file."""
     scenario, problems = CommonRoadFileReader(str(scenario_file)).open()
     problem = problems.planning_problem_dict[record.problem_id]
     solution = CommonRoadSolutionReader.open(str(solution_file))
@@ -159,7 +159,7 @@ def _edge(scenario: Scenario) -> Any:
 
 
 def steering_share(solution: Solution, step_s: float) -> float:
-    """How fast the steering angles of a solution change at most, as a share of the vehicle's limit."""
+    """Return the fastest change of a solution's steering angles as a share of the vehicle's limit."""
     solved = solution.planning_problem_solutions[0]
     limit = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).parameters.steering.v_max
     angles = np.array([state.steering_angle for state in solved.trajectory.state_list])

@@ -46,7 +46,7 @@ class Told:
 
 @dataclass(frozen=True)
 class OnRuns:
-    """What is told of the runs of a batch, and what is needed to recompute it."""
+    """The statements about a batch's runs, and the data to recompute them."""
 
     raw: RawRuns
     weights: Mapping[str, Mapping[str, float]]
@@ -72,7 +72,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 def judged(told: Sequence[OnRuns]) -> Tally:
-    """Hold the figures of all fields against what is recomputed."""
+    """Compare the figures of all fields with the recomputed ones."""
     tally = Tally()
     for one in told:
         findings = max(len(answer.fields.get("findings", ())) for answer in one.answers)
@@ -84,9 +84,9 @@ def judged(told: Sequence[OnRuns]) -> Tally:
 
 
 def in_texts(told: Sequence[OnRuns]) -> tuple[int, list[str]]:
-    """Return how many figures the texts hold, and those that no field holds.
+    """Return the number of figures in the texts, and those that no field holds.
 
-    A report may hold what any of the answers on its runs holds, and what is stored of these runs.
+    A report may hold figures of any answer on its runs and of the stored runs.
     """
     count, unknown = 0, list[str]()
     for one in told:
@@ -102,7 +102,7 @@ def in_texts(told: Sequence[OnRuns]) -> tuple[int, list[str]]:
 
 
 async def collected(bench: SeededBench) -> list[OnRuns]:
-    """The runs, and what the server says of them."""
+    """Return the runs, and the server's statements about them."""
     async with public_server(bench) as client:
         everything = await public_batch(bench, client)
         two = await compared_batch(bench, client, everything)
@@ -155,7 +155,7 @@ async def _reviews(client: Client, raw: RawRuns) -> dict[str, Any]:
 
 
 async def _rules(client: Client, raw: RawRuns) -> dict[str, dict[str, Any]]:
-    """What each run makes of the traffic rules, by run and rule, each as the answer on that run alone has it."""
+    """Return each run's result for each traffic rule, as the answer on that run alone has it."""
     found: dict[str, dict[str, Any]] = {}
     for one in raw.valid:
         told = await ask(client, "analyze_results", results=[one.run_id], detail="rules")
@@ -164,9 +164,9 @@ async def _rules(client: Client, raw: RawRuns) -> dict[str, dict[str, Any]]:
 
 
 def page_text(page: str) -> str:
-    """What a report says of runs, a line each: paragraphs, findings, and the rows of its tables.
+    """Return a report's statements about runs, one per line: paragraphs, findings, and the rows of its tables.
 
-    Lines below a heading that names a run name it too. The table of a run's measures is left to ``measures``.
+    Lines below a heading that names a run also name it. ``measures`` judges the table of a run's measures.
     """
     body = page[page.index("<main>") : page.index("</main>")]
     body = re.sub(rf"<table>\s*<caption>{MEASURED_CAPTION}</caption>.*?</table>", "", body, flags=re.DOTALL)

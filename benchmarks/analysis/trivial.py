@@ -33,7 +33,7 @@ STANDING_MPS, STOOD_M = 0.5, 0.5
 
 
 def truth(problem: PlanningProblem, steps: RunSteps) -> str | None:
-    """Why a goal that was reached asked for no driving; None: it did."""
+    """Return why a reached goal required no driving, or None if it did."""
     start, goal = problem.initial_state, problem.goal
     driven = [_state(steps, index) for index in range(min(2, len(steps.x_m)))]
     if len(steps.x_m) <= 2 or any(goal.is_reached(state) for state in driven):
@@ -59,7 +59,7 @@ def _state(steps: RunSteps, index: int) -> CustomState:
 
 
 def _met_by_waiting(problem: PlanningProblem) -> bool:
-    """Whether the initial state, at rest, meets the goal at one of its last steps."""
+    """Return True if the initial state, at rest, meets the goal at one of its last time steps."""
     start = problem.initial_state
     ends = {int(getattr(state.time_step, "end", state.time_step)) for state in problem.goal.state_list}
     waiting = (

@@ -87,7 +87,7 @@ _REFUSED = re.compile(r"^\[\w+\] ")
 
 
 def _lacks(case: Case, told: Told) -> list[str]:
-    """What an answer had to hold and does not; a refusal that may be has to have a code and a next call."""
+    """Return the missing content of an answer; a permitted refusal needs a code and a next call."""
     if told.is_error and case.may_refuse:
         is_whole = _REFUSED.match(told.text) and any(
             name in told.text for name in ("{", *(spec.name for spec in TOOLS))

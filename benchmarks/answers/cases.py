@@ -18,10 +18,10 @@ _EDIT_DONE = ("scenario_id|edits.what", "untouched")
 
 @dataclass(frozen=True)
 class Case:
-    """A question in words, the call that it becomes, and what its answer has to hold.
+    """A question, its call, and the required content of its answer.
 
-    ``may_refuse``: what is asked for is not there in every scenario; a refusal answers, where it says what is valid or
-    what to do next.
+    ``may_refuse``: the requested content may be missing in a scenario; a refusal then counts as an answer if it states
+    what is valid or what to do next.
     """
 
     question: str
@@ -41,7 +41,7 @@ class FaultyCall:
 
 
 def sheet_of_scenario(scenario_id: str) -> list[Case]:
-    """What is asked about a scenario: what is in it, how a planner does, and how it does after an edit."""
+    """Return questions about a scenario: its content, a planner's run, and its run after an edit."""
     own = {"scenario_id": scenario_id}
 
     def edit(question: str, asks: Sequence[str], **values: Any) -> Case:
@@ -174,7 +174,7 @@ CONFIGURATIONS: tuple[Mapping[str, Any], ...] = (
 
 
 def sheet_of_catalogue() -> list[Case]:
-    """What is asked about many scenarios, of generation, of configurations, and about what there is."""
+    """Return questions about many scenarios, generation, configurations and available artifacts."""
     cases = [
         Case(
             f"Which ones: {json.dumps(given)}?",

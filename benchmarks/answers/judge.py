@@ -39,9 +39,7 @@ class Told:
 
 @dataclass
 class Verdict:
-    """What was found in one answer: how many statements were compared, those that do not hold, and figures of its text
-    that no field holds.
-    """
+    """The result for one answer: the number of compared statements, the false ones, and unknown figures of its text."""
 
     compared: int = 0
     false_statements: list[str] = field(default_factory=list)
@@ -49,13 +47,13 @@ class Verdict:
     unknown_figures: list[str] = field(default_factory=list)
 
     def holds(self, statement: str, true: bool, found: object = "") -> None:
-        """Count a statement, and keep it if it is false, with what the files say."""
+        """Count a statement, and keep it with the files' content if it is false."""
         self.compared += 1
         if not true:
             self.false_statements.append(f"{statement} (the files: {found})")
 
     def close(self, statement: str, told: float | None, found: float, slack: float = 1e-3) -> None:
-        """Count a figure, and keep it if it is not what the files say."""
+        """Count a figure, and keep it if it differs from the files."""
         self.holds(f"{statement} {told}", told is not None and abs(told - found) <= slack, found)
 
     def excludes(self, words: str) -> None:
@@ -126,7 +124,7 @@ def _apart(one: Sequence[float], other: Sequence[float]) -> float:
 
 
 def _is_near(scene: SceneFile, key: int, shape: Any, slack: float = _SLACK_M) -> bool:
-    """Return whether a shape is on a lanelet, or not farther from it than the slack."""
+    """Return True if a shape is on a lanelet or within the slack of it."""
     lane = scene.lanelets.get(key)
     return lane is not None and lane.polygon.distance(shape) <= slack
 
@@ -197,7 +195,7 @@ def _vehicle(told: Fields, scene: SceneFile, ego: Body, middle: Body | None, ver
 
 
 def _along_lanes(scene: SceneFile, ego: Body, body: Body) -> Iterator[float]:
-    """How far a body is ahead of the ego along the centre of each lanelet that the ego is on."""
+    """Return the distance of a body ahead of the ego along the centre of each lanelet under the ego."""
     for key in scene.under(ego.x, ego.y, 0.3):
         centre = scene.lanelets[key].centre
         yield centre.project(_point(body.x, body.y)) - centre.project(_point(ego.x, ego.y))
@@ -263,7 +261,7 @@ def _edit(told: Told, world: World, verdict: Verdict) -> None:
 
 
 def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
-    """Where a touched vehicle drives: along these lanelets, or along the first of them if it does not arrive."""
+    """Return the route of a touched vehicle: these lanelets, or the first of them if it does not arrive."""
     user = scene.users.get(told["vehicle_id"])
     if user is None:
         return
@@ -275,7 +273,7 @@ def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
 
 
 def _meant(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
-    """Return what ``nearest:N`` means: the N nearest that move, centre to centre, when the ego starts."""
+    """Return the vehicles of ``nearest:N``: the N nearest moving ones, centre to centre, when the ego starts."""
     selectors = asked.get("vehicles", ())
     found = re.fullmatch(r"nearest:(\d+)", selectors[0]) if len(selectors) == 1 else None
     if found is None or not base.problems:
@@ -321,7 +319,7 @@ def _outcome(row: Fields, run: StoredRun, world: World, verdict: Verdict) -> Non
 
 
 def _reaches(run: StoredRun, scene: SceneFile) -> bool:
-    """Whether the last state lies in a goal of the problem, in its time."""
+    """Return True if the last state is in a goal of the problem, within its time."""
     problem = next((one for one in scene.problems if one.key == run.record["problem_id"]), None)
     ego = run.ego_at(run.last_step)
     if problem is None or ego is None:
@@ -336,7 +334,7 @@ def _reaches(run: StoredRun, scene: SceneFile) -> bool:
 
 
 def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
-    """How a run collided, its closest moment, and its largest motions."""
+    """Check how a run collided, its closest approach, and its largest motions."""
     contact, closest = review["contact"], review["closest"]
     if contact is not None and contact["obstacle_id"] is not None:
         ego, other = _both(run, world, contact)
@@ -367,7 +365,7 @@ def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
 
 
 def _both(run: StoredRun, world: World, moment: Fields) -> tuple[Body | None, tuple[str, Body] | None]:
-    """The ego and the other at a moment of a run."""
+    """Return the ego and the other road user at a time of a run."""
     step = run.first_step + round(moment["time_s"] / run.step_s)
     return run.ego_at(step), world.others_of(run, step).get(moment["obstacle_id"])
 
@@ -448,7 +446,7 @@ def _plain(kind: str) -> str:
 
 
 def _fits(scene: SceneFile, asked: Mapping[str, Any]) -> bool:
-    """Whether a file meets the conditions on classes, the ego's speed, tags and place."""
+    """Return True if a file meets the conditions on classes, the ego's speed, tags and place."""
     counts = Counter({_plain(kind): many for kind, many in scene.counts.items()})
     for condition in asked.get("obstacles", []):
         name, sign, number = re.fullmatch(r"(\w+)(>=|<=|=)?(\d+)?", condition).groups()  # type: ignore[union-attr]
@@ -513,8 +511,8 @@ _RULES: Mapping[str, Callable[[Told, World, Verdict], None]] = {
 def unanswered(told: Told, asks: Sequence[str]) -> Iterator[str]:
     """Return the fields, such as ``runs.outcome``, that an answer leaves empty or does not repeat in its text.
 
-    Any element of a list may hold a field, and any of several fields that ``|`` separates will do. A name without a
-    blank and a number have to stand in the text.
+    A field may be in any element of a list, and any alternative separated by ``|`` suffices. A name without a blank and
+    a number must appear in the text.
     """
     for ask in asks:
         values = [value for path in ask.split("|") for value in _at(told.structured, path.split("."))]

@@ -29,7 +29,7 @@ _LARGEST_AREA_DEG = 0.1
 
 @dataclass(frozen=True)
 class PlaceCase:
-    """Words for a place, the map files that may be chosen, and what is meant there."""
+    """A spelling of a place, the map files to choose from, and the expected meaning."""
 
     words: str
     language: str
@@ -69,7 +69,7 @@ def measure_places() -> tuple[float, float, int]:
 
 
 def place_faults(cases: Sequence[PlaceCase]) -> list[tuple[PlaceCase, str]]:
-    """Each case with what is wrong about how it was understood; empty where nothing is."""
+    """Return each case with the fault in its interpretation, empty if it is right."""
     with tempfile.TemporaryDirectory() as folder:
         files = sorted(path for path in (shared_folder() / "data" / "osm").iterdir() if ".osm" in path.name)
         entries = {path.name: _entry(path, Path(folder)) for path in files}
@@ -97,7 +97,7 @@ def _fault(case: PlaceCase, entries: Mapping[str, MapEntry]) -> str:
 
 
 def wrong_there(expected: str, match: MapMatch) -> str:
-    """What is wrong about the part of a map that was chosen for what was expected; empty where nothing is."""
+    """Return the fault in the chosen part of a map, empty if it is the expected one."""
     elements = _elements(match.entry.path)
     box = match.box
     if expected == "map":
@@ -153,7 +153,7 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the shares and what was not understood; ``--dev`` names no case that was kept aside."""
+    """Print the shares and the misunderstood cases; ``--dev`` hides the held-out ones."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--dev", action="store_true", help="name only the cases that are worked with")
     given = parser.parse_args(arguments)

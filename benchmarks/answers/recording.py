@@ -55,7 +55,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a call was answered with: all text that a client shows, the structured content, whether it is an error."""
+    """The answer to a call: all text that a client shows, the structured content, and whether it is an error."""
 
     call: Call
     text: str
@@ -65,7 +65,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Recorded:
-    """An answer of a corpus: its line, and what it cost."""
+    """An answer of a corpus: its line and its cost."""
 
     corpus: str
     line: str
@@ -78,7 +78,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the answers of a recording cost, in tokens; ``of``: the checkout, ``command``: what recorded it."""
+    """The tokens of a recording's answers; ``of``: the checkout, ``command``: the recording command."""
 
     of: str
     command: str
@@ -92,9 +92,9 @@ class Summary:
 def opened(
     workspace: Path, roots: Sequence[Path], checkout: Path | None = None, *, maps: Path | None = None
 ) -> AbstractAsyncContextManager[Client]:
-    """A client of a server on a workspace: in this process, or in one of its own that runs another checkout.
+    """Open a client of a server on a workspace, in this process or in a separate one with another checkout.
 
-    Its maps are the built-in ones and those of a folder, or of the shared data if none is given.
+    Its maps are the built-in ones and those of a folder, by default the shared data.
     """
     maps = maps or shared_folder() / "data" / "osm"
     if checkout is None:
@@ -223,7 +223,7 @@ def _selection_call(row: Mapping[str, Any]) -> Call | None:
 
 
 def _given(arguments: Model, without: Collection[str] = ()) -> Arguments:
-    """Arguments as a client sends them: what was given alone."""
+    """Return the arguments as a client sends them, without unset ones."""
     return arguments.model_dump(mode="json", exclude_defaults=True, exclude=set(without))
 
 
@@ -360,7 +360,7 @@ class _Conversation:
         return Call("run_planner", {"scenarios": [wanted], "configs": [self._config], **traffic}) if wanted else None
 
     def _note(self, action: str, turn: Mapping[str, Any], answer: Answer) -> None:
-        """Keep what later turns build on."""
+        """Keep the values that later turns need."""
         if answer.is_error:
             return
         given = answer.structured

@@ -21,7 +21,7 @@ QUIET = {"PLANNERFORGE_MAPS_ONLINE": "offline"}
 
 @dataclass(frozen=True)
 class HttpProcess:
-    """A server process that listens, and where."""
+    """A listening server process and its address."""
 
     process: psutil.Process
     url: str
@@ -52,10 +52,10 @@ def http_process(
 def listening(
     arguments: Sequence[str], folder: Path, environment: Mapping[str, str], log: Path
 ) -> Iterator[HttpProcess]:
-    """A server that listens on a free port until the block ends, when it is killed where it still runs.
+    """Run a server on a free port until the block ends, and kill it then if it still runs.
 
     Raises:
-        RuntimeError: it did not begin to listen.
+        RuntimeError: it did not start to listen.
     """
     with log.open("w") as stderr:
         started = psutil.Popen(

@@ -62,7 +62,7 @@ _OWN_FAULTS = tuple(f"[{error.code}]" for error in (WorkerFailure, WorkerTimeout
 
 @dataclass
 class _Tally:
-    """Kills by what was killed, what did not fit afterwards, and processes that were left."""
+    """Kills by target, inconsistencies afterwards, and processes left behind."""
 
     kills: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
@@ -71,7 +71,7 @@ class _Tally:
 
 @dataclass
 class _Server:
-    """A server with its load; ``mark`` is what all its processes bear."""
+    """A server with its load; all its processes carry ``mark``."""
 
     process: subprocess.Popen[str]
     load: int
@@ -86,7 +86,7 @@ class _Server:
         return cls(process, load, mark)
 
     def descendants(self) -> list[psutil.Process]:
-        """Its workers and what they started; none where it has ended."""
+        """Return its workers and their descendants; empty if it has ended."""
         try:
             return descendants(psutil.Process(self.process.pid))
         except psutil.NoSuchProcess:
@@ -128,7 +128,7 @@ def kill_servers(root: Path, folder: Path, chance: random.Random, kills: int) ->
 
 
 def _wait_for_work(server: _Server, chance: random.Random) -> bool:
-    """Wait until the server has workers and then for a random time; False where it has ended meanwhile."""
+    """Wait until the server has workers and then for a random time; return False if it ended meanwhile."""
     moment = None
     while server.process.poll() is None and (moment is None or time.monotonic() < moment):
         if moment is None and server.descendants():
@@ -138,7 +138,7 @@ def _wait_for_work(server: _Server, chance: random.Random) -> bool:
 
 
 def _strike(server: _Server, chance: random.Random, tally: _Tally) -> str:
-    """Kill the server, or (one time in three) a process that it or its workers started; gives what was killed."""
+    """Kill the server or, one time in three, a descendant process; return the target."""
     others = server.descendants()
     if others and chance.random() < 1 / 3:
         victim = chance.choice(others)
@@ -154,7 +154,7 @@ def _strike(server: _Server, chance: random.Random, tally: _Tally) -> str:
 
 
 def _end(server: _Server, tally: _Tally) -> None:
-    """Wait for the end of an undisturbed load, and note what was wrong with it."""
+    """Wait for the end of an undisturbed load, and record its faults."""
     try:
         _, errors = server.process.communicate(timeout=_GUARD_S)
     except subprocess.TimeoutExpired:
@@ -166,7 +166,7 @@ def _end(server: _Server, tally: _Tally) -> None:
 
 
 def broken(root: Path) -> list[str]:
-    """What does not fit in a workspace on which servers were killed, whether or not another one works on it."""
+    """Return the inconsistencies of a workspace whose servers were killed, even while another one works on it."""
     if not (root / "workspace.sqlite").is_file():
         return []
     workspace = Workspace(root)
@@ -206,7 +206,7 @@ def _is_json(content: bytes) -> bool:
 
 
 def _is_served(workspace: Workspace, job_id: str) -> bool:
-    """Whether the process that a running job belongs to is one of the servers."""
+    """Return True if the process of a running job is one of the servers."""
     query = "SELECT owner_pid FROM jobs WHERE job_id = ?"
     (owner,) = workspace.database.connection().execute(query, (job_id,)).fetchone()
     try:
@@ -241,7 +241,7 @@ async def _whole_grid(client: Client, grid: dict[str, Any]) -> None:
 
 
 async def _done(client: Client, tool: str, arguments: dict[str, Any]) -> Any:
-    """The answer of a call; asked again where a worker died meanwhile.
+    """Return the answer of a call; repeat it if a worker died meanwhile.
 
     Raises:
         RuntimeError: it was refused.

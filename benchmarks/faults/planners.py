@@ -83,7 +83,7 @@ class _Grid:
 
 @dataclass
 class _Tally:
-    """What was done, and what was seen of it: faults by kind, codes of errors, and what has none."""
+    """The work and its observations: faults by kind, codes of errors, and errors without a code."""
 
     faults: Counter[str] = field(default_factory=Counter)
     errors: Counter[str] = field(default_factory=Counter)
@@ -231,14 +231,14 @@ def _count_lost_cells(workspace: Workspace, tally: _Tally) -> None:
 
 
 def _whole_batches(workspace: Workspace, grids: list[_Grid]) -> list[BatchRecord]:
-    """The batch of each grid that lost nothing, where there is one."""
+    """Return the batch of each grid that lost no run, if there is one."""
     batches = [artifact.read(BatchRecord) for artifact in workspace.newest(kind="batch", limit=10_000)]
     whole = {(batch.scenarios, batch.configs): batch for batch in batches if not batch.lost}
     return [whole[key] for grid in grids if (key := (grid.scenarios, grid.configs)) in whole]
 
 
 def _measure(folder: Path, runs: int, seed: int) -> None:
-    """Grids, one after the other, until at least ``runs`` runs were asked for."""
+    """Run grids one after the other until at least ``runs`` runs were requested."""
     began, chance, tally = time.monotonic(), random.Random(seed), _Tally()  # noqa: S311 - moments of faults, no secret
     workspace, grids = Workspace(folder), list[_Grid]()
     open_catalogue(workspace)

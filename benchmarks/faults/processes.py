@@ -25,7 +25,7 @@ def _bears(process: psutil.Process, mark: str, but_pid: int) -> bool:
 
 
 def descendants(process: psutil.Process) -> list[psutil.Process]:
-    """What a process started, and what that started; nothing where it has ended."""
+    """Return the descendants of a process, empty if it has ended."""
     try:
         return process.children(recursive=True)
     except psutil.NoSuchProcess:
@@ -33,7 +33,7 @@ def descendants(process: psutil.Process) -> list[psutil.Process]:
 
 
 def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
-    """Those that still run."""
+    """Return those that still run."""
     return [process for process in processes if process.is_running() and _status(process) != psutil.STATUS_ZOMBIE]
 
 
@@ -57,7 +57,7 @@ def workers_of_this_process() -> list[psutil.Process]:
 
 
 def remaining(left: Callable[[], list[psutil.Process]]) -> list[psutil.Process]:
-    """What is left of processes after they had time to end; these are killed."""
+    """Return the processes that outlive a grace period, and kill them."""
     until = time.monotonic() + _GONE_WITHIN_S
     while (processes := left()) and time.monotonic() < until:
         time.sleep(0.05)
@@ -67,7 +67,7 @@ def remaining(left: Callable[[], list[psutil.Process]]) -> list[psutil.Process]:
 
 
 def command_of(process: psutil.Process) -> list[str]:
-    """The command line of a process; nothing where it has ended."""
+    """Return the command line of a process, empty if it has ended."""
     try:
         return process.cmdline()
     except (psutil.NoSuchProcess, psutil.ZombieProcess):

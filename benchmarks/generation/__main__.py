@@ -88,7 +88,7 @@ def _main() -> None:
 
 
 def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[Refusal]]:
-    """What the maps can meet, and what has to be refused."""
+    """Return the requests that the maps can meet, and those that must be refused."""
     good = corpus_requests(lines, maps.names)
     good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
     bad = corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
@@ -114,7 +114,7 @@ def _scenario_seconds(group: Sequence[tuple[BenchRequest, int]]) -> float:
 
 
 def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[Item], str]) -> dict[str, str]:
-    """What a job answers for every item, by name."""
+    """Return the result of a job for every item, by name."""
     return dict(zip(items, pool.map(job, items.values()), strict=True))
 
 

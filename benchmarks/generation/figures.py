@@ -24,9 +24,9 @@ PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
 
 @dataclass
 class Stages:
-    """Time by stage, read off the progress of a generation: its messages name the stages.
+    """Time by stage, from the messages of a generation's progress, which name the stages.
 
-    ``first_read``: no scenario was made from this map in this process before, so that reading it does not count.
+    ``first_read``: this process has not used the map before, so reading it does not count.
     """
 
     first_read: bool = False
@@ -51,9 +51,9 @@ class Stages:
 
 @dataclass(frozen=True)
 class Made:
-    """One scenario that was asked for and the verdicts on it; ``fault`` where none came.
+    """A requested scenario and its verdicts; ``fault`` if it was not generated.
 
-    ``road_type`` is None where nothing tells it apart from the generator; ``notes`` are those of the answer.
+    ``road_type`` is None if nothing independent of the generator determines it; ``notes`` are those of the answer.
     """
 
     request: BenchRequest
@@ -113,7 +113,7 @@ def print_generation(
 
 
 def motion_figures(found: Iterable[MotionFigures | None]) -> dict[str, float]:
-    """How the traffic of scenarios moves: shares of feasible tracks and of positions on lanelets, overlapping pairs."""
+    """Summarise the traffic of scenarios: shares of feasible tracks and of positions on lanelets, overlapping pairs."""
     motions = [motion for motion in found if motion is not None]
     return {
         "feasible": ratio(sum(motion.feasible for motion in motions), sum(motion.checked for motion in motions)),
@@ -139,7 +139,7 @@ def print_verdict(one: Made) -> None:
 
 
 def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]:
-    """Of the requests to be refused for each reason, how many were."""
+    """Count the refused requests for each reason of the ones that must be refused."""
     asked = Counter(refusal.reason for refusal, _ in refusals)
     right = Counter(refusal.reason for refusal, fault in refusals if not fault)
     return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]

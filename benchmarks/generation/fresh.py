@@ -44,10 +44,10 @@ _LOST = re.compile(r"(\d+) site\(s\) lost when the road network is built")
 
 @dataclass(frozen=True)
 class FreshMap:
-    """What became of a map: ``crash`` where its way broke, ``refusal`` where it was refused by name, else it was read.
+    """The result for a map: ``crash`` if it failed, ``refusal`` if it was refused by name, otherwise it was read.
 
-    ``conversion`` is why its roads cannot be converted as a whole, in words; ``made`` the scenario from a site of it,
-    or nothing where the index names no site.
+    ``conversion``: why its roads cannot be converted as a whole; ``made``: the scenario of one of its sites, or None if
+    the index names no site.
     """
 
     name: str
@@ -80,7 +80,7 @@ def measure_fresh(seeds: Sequence[int], count: int, workers: int) -> None:
 
 
 def _tried(paths: Sequence[Path], attempt: Callable[[Path], FreshMap], workers: int) -> list[FreshMap]:
-    """What became of every map; one at which a worker process dies, alone in a process of its own, is a crash."""
+    """Return the result for every map; a map that kills a worker process running it alone is a crash."""
     found: dict[Path, FreshMap] = {}
     with process_pool(workers) as pool:
         waiting = {path: pool.submit(attempt, path) for path in paths}
@@ -116,7 +116,7 @@ def try_map(path: Path, seed: int) -> FreshMap:
 
 
 def _told(found: FreshMap) -> FreshMap:
-    """A line on a map that no scenario came from, beside those on the scenarios."""
+    """Return a line on a map without a scenario, next to the lines on scenarios."""
     said = [("crash", found.crash), ("refused", found.refusal), ("not converted", found.conversion)]
     said += [("read", "no site")] if found.was_read and not found.made else []
     sys.stderr.writelines(f"{found.name} {what}: {why}\n" for what, why in said if why)
@@ -125,7 +125,7 @@ def _told(found: FreshMap) -> FreshMap:
 
 
 def _why_not_converted(path: Path) -> str:
-    """Empty where all roads of a map become lanelets, otherwise the refusal in words."""
+    """Return an empty text if all roads of a map become lanelets, otherwise the refusal."""
     with tempfile.TemporaryDirectory() as folder:
         cut, net_path = Path(folder) / "whole.osm", path
         try:
@@ -189,7 +189,7 @@ def print_fresh(seeds: Sequence[int], found: Sequence[FreshMap]) -> None:
 
 
 def _more_rows(found: Sequence[FreshMap], outcomes: Counter[str]) -> Iterator[tuple[str, str]]:
-    """Whole conversions, outcomes, types asked for; every crash and every scenario that did not come, with reasons."""
+    """Return rows on conversions, outcomes and requested types, and each crash and missing scenario with its reason."""
     read = [each for each in found if each.was_read]
     yield "maps converted as a whole", f"{sum(not each.conversion for each in read)} of {len(read)}"
     for outcome, count in outcomes.most_common():

@@ -21,11 +21,11 @@ _BESIDE_RING_M = 300.0
 
 
 def town(path: Path, *, crossings: int, vehicles: int, steps: int) -> Path:
-    """A CommonRoad file (2020a) of a row of crossings with vehicles and an ego.
+    """Write a CommonRoad file (2020a) of a row of crossings with vehicles and an ego.
 
     Args:
-        path: where to write; its folders are the author, so that no two files are alike: what was read is kept.
-        crossings: six lanelets each.
+        path: the file; its folder name becomes the author, so that no two files are equal and caches do not help.
+        crossings: their number, six lanelets each.
         vehicles: evenly spaced along the row, all with the ego's speed.
         steps: states of each vehicle.
     """

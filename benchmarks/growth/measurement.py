@@ -49,20 +49,20 @@ class Timed:
 
 @dataclass(frozen=True)
 class Growth:
-    """What was measured of a subject."""
+    """The measurements of a subject."""
 
     name: str
     timed: tuple[Timed, ...]
 
     @property
     def slope(self) -> float | None:
-        """The exponent over the three largest sizes that can be measured; None where there are fewer."""
+        """The exponent over the three largest measurable sizes; None if there are fewer."""
         done = [(one.size, one.seconds) for one in self.timed if not one.refused and one.seconds >= SHORTEST_S]
         return round(slope(done[-_UPPER_SIZES:]), 2) if len(done) >= _UPPER_SIZES else None
 
     @property
     def exponent(self) -> float | None:
-        """The exponent of what is taken at any size; None for what is refused from some size on, or not measured."""
+        """The exponent of an input accepted at any size; None if some size is refused or nothing was measured."""
         return None if any(one.refused for one in self.timed) else self.slope
 
     @property
@@ -81,12 +81,12 @@ def slope(points: Sequence[tuple[float, float]]) -> float:
 
 
 def measured(subject: Subject, folder: Path, repeats: int, doublings: int | None = None) -> Growth:
-    """Time the work of a subject at its sizes, ascending; the best of some repeats counts.
+    """Time the work of a subject at its sizes in ascending order; the best repeat counts.
 
     Args:
-        folder: where inputs are made, each in a folder of its own.
-        repeats: how often a size is timed, on a new input each time.
-        doublings: only so many of the sizes, the smallest ones; all of them by default.
+        folder: for the inputs, each in its own folder.
+        repeats: timings per size, each on a new input.
+        doublings: number of sizes, smallest first; all by default.
     """
     sizes = subject.sizes[: None if doublings is None else doublings + 1]
     own = folder / re.sub(r"\W+", "_", subject.name)

@@ -46,7 +46,7 @@ def _doubled(first: int, doublings: int = 3) -> tuple[int, ...]:
 
 
 def _again(work: Work, times: int) -> Work:
-    """The work several times, where once is too short to be measured."""
+    """Repeat the work if once is too short to measure."""
 
     def repeated() -> None:
         for _ in range(times):
@@ -91,7 +91,7 @@ def _facts_of_map(number: int, names: Iterable[str], salt: str) -> MapEntry:
 
 
 def _salt(folder: Path) -> str:
-    """Letters that no other folder has: what spellings were compared once is kept."""
+    """Return letters unique to the folder, because compared spellings are cached."""
     digest = hashlib.sha256(str(folder).encode()).hexdigest()[:8]
     return "".join(chr(ord("a") + int(digit, 16)) for digit in digest)
 

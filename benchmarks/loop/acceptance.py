@@ -132,7 +132,7 @@ def _with(run: JudgedRun, kept: int | None = None, **columns: Column) -> RunStep
 
 
 def _ours(run: JudgedRun, steps: RunSteps) -> str:
-    """Return what the product's closed form says."""
+    """Return the verdict of the product's closed form."""
     loaded = read_scenario(run.path)
     problem = loaded.problem(run.response.record.problem_id)
     vehicle = vehicle_of(run.configuration.settings)
@@ -142,7 +142,7 @@ def _ours(run: JudgedRun, steps: RunSteps) -> str:
 
 
 def _theirs(run: JudgedRun, steps: RunSteps) -> str:
-    """Return what ``valid_solution`` says of it on an empty road."""
+    """Return the verdict of ``valid_solution`` on an empty road."""
     scenario, problems = run.opened
     for obstacle in list(scenario.obstacles):
         scenario.remove_obstacle(obstacle)

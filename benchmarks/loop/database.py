@@ -92,7 +92,7 @@ class Turn:
     traffic: Traffic
 
     def key(self, path: Path) -> tuple[str, str, str, str]:
-        """Return what a run of this turn is known by in the journal."""
+        """Return the key of a run of this turn in the journal."""
         return self.configuration.config_id, self.prediction, self.traffic, str(path)
 
 
@@ -137,7 +137,7 @@ def scenarios_in(folder: Path, limit: int | None) -> list[Path]:
 
 
 def _is_commonroad(path: Path) -> bool:
-    """Return whether a file is, or may be, CommonRoad's: a broken file has to be refused, not overlooked."""
+    """Return True if a file is or may be CommonRoad's: a broken file must be refused, not overlooked."""
     head = _head(path)
     root = re.search(r"<([A-Za-z][\w:.-]*)[\s>/]", re.sub(r"<!--.*?-->", "", head, flags=re.DOTALL))
     return root is None or root.group(1) == "commonRoad"
@@ -149,7 +149,7 @@ def _head(path: Path) -> str:
 
 
 def kind_of(path: Path, folder: Path) -> str:
-    """Return the kind of a scenario: the first folder below the given one, else what its file's source says."""
+    """Return the kind of a scenario: the first folder below the given one, otherwise its file's source."""
     parts = path.relative_to(folder).parts[:-1]
     if parts:
         return parts[0]
@@ -342,7 +342,7 @@ async def measure(
 
 
 def _main() -> int:
-    """Read the command line, measure, print; 1 where a run was lost."""
+    """Read the command line, measure and print; return 1 if a run was lost."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, required=True, help="folder of CommonRoad files, searched through")
     parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=list(DEFAULT_PLANNERS))

@@ -50,10 +50,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Truth:
-    """What a class is: lengths in m, speeds in m/s, accelerations in m/s², angles in rad.
+    """The truth about a class: lengths in m, speeds in m/s, accelerations in m/s², angles in rad.
 
-    ``switch_mps``: above it the power limits the acceleration. ``kind``, ``size_m``: CommonRoad's type and the size of
-    such a vehicle where it is recorded.
+    ``switch_mps``: the speed above which the power limits the acceleration. ``kind``, ``size_m``: CommonRoad's type and
+    the size of such a recorded vehicle.
     """
 
     word: str
@@ -153,7 +153,7 @@ class _Made:
 
 @dataclass
 class _Asking:
-    """The requests; each yields what is wrong with its answer."""
+    """The requests; each yields the faults of its answer."""
 
     client: Client
     workspace: Path
@@ -175,7 +175,7 @@ class _Asking:
             yield text
 
     async def edited(self, truth: _Truth) -> Any:
-        """Return an edit that names the class, in another word where there is one."""
+        """Return an edit that names the class, by another word if there is one."""
         base = await self._imported(self._straight(""))
         word = SPOKEN.get(truth.word, truth.word)
         scenario = await self._modified(base, {"op": "set_ego", "vehicle_class": word})
@@ -250,7 +250,7 @@ class _Asking:
         return str(answer.structured_content["scenario_id"])
 
     async def _is(self, scenario: str, truth: _Truth, *, in_picture: bool) -> Any:
-        """Return what is wrong with the file, the description and the picture of a scenario."""
+        """Return the faults of the file, the description and the picture of a scenario."""
         text = (self.workspace / "scenarios" / scenario / "scenario.xml").read_text(encoding="utf-8")
         words = re.findall(r'<\?plannerforge ego-class="(\w+)"\?>', text)
         if words != ([] if truth is _CAR else [truth.word]):
@@ -271,7 +271,7 @@ class _Asking:
                 yield f"in the picture it measures {found}"
 
     async def _judged(self, truth: _Truth) -> Any:
-        """Return what is wrong with initial collisions with a 2 m by 2 m box next to and ahead of the class's body."""
+        """Return the faults in initial collisions with a 2 m by 2 m box next to and ahead of the class's body."""
         for gap_m, hits in ((-_INSIDE_M, True), (_INSIDE_M, False)):
             for along in (True, False):
                 made = replace(self._straight(truth.word), number=self._number())
@@ -292,7 +292,7 @@ class _Asking:
     async def _driven(
         self, scenario: str, truth: _Truth, configs: Sequence[str] = PLANNERS, *, refused: bool | None = None
     ) -> Any:
-        """Return what is wrong with runs on a scenario."""
+        """Return the faults of runs on a scenario."""
         for config in configs:
             record, told = await self._run(scenario, config)
             if truth is _TRAILER if refused is None else refused:
@@ -321,7 +321,7 @@ class _Asking:
         return json.loads(answer.contents[0].text)  # type: ignore[union-attr]
 
     async def _run(self, scenario: str, config: str) -> tuple[dict[str, Any] | None, str]:
-        """Return the record of a run, None if it was refused, and what was told."""
+        """Return the record of a run (None if it was refused) and the answer's text."""
         answer = await self.client.call_tool("run_planner", {"scenarios": [scenario], "configs": [config]})
         if answer.is_error or not answer.structured_content["runs"]:
             return None, _text(answer)
@@ -377,7 +377,8 @@ def _image(answer: object) -> Array:
 def _measured_in(picture: Array) -> tuple[float, float] | None:
     """Return the ego's length and width in m, scaled by the 12 m by 2.5 m bus on the next lane, parallel to it.
 
-    The outline takes as many pixels off every side, which the two sides of the bus tell beside the scale.
+    The outline takes the same number of pixels off every side, which follows from the two sides of the bus, as the
+    scale does.
     """
     bus, ego = _body(picture, _YELLOW), _body(picture, _VERMILLION)
     if bus is None or ego is None:
@@ -426,7 +427,7 @@ def _line(made: _Made) -> list[tuple[float, float, float]]:
 
 
 def _goal_at(made: _Made) -> tuple[float, float, float]:
-    """Return where the goal lies along the lane, by the distance from the ego's start."""
+    """Return the goal's position along the lane, by its distance from the ego's start."""
     left = made.goal_m
     points = [point for point in _line(made) if made.bend_radius_m or point[0] >= made.ego_x]
     points = [point for point in points if point[0] >= made.ego_x or point[2] > 0]
@@ -438,7 +439,7 @@ def _goal_at(made: _Made) -> tuple[float, float, float]:
 
 
 def _xml(made: _Made) -> str:
-    """Return the scenario as a CommonRoad file, with a second lane to the left where the road is straight."""
+    """Return the scenario as a CommonRoad file, with a second lane to the left if the road is straight."""
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
         (
@@ -484,7 +485,7 @@ def _point(x: float, y: float) -> str:
 
 
 def _vehicle(number: int, made: _Made, kind: str, size_m: tuple[float, float], x: float, y: float) -> str:
-    """Return a vehicle that drives straight on as fast as the ego starts; a parked one stands."""
+    """Return a vehicle that drives straight on at the ego's initial speed, or a parked one."""
     head = (
         f"<type>{kind}</type><shape><rectangle><length>{size_m[0]}</length><width>{size_m[1]}</width></rectangle>"
         "</shape>"

@@ -97,7 +97,7 @@ class _Way:
 
 @dataclass(frozen=True)
 class Case:
-    """A way, from where to where the ego drives on it, at which offset, and where the goal begins; in m."""
+    """A route, the ego's start, end and offset on it, and the start of the goal, in m."""
 
     name: str
     way: _Way
@@ -107,7 +107,7 @@ class Case:
     offset_m: float
 
     def problem(self) -> PlanningProblem:
-        """Return the planning problem: the goal region lies across the lane."""
+        """Return the planning problem: the goal region extends across the lane."""
         x, y, heading = self.way.pose(self.begin_m, self.offset_m)
         start = InitialState(
             time_step=0,
@@ -124,7 +124,9 @@ class Case:
         return PlanningProblem(1, start, GoalRegion([CustomState(time_step=Interval(10, over), position=region)]))
 
     def passes_goal_before(self) -> bool:
-        """Return whether the way passes the goal's region before the goal, so that this passage counts as the goal."""
+        """Return True if the route passes the goal's region before the goal, so that this passage counts as the
+        goal.
+        """
         x, y, heading = self.way.pose(self.goal_m + _GOAL_LENGTH_M / 2)
         for station in np.arange(0.0, self.goal_m - 2.0, 0.25):
             dx, dy = (a - b for a, b in zip(self.way.pose(float(station))[:2], (x, y), strict=True))
@@ -187,7 +189,7 @@ def _hairpin(draw: random.Random) -> Case:
 
 
 def _drawn(name: str, way: _Way, farthest_m: float, draw: random.Random, *, ring: bool = False) -> Case:
-    """Return a case whose goal begins no farther than ``farthest_m``, and whose ego stops before it."""
+    """Return a case with a goal that begins within ``farthest_m``, and an ego that stops before it."""
     begin_m = draw.uniform(2.0, 6.0) if ring else draw.uniform(5.0, 30.0)
     goal_m = draw.uniform(0.55, 1.0) * (farthest_m - _GOAL_LENGTH_M)
     end_m = begin_m + draw.choice((draw.uniform(0.2, 0.9), 0.95)) * (goal_m - 4.0 - begin_m)

@@ -109,7 +109,7 @@ def runs(bench: SeededBench, name: str, prediction: Prediction) -> "Iterator[Jud
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """A run, its solution file, and what the checker says of it."""
+    """A run, its solution file, and the checker's verdict."""
 
     path: Path
     configuration: PlannerConfiguration
@@ -145,12 +145,12 @@ class JudgedRun:
 
     @property
     def verdict(self) -> str:
-        """What ``valid_solution`` says: valid, infeasible, or the name of what it raises."""
+        """The verdict of ``valid_solution``: valid, infeasible, or the name of its exception."""
         return official_verdict(*self.opened, self.solution)
 
     @property
     def refused_at_start(self) -> bool:
-        """Whether the body is off the road for the checker before anything is driven."""
+        """True if the checker sees the body off the road at the start."""
         scenario, _ = self.opened
         steps, solved = self.response.steps, self.solution.planning_problem_solutions[0]
         shape = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).shape
@@ -159,13 +159,13 @@ class JudgedRun:
 
     @property
     def is_beyond_vehicle(self) -> bool:
-        """Whether the driven motion exceeds a limit of the vehicle."""
+        """True if the driven motion exceeds a limit of the vehicle."""
         scenario, _ = self.opened
         return is_beyond_vehicle(self.solution, float(scenario.dt))
 
 
 def official_verdict(scenario: Any, problems: PlanningProblemSet, solution: Solution) -> str:
-    """Return what ``valid_solution`` says of a solution: valid, infeasible, or the name of what it raises."""
+    """Return the verdict of ``valid_solution`` on a solution: valid, infeasible, or the name of its exception."""
     try:
         with patch.object(solution_checker, "_construct_boundary_checker", _boundary):
             accepted, _ = solution_checker.valid_solution(scenario, problems, solution)
@@ -182,7 +182,7 @@ _TRIANGULATED = solution_checker._construct_boundary_checker
 
 
 def _boundary(scenario: Any) -> Any:
-    """Return what is off the road, as the checker sees it."""
+    """Return the region off the road, as the checker sees it."""
     if _has_triangles():
         return _TRIANGULATED(scenario)
     checker = pycrcc.CollisionChecker()
@@ -192,10 +192,10 @@ def _boundary(scenario: Any) -> Any:
 
 
 def is_beyond_vehicle(solution: Solution, step_s: float) -> bool:
-    """Return whether a motion exceeds the limits of its vehicle, judged only by positions, headings and speeds.
+    """Return True if a motion exceeds the limits of its vehicle, judged only by positions, headings and speeds.
 
-    The rear axle has to move where it heads, as far as the speeds say; the steering angle of a step is the one that
-    turns the vehicle as it turned, and changes from one moving step to the next within the largest rate.
+    The rear axle must move along its heading at the given speeds. The steering angle of a step is the one that turns
+    the vehicle as observed, and between moving steps it must change within the largest rate.
     """
     solved = solution.planning_problem_solutions[0]
     vehicle = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).parameters

@@ -228,7 +228,7 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
 
 @contextmanager
 def _before_all_others() -> Iterator[None]:
-    """Let this process, and those that it starts meanwhile, run before all others, where it may."""
+    """Give this process, and those that it starts meanwhile, priority over all others, if permitted."""
     if not hasattr(os, "sched_setscheduler"):
         yield
         return

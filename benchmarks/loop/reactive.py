@@ -32,7 +32,7 @@ _REFUSED = f"{UnsafeInput.__name__}: "
 
 
 def rows_of(files: Sequence[Path]) -> list[Row]:
-    """Return the rows of a reactive run of each file; those without a run are told on standard error."""
+    """Return the rows of a reactive run of each file; report files without a run on standard error."""
     wanted = cells(files, (_CONFIGURATION,), ("constant_velocity",), ("reactive",))
     found = list(measured(wanted, CHECKOUT))
     for row in found:
@@ -42,7 +42,7 @@ def rows_of(files: Sequence[Path]) -> list[Row]:
 
 
 def fresh_files(bench: SeededBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
-    """Return where fresh scenarios come from, in a word, and their files."""
+    """Return the source of fresh scenarios as a word, and their files."""
     count = bench.limit or FRESH
     database = os.environ.get("PLANNERFORGE_DATABASE")
     if not database:

@@ -55,10 +55,10 @@ _IN_S, _STANDING_MPS, _DRIVING_MPS, _DRIVEN_M = 7.0, 0.5, 2.0, 3.0
 
 @dataclass(frozen=True)
 class Case:
-    """Leaders by where they stand and when they leave (step), the ego's speed, and the goal's time in steps.
+    """Leaders by their position and departure (step), the ego's speed, and the goal's time in steps.
 
-    ``goal_m`` is None for a goal without a place; ``comes_mps`` is the speed from which the leaders brake to their
-    stand before they leave again, 0 for leaders that stand from the beginning.
+    ``goal_m`` is None for a goal without a place; ``comes_mps`` is the speed from which the leaders brake to a
+    standstill before they leave again, 0 for leaders that stand from the beginning.
     """
 
     kind: str

@@ -74,7 +74,7 @@ Speed = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Other:
-    """Another on the road, or on the one that crosses: where it begins along its way, and its speed over time."""
+    """Another road user on the road or the crossing one: its start along its path, and its speed over time."""
 
     key: int
     begin_m: float
@@ -98,11 +98,11 @@ Lights = tuple[tuple[TrafficLightState, int], ...]
 
 @dataclass(frozen=True)
 class Made:
-    """A run: the speed of the ego, what is around it, and what is true of it.
+    """A run: the speed of the ego, its surroundings, and the truth about it.
 
-    ``lights``: colours with their durations in steps; ``curve``: curvature of the road in 1/m, and from where to where;
-    ``goal_m``, ``goal_steps``: where the goal is and its window; ``hit_by``: who touches the ego at the end, and what
-    that is laid to.
+    ``lights``: colours with their durations in steps; ``curve``: curvature of the road in 1/m, with start and end;
+    ``goal_m``, ``goal_steps``: position and time window of the goal; ``hit_by``: the road user that touches the ego at
+    the end, and the attribution of the collision.
     """
 
     speed: Speed
@@ -171,7 +171,7 @@ def _curve(choice: random.Random) -> tuple[float, float, float]:
 
 
 def _front_at(line_m: float) -> float:
-    """Return the station of the ego's centre whose front is there."""
+    """Return the arc length of the ego's centre if its front is at the given one."""
     return line_m - LENGTH_M / 2
 
 
@@ -264,7 +264,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         lights: Lights = (),
         hit_by: tuple[int, str] | None = None,
     ) -> Made:
-        """Return a run whose goal asks for no slower a speed than the first."""
+        """Return a run with a goal that does not require less than the initial speed."""
         goal: tuple[float, float] = (300.0, 320.0)
         return Made(profile, duration_s, (truth,), others, lights, way, goal, (80, 180), hit_by=hit_by)
 
@@ -385,7 +385,7 @@ APPROACH, ACROSS, AWAY, ONCOMING, SIDE, OVER, BEYOND = range(1, 8)
 
 
 def scenario_of(made: Made, name: str) -> tuple[Scenario, PlanningProblemSet]:
-    """Return the road with its light, crossing and goal; the others stand in the steps of the run."""
+    """Return the road with its light, crossing and goal; the run's steps hold the other road users."""
     scenario = Scenario(STEP_S, ScenarioID.from_benchmark_id(name, "2020a"))
 
     def along(first: float, last: float, aside: float = 0.0) -> list[tuple[float, float, float]]:
@@ -468,7 +468,9 @@ def _turned(pose: tuple[float, float, float]) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Answer:
-    """What the product says of a run: its stretches, what its collision is laid to, and the names of its findings."""
+    """The product's statements about a run: its stretches, the attribution of its collision, and the names of its
+    findings.
+    """
 
     moments: tuple[PaceMoment, ...]
     laid_to: str | None
@@ -546,7 +548,7 @@ _LATE = ("held_up", "stood_late", "waited_late", "goal_out_of_reach")
 
 
 def is_right(made: Made, answer: Answer, *, is_braking: bool) -> bool:
-    """Return whether all that is told of one family of stretches is what the run was made of, in its order."""
+    """Return True if the reported stretches of one family match the construction of the run, in its order."""
     told = [one for one in answer.moments if one.code.startswith("braked") == is_braking]
     while len(told) > 1 and told[0].code == "held_up" and told[0].obstacle_id == told[1].obstacle_id:
         del told[0]

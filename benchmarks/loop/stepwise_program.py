@@ -52,7 +52,9 @@ def _hang(answer: Message) -> None:
 
 
 def _hang_with_child(answer: Message) -> None:
-    """The child has the program's pipes and must not outlive the run; its id is written where the run asks."""
+    """Hang with a child that holds the program's pipes and must not outlive the run; write its id where the run
+    asks.
+    """
     del answer
     child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
     if "CHILD_FILE" in os.environ:

@@ -72,7 +72,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Variant:
-    """How an encounter is changed: bodies longer by so much, a factor on the ego's speed, a later response."""
+    """A variation of an encounter: extra length of the bodies, a factor on the ego's speed, a later response."""
 
     longer: float = 0.0
     faster: float = 1.0
@@ -221,7 +221,7 @@ def drawn(choice: random.Random) -> Iterator[Made]:
 
 
 def overlap(one: Any, other: Any) -> bool:
-    """Return whether two rectangles (x, y, heading, length, width) overlap, by separating axes."""
+    """Return True if two rectangles (x, y, heading, length, width) overlap, by separating axes."""
     boxes = []
     for x, y, heading, length, width in (one, other):
         c, s = math.cos(heading), math.sin(heading)
@@ -246,7 +246,7 @@ def placed(curvature: float, along: float, aside: float, turned: float) -> tuple
 
 
 def touches(made: Made, variant: Variant, body: Body, station: float, t: float, less: float) -> bool:
-    """Return whether the ego, shorter by twice ``less``, touches another."""
+    """Return True if the ego, shortened by twice ``less``, touches another road user."""
     if abs(body.along(t) - station) > 20 or abs(body.aside(t)) > 20:
         return False
     length, width = SIZES[made.ego]
@@ -283,7 +283,7 @@ def view(made: Made, variant: Variant, body: Body, station: float, t: float) -> 
 
 
 def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float, begins: float = 0.0) -> bool:
-    """Return whether a driver keeps clear until 30 s after the contact; ``begins``: from when full braking brakes."""
+    """Return True if a driver keeps clear until 30 s after the contact; ``begins``: the start of full braking."""
     t, way = 0.0, 0.0
     v = made.speed(0.0) * variant.faster
     others = [made.met] if made.hider is None else [made.met, made.hider]
@@ -329,7 +329,7 @@ def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float
 
 
 def told(made: Made, touch: float) -> Any:
-    """Return what the product says of a run of this encounter."""
+    """Return the product's statements about a run of this encounter."""
     length, width = SIZES[made.ego]
     count = round(touch / STEP_S) + 1
     times = np.arange(count) * STEP_S
@@ -391,7 +391,7 @@ def closed_forms(choice: random.Random, count: int) -> Iterator[tuple[str, bool]
 
 
 def _is_latest(made: Made, expected: float) -> bool:
-    """Return whether two moments agree within two steps: one of the tried moments, one of the build-up of braking."""
+    """Return True if two times agree within two steps: one between tried times, one of the build-up of braking."""
     touch = hit_s(made)
     found = None if touch is None else told(made, touch)
     return found is not None and abs(float(found.by_braking_until_s) - expected) <= 2 * STEP_S
@@ -421,7 +421,7 @@ def _truth(made: Made, driver: str, start: str, touch: float) -> bool | None:
 
 
 def _brakes_in_time(made: Made, start: str, variant: Variant, touch: float) -> bool:
-    """Return whether full braking from any moment before the contact prevents it; coarse steps suffice off edges."""
+    """Return True if full braking from any time before the contact prevents it; coarse steps suffice off edges."""
     begins = [0.0] if made.met.kind == "car" and made.name != "turning" else [touch * k / 12 for k in range(13)]
     return any(prevents(made, "full_braking", start, variant, touch, begin) for begin in begins)
 

@@ -60,13 +60,13 @@ _PROGRAM = Path(__file__).parents[1] / "tuning" / "faulty_program.py"
 
 @dataclass
 class _Author:
-    """Who edits a planner: ``folder`` holds its source."""
+    """The author of a planner; ``folder`` holds its source."""
 
     name: str
     folder: Path
 
     def edited(self, number: int) -> str:
-        """Write a version and give the words by which its author calls it; empty where only the source tells."""
+        """Write a version and return the author's text for it; empty if only the source identifies it."""
         declared = f', version="v1.{number}"' if self.name == "declaring" else ""
         source = _PACKAGE.replace("SLOWER_MPS2", str(0.1 * number)).replace("DECLARED", declared)
         (self.folder / f"own_{self.name}.py").write_text(source, encoding="utf-8")
@@ -84,7 +84,7 @@ class _Author:
         (metadata / "entry_points.txt").write_text(entry, encoding="utf-8")
 
     def _committed(self, number: int) -> str:
-        """Return every other version is committed, the first with a tag; what git calls it then."""
+        """Commit every other version, the first with a tag, and return git's description."""
         if number == 0:
             self._git("init", "--quiet")
         if number % 2 == 0:
@@ -179,7 +179,9 @@ async def _versions_of(author: _Author, client: Client, limit: int | None) -> li
 
 
 async def _is_told(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
-    """Return whether the comparison of two versions, the list of batches and an analysis of both name them rightly."""
+    """Return True if the comparison of two versions, the list of batches and an analysis of both name them
+    correctly.
+    """
     ids = [before.batch_id, after.batch_id]
     compared = await client.call_tool("compare_results", {"results": ids})
     text = _text(compared)
@@ -207,7 +209,7 @@ async def _is_told(before: _Version, after: _Version, digests: dict[str, str], c
 
 
 def _is_named(version: _Version, name: str, digests: dict[str, str]) -> bool:
-    """Return whether a name holds the author's words and a digest that stands for this source and no other one."""
+    """Return True if a name holds the author's text and a digest that belongs to this source alone."""
     if not name.startswith(f"{version.planner}:Default ") or version.words not in name:
         return False
     found = _DIGEST.findall(name.rpartition("(")[2] if version.words else name)

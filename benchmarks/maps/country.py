@@ -111,7 +111,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class _Element:
-    """A node, way or relation of an extract: its number there, its tags, and what it is made of."""
+    """A node, way or relation of an extract: its number, its tags, and its members."""
 
     number: int
     tags: Mapping[str, str]
@@ -312,7 +312,7 @@ class _Cell:
 
 @dataclass(frozen=True)
 class _Timed:
-    """What a town's scenario took, in seconds, and whether it was made out of the country."""
+    """The seconds for a town's scenario, and whether it was generated from the country."""
 
     place: str
     seconds: float
@@ -357,7 +357,7 @@ def measure(bench: MapsBench) -> Figures:
 
 @dataclass(frozen=True)
 class _Killed:
-    """How far a server had come when it was killed: the share of the work, seconds, peak in MB, tiles with sites."""
+    """The state of a server when it was killed: share of the work, seconds, peak in MB, tiles with sites."""
 
     share: float
     seconds: float
@@ -428,7 +428,7 @@ async def _made(client: Client, town: str) -> _Timed:
 
 
 def _worker_peak_mb(server: psutil.Process) -> float:
-    """The most memory (resident) that a worker of the server had at once."""
+    """Return the peak resident memory of one of the server's workers."""
     return max((_peak_of(worker.pid) for worker in server.children(recursive=True)), default=0.0)
 
 
@@ -444,7 +444,7 @@ def _records(workspace: Path) -> list[str]:
 
 
 def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float]:
-    """Seconds of cutting a town out in a process of its own; whether it has the same bytes again; its memory."""
+    """Cut a town out in a separate process; return the seconds, whether the bytes repeat, and its memory."""
     seconds: list[float] = []
     same = True
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
@@ -462,14 +462,14 @@ def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float]:
 
 
 def _cut_s(request: CutExtractRequest) -> tuple[float, str]:
-    """Seconds of a cut, and the digest of what was cut out."""
+    """Return the seconds of a cut, and the digest of its result."""
     started = time.perf_counter()
     path = cut_extract(request, silent).path
     return time.perf_counter() - started, hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
-    """Tiles whose sites are those of a small map of the same area."""
+    """Count the tiles with the same sites as a small map of the same area."""
     with closing(sqlite3.connect(index)) as database:
         tiles = [row[0] for row in database.execute("SELECT DISTINCT tile FROM sites ORDER BY tile")]
         (sites_twice,) = database.execute(_SITES_TWICE).fetchone()
@@ -501,7 +501,7 @@ def _box_of(tile: int, around_deg: float) -> Box:
 
 
 def _small_maps(path: Path, boxes: Mapping[int, Box], folder: Path) -> dict[int, Path]:
-    """What osmium finds in each box: ways with a node there, whole, in two passes over the file."""
+    """Return what osmium finds in each box: complete ways with a node there, in two passes over the file."""
     inside: dict[int, set[int]] = {tile: set() for tile in boxes}
     for one in osmium.FileProcessor(str(path), osmium.osm.NODE):
         node: Any = one

@@ -114,7 +114,7 @@ class _Vehicle:
 
 
 def judge_file(path: Path) -> Driving:
-    """How the cars of a file drive where they are free, and the vehicles where they follow."""
+    """Judge the driving of a file's free cars, and of its followers."""
     root = etree.parse(path).getroot()
     vehicles = [_vehicle(element) for element in root.iterfind("dynamicObstacle")]
     roads = _Roads(root)
@@ -137,7 +137,7 @@ def judge_file(path: Path) -> Driving:
 
 
 def _is_steady(vehicle: _Vehicle, step: int) -> bool:
-    """Whether a vehicle drives straight on at one speed around a step."""
+    """Return True if a vehicle drives straight on at constant speed around a step."""
     around = vehicle.states[step - _WINDOW : step + _WINDOW + 1]
     turn = np.abs(np.unwrap(around[:, 2]) - around[_WINDOW, 2]).max()
     return bool(around[:, 3].min() > _SLOWEST_MPS and np.ptp(around[:, 3]) < _HELD_MPS and turn < _STRAIGHT_RAD)
@@ -158,7 +158,7 @@ def _ahead(vehicle: _Vehicle, others: Sequence[_Vehicle], step: int) -> tuple[fl
 
 
 def _is_followed(vehicle: _Vehicle, leader: _Vehicle, step: int) -> bool:
-    """Whether a vehicle has the speed of the one ahead, and keeps it."""
+    """Return True if a vehicle keeps its leader's speed."""
     last = step + _WINDOW
     if last >= len(leader.states):
         return False
@@ -190,7 +190,7 @@ class _Roads:
         self._tree = STRtree(areas)
 
     def limits_mps(self, place: NDArray[np.float64]) -> Iterator[float]:
-        """The limit at a place, where it is the same on all lanelets there; otherwise nothing."""
+        """Return the speed limit at a place if it is the same on all lanelets there, otherwise None."""
         from shapely import Point
 
         there = {self._limits[index] for index in self._tree.query(Point(place), predicate="within")}

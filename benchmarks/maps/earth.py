@@ -26,7 +26,7 @@ _ALIASES = frozenset(
 
 @dataclass(frozen=True)
 class StandIn:
-    """An extract that stands in for a place: where its middle is put, what its roads are called, a part of the town."""
+    """An extract that replaces a place: its new middle, the names of its roads, a part of the town."""
 
     file: str
     latitude: float
@@ -87,9 +87,9 @@ STAND_INS: Mapping[str, StandIn] = {
 
 @dataclass(frozen=True)
 class Region:
-    """An extract as it is served: the file that says the same (moved where it stands in), and the town's names.
+    """A served extract: an equivalent file (moved if it replaces a place), and the town's names.
 
-    ``most``: how many sites of a type there are, where ``places.json`` counts them.
+    ``most``: the number of sites of a type, if ``places.json`` counts them.
     """
 
     extract: Extract
@@ -100,13 +100,13 @@ class Region:
 
     @cached_property
     def evidence(self) -> MapEvidence:
-        """What the map says of any spot, for the judges."""
+        """Return the map's evidence at any spot, for the judges."""
         return read_evidence(self.file)
 
 
 @dataclass(frozen=True)
 class Earth:
-    """All that is served: the regions by the request or the file that they are for, and what Nominatim knows."""
+    """All served data: the regions by their request or file, and Nominatim's knowledge."""
 
     regions: Mapping[str, Region]
     places: tuple[Place, ...]
@@ -118,9 +118,9 @@ class Earth:
 
 
 def earth_for(lines: Sequence[Mapping[str, Any]], maps: Path, scratch: Path) -> Earth:
-    """The extracts that the requests of a corpus name, at their places, and those that stand in for others.
+    """Return the extracts that a corpus's requests name, at their places, and substitutes for other places.
 
-    ``scratch`` takes the moved ones.
+    ``scratch`` receives the moved ones.
     """
     shown = json.loads((maps / "places.json").read_text(encoding="utf-8"))
     regions: dict[str, Region] = {}

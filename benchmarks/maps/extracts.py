@@ -48,9 +48,9 @@ class Extract:
         renamed: Mapping[str, str] | None = None,
         nameless: bool = False,
     ) -> "Extract":
-        """Read a file; with ``middle`` (latitude, longitude) it is moved there, its metres kept.
+        """Read a file; with ``middle`` (latitude, longitude) move it there with its distances kept.
 
-        ``nameless``: without the settlements and addresses that say where it lies in truth.
+        ``nameless``: without the settlements and addresses that reveal its true place.
         """
         import osmium
 
@@ -155,7 +155,7 @@ class Extract:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a query comes to: its format (json or xml), the elements and how they are to be written."""
+    """The result of a query: its format (json or xml), the elements and their notation."""
 
     format: str
     elements: tuple[dict[str, Any], ...]
@@ -171,7 +171,7 @@ def run_query(text: str, extract: Extract) -> Asked:
 
 
 class _Run:
-    """One query: its words one after the other, the named sets."""
+    """One query: its tokens in order, the named sets."""
 
     def __init__(self, text: str, extract: Extract) -> None:
         self._words, self._extract = _words(text), extract

@@ -88,7 +88,7 @@ class MapTask:
 
 @dataclass(frozen=True)
 class Produced:
-    """What a maker made of a map: files, how many sites it found, time, and faults with how often they came."""
+    """A generator's result for a map: files, number of sites, time, and faults with their counts."""
 
     task: MapTask
     maker: str
@@ -105,10 +105,10 @@ class Produced:
 
 
 def measure(bench: MapsBench) -> Figures:
-    """Make scenarios by turns, judge them, and set them side by side.
+    """Generate scenarios alternately, judge them, and compare both sides.
 
     Raises:
-        LeftOut: the other environment cannot be made here.
+        LeftOut: the other environment cannot be created here.
     """
     environment, made_in_s = prepared_environment()
     tasks = _tasks(bench)
@@ -130,10 +130,10 @@ def measure(bench: MapsBench) -> Figures:
 
 
 def prepared_environment() -> tuple[Path, float]:
-    """The folder of the environment, and the seconds that it took to make it: next to 0 where it was there.
+    """Return the folder of the environment, and the seconds to create it (nearly 0 if it existed).
 
     Raises:
-        LeftOut: it cannot be made here.
+        LeftOut: it cannot be created here.
     """
     began = time.perf_counter()
     return made_environment("factory", "Scenario Factory", _REQUIREMENTS), time.perf_counter() - began
@@ -195,7 +195,7 @@ def make_ours(task: MapTask) -> Produced:
 
 
 def figures(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> dict[str, float | int | str]:
-    """The keys of the module out of what was made and the verdicts on it."""
+    """Compute the module's keys from the results and their verdicts."""
     found: dict[str, float | int | str] = {}
     rates: dict[tuple[int, str], _Rate] = {}
     for length_s in LENGTHS:
@@ -241,7 +241,7 @@ class _Rate:
 
 
 def _part_figures(part: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> dict[str, float | int]:
-    """What one maker made at one length."""
+    """Compute the figures of one generator at one length."""
     verdicts = [verdict for _, seen in part for verdict in seen]
     motion = motion_figures(verdict.motion for verdict in verdicts)
     runs = [verdict for verdict in verdicts if verdict.outcome not in ("", "invalid")]

@@ -32,7 +32,9 @@ _TRACKS = 3
 
 @dataclass(frozen=True)
 class FileVerdict:
-    """What is wrong with a file (empty: nothing), how the default planner's run ended, how the traffic moves."""
+    """The faults of a file (empty if it is right), the outcome of the default planner, and the motion of the
+    traffic.
+    """
 
     fault: str
     outcome: str = ""
@@ -62,7 +64,7 @@ def judge_file(path: Path, seed: int) -> FileVerdict:
 
 
 def _fault(path: Path) -> str:
-    """What schema, start and goal show; empty where nothing is wrong."""
+    """Return the fault in schema, start or goal, empty if there is none."""
     import commonroad
     from commonroad.common.file_reader import CommonRoadFileReader
 
@@ -89,7 +91,7 @@ def _begins_in_a_collision(scenario: "Scenario", problem: "PlanningProblem") -> 
 
 
 def _reaches_its_goal(network: "LaneletNetwork", problem: "PlanningProblem") -> bool:
-    """Whether lanelets lead from the start to one that has a part of the goal; lanes may be changed."""
+    """Return True if lanelets lead from the start to one with a part of the goal; lane changes are allowed."""
     goal = _goal_lanelets(network, problem)
     if goal is None:
         return True
@@ -110,7 +112,7 @@ def _next(lanelet: "Lanelet") -> list[int]:
 
 
 def _goal_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") -> set[int] | None:
-    """The lanelets of the goal; None where it is no place."""
+    """Return the lanelets of the goal, or None if it has no place."""
     named = problem.goal.lanelets_of_goal_position
     if named:
         return {key for keys in named.values() for key in keys}

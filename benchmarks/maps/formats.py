@@ -63,7 +63,7 @@ def _spread(files: Sequence[Path], count: int) -> list[Path]:
 
 
 def _quiet(share: float, message: str = "") -> None:
-    """Nobody watches the progress."""
+    """Ignore the progress."""
 
 
 def _network(path: Path) -> object:
@@ -179,7 +179,9 @@ def _reference(road: "etree._Element", station: float) -> tuple[float, float, fl
 
 
 def _pose_errors_m(scenario: object, path: Path) -> list[float]:
-    """How far each recorded centre lies from that of the entity in the file at the same time; not there is infinite."""
+    """Return the distance of each recorded centre from the file's entity at the same time, infinite if it is
+    missing.
+    """
     root = ElementTree.parse(path).getroot()  # noqa: S314 - written by ourselves just now
     ahead = {
         str(one.get("name")): float(center.get("x", "0"))
@@ -211,7 +213,7 @@ def _centres(group: ElementTree.Element, ahead_m: float) -> Iterator[tuple[float
 
 
 def _filled(files: Sequence[Path], scratch: Path) -> tuple[dict[str, float | int | str], list[Path]]:
-    """The figures, and the scenarios that were made."""
+    """Return the figures and the generated scenarios."""
     good, refused, made_files = 0, 0, list[Path]()
     for number, path in enumerate(files):
         try:
@@ -251,7 +253,7 @@ def _fill(path: Path, number: int, scratch: Path) -> Path:
 
 
 def _is_sound(made: Path, source: Path) -> bool:
-    """Whether the written file holds what was asked for, told without the generator."""
+    """Return True if the written file holds what was requested, judged without the generator."""
     scenario, problems = CommonRoadFileReader(str(made)).open()
     given = {
         lanelet.lanelet_id: lanelet for lanelet in CommonRoadFileReader(str(source)).open()[0].lanelet_network.lanelets
@@ -286,7 +288,7 @@ def _lanelet2(files: Sequence[Path], scratch: Path) -> dict[str, float | int | s
 
 
 def _shift(path: Path) -> tuple[float, float]:
-    """What the file's plane adds to the coordinates that were written, by the place of its middle."""
+    """Return the offset of the file's plane from the written coordinates, by the position of its middle."""
     latitude = float(etree.parse(path).findtext("location/gpsLatitude") or 0)
     longitude = float(etree.parse(path).findtext("location/gpsLongitude") or 0)
     return _metres(latitude, longitude)
@@ -296,7 +298,7 @@ _METRES_A_DEGREE = 111_000.0
 
 
 def _metres(latitude: float, longitude: float) -> tuple[float, float]:
-    """Where a position of :func:`write_lanelet2` lies in its plane, near the equator in m."""
+    """Return the position of :func:`write_lanelet2` in its plane, in m near the equator."""
     from pyproj import Proj
 
     x, y = Proj("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +ellps=WGS84")(longitude, latitude)

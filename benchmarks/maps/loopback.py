@@ -73,9 +73,9 @@ _SHORT = {
 
 @dataclass(frozen=True)
 class Fault:
-    """What a service does wrong; ``times``: to so many requests; ``wait_s``: the Retry-After that it names.
+    """A fault of a service; ``times``: number of affected requests; ``wait_s``: its Retry-After.
 
-    ``body``: what it answers if the fault is ``forged``.
+    ``body``: the response if the fault is ``forged``.
     """
 
     kind: FaultKind
@@ -86,7 +86,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Place:
-    """What the served Nominatim knows: a settlement, a road or a sight.
+    """An entry of the served Nominatim: a settlement, a road or a sight.
 
     ``names`` by OpenStreetMap's keys; ``address``: Nominatim's, without the country.
     """
@@ -110,13 +110,13 @@ class Place:
 
     @cached_property
     def words_around(self) -> frozenset[str]:
-        """The words of what it lies in."""
+        """The words of the places around it."""
         return frozenset(
             word for name in (*self.address.values(), country_name(self.country)) for word in words_of(name)
         )
 
     def is_called(self, words: Sequence[str]) -> bool:
-        """Whether the words name it: they are its own or of what it lies in; of a settlement none is left out."""
+        """Return True if the words name it: its own or those of places around it, and all of a settlement's own."""
         asked = frozenset(words)
         if not asked <= self.own_words | self.words_around or not asked & self.own_words:
             return False
@@ -189,7 +189,7 @@ def settlement(
 
 
 def hash_of(text: str) -> int:
-    """A number that stands for a text, the same in every process."""
+    """Return a number for a text, the same in every process."""
     return int.from_bytes(text.encode()[-6:], "big")
 
 
@@ -293,7 +293,7 @@ class MapServers:
             self.stop()
 
     def stop(self) -> None:
-        """Answer no more: what connects is refused."""
+        """Stop listening, so that connections are refused."""
         self.stopped.set()
         if self._server.is_running():
             self._server.stop()
@@ -320,7 +320,7 @@ class MapServers:
             waiting.extend([fault] * fault.times)
 
     def asked(self, service: str, ending: str = "") -> list[Request]:
-        """The requests to a service whose path has an ending."""
+        """Return the requests to a service whose path has an ending."""
         return [one for one in self.requests if one.service == service and one.path.endswith(ending)]
 
     def search(self, parameters: Mapping[str, str]) -> list[dict[str, Any]]:
@@ -362,7 +362,7 @@ class MapServers:
         return ("application/json", _as_json(listed, held)) if kind == "json" else ("text/xml", _as_xml(listed, held))
 
     def _answer(self, asked: WebRequest) -> Response:
-        """What a service says: what it is asked for, or the fault that is next."""
+        """Return a service's response: the requested content, or the next fault."""
         service, given = asked.path.split("/")[1], {**asked.args.to_dict(), **asked.form.to_dict()}
         agent = asked.headers.get("user-agent", "")
         self.requests.append(Request(service, asked.path, given, agent, time.monotonic()))
@@ -376,7 +376,7 @@ class MapServers:
         return _json(self.lookup(given.get("osm_ids", ""))) if asked.path.endswith("/lookup") else _plain(b"OK")
 
     def _fault(self, service: str, path: str) -> Fault | None:
-        """The next fault; that of slots shows in the status, all others in what is asked for."""
+        """Return the next fault; one of slots shows in the status, all others in the requested content."""
         waiting = self.faults.get(service)
         if not waiting or (waiting[0].kind == "no_slot") != path.endswith("/status"):
             return None

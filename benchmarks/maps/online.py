@@ -73,7 +73,7 @@ _CODES = {
 
 @dataclass(frozen=True)
 class _Answered:
-    """What a call came to: its text, the scenarios that it names, how long it took, what the services were asked."""
+    """The result of a call: its text, the scenarios that it names, its duration, and the requests to the services."""
 
     text: str
     refused: bool
@@ -184,7 +184,7 @@ async def _local(bench: MapsBench, earth: Earth, requests: Sequence[BenchRequest
 
 
 def _what_is_wrong(request: BenchRequest, answered: _Answered, region: Region, workspace: Path) -> list[str]:
-    """What did not come as asked, a few words each."""
+    """Return the deviations from the request, a few words each."""
     if answered.refused:
         return [f"refused: {answered.text}"]
     asked = min(request.arguments.count, region.most.get(request.arguments.scenario_type, request.arguments.count))
@@ -251,12 +251,12 @@ async def _refusals(bench: MapsBench, servers: MapServers, refusals: Sequence[Re
 
 
 def _words_of(refusal: Refusal) -> tuple[str, ...]:
-    """What the text of a right refusal holds: its code, and one word for what is wrong."""
+    """Return the required text of a right refusal: its code, and one word for the fault."""
     return (_CODES[refusal.reason], *refusal.subjects[:1])
 
 
 async def _same_bytes(bench: MapsBench, requests: Sequence[BenchRequest]) -> dict[str, float]:
-    """Requests that were made before, in a workspace that has only the kept answers, with the services stopped."""
+    """Repeat earlier requests in a workspace that has only the cached responses, with the services stopped."""
     first, second = bench.scratch / "online", bench.scratch / "again"
     if not requests:
         return {"cache_same_bytes": 0.0}
@@ -278,7 +278,7 @@ async def _same_bytes(bench: MapsBench, requests: Sequence[BenchRequest]) -> dic
 
 
 def _kept_address(workspace: Path) -> str:
-    """The address of the Nominatim whose answers a workspace keeps: it is a part of what was asked."""
+    """Return the address of the Nominatim whose responses a workspace caches, as it is part of the request."""
     import gzip
 
     for path in sorted((workspace / ANSWERS_FOLDER).glob("*.json.gz")):
@@ -290,7 +290,7 @@ def _kept_address(workspace: Path) -> str:
 
 @dataclass(frozen=True)
 class _FaultCase:
-    """Services that do something wrong, and how it has to end: survived, or told in these words."""
+    """Faulty services, and the required end: survived, or reported in these words."""
 
     name: str
     faults: Mapping[str, tuple[Fault, ...]]
@@ -316,7 +316,9 @@ _TOLD: Mapping[FaultKind, str] = {
 
 
 def _fault_cases() -> list[_FaultCase]:
-    """Each fault of the first service, of all, and of Nominatim; and what is no fault of one service alone."""
+    """Return each fault of the first service, of all, and of Nominatim, and faults that do not belong to one
+    service.
+    """
     cases: list[_FaultCase] = []
     for kind, told in _TOLD.items():
         often = Fault(kind, 2)
@@ -384,7 +386,7 @@ async def _is_met(client: Client, case: _FaultCase, town: str, workspace: Path, 
 
 
 def _stored(workspace: Path, kind: str) -> list[str]:
-    """The ids of what a workspace holds of a kind, and the folders of it that lie there."""
+    """Return the ids of a workspace's artifacts of a kind, and their existing folders."""
     opened = Workspace(workspace)
     try:
         ids = [one.artifact_id for one in opened.newest(kind=kind, limit=1000)]  # type: ignore[arg-type]

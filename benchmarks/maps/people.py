@@ -79,7 +79,7 @@ def _share(part: int, whole: int) -> float:
 
 
 def _make(map_path: Path, folder: Path, number: int) -> bool:
-    """Make the scenario of a map, of the first type that it gives one of; whether there is one."""
+    """Generate a map's scenario, of the first possible type; return True if there is one."""
     turn = number % len(TYPES)
     for kind in (*TYPES[turn:], *TYPES[:turn]):
         request = GenerationRequest(
@@ -128,7 +128,7 @@ class _User:
 
 
 def judge_file(path: Path) -> Counter[str]:
-    """What is counted in one file."""
+    """Return the counts of one file."""
     from shapely import union_all
 
     root = etree.parse(path).getroot()
@@ -164,7 +164,9 @@ def _encounters(
     vehicle_boxes: "NDArray[np.object_]",
     crossings: "list[BaseGeometry]",
 ) -> Iterator[str]:
-    """``encounters`` for each crossing where the two meet, ``yielded`` where the vehicle gave way or came apart."""
+    """Count ``encounters`` for each shared crossing, and ``yielded`` if the vehicle gave way or passed apart in
+    time.
+    """
     from shapely import intersects, union_all
 
     for area in crossings:
@@ -189,7 +191,7 @@ def _encounters(
 
 
 def _overlap(first: "NDArray[np.object_]", second: "NDArray[np.object_]") -> bool:
-    """Whether two road users overlap by an area at any step at which both are there."""
+    """Return True if two road users overlap by an area at any step at which both exist."""
     from shapely import area, intersection
 
     both = min(len(first), len(second))

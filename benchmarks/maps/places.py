@@ -165,7 +165,7 @@ def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
 
 
 def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
-    """The main name, whether it is a road's, the tag and the name of everything in an extract with another name."""
+    """Return main name, whether it is a road's, tag and name of everything in an extract with another name."""
     nodes = _nodes(path)
     for element in osmium.FileProcessor(str(path)):
         tags = {tag.k: tag.v for tag in element.tags}
@@ -184,7 +184,7 @@ def _nodes(path: Path) -> frozenset[int]:
 
 
 def _is_there(way: Any, nodes: frozenset[int]) -> bool:
-    """Whether an extract holds at least one stretch of a way; relations name ways with nodes that lie far outside."""
+    """Return True if an extract holds a stretch of a way; relations name ways with nodes far outside."""
     return any(one.ref in nodes and other.ref in nodes for one, other in pairwise(way.nodes))
 
 
@@ -198,7 +198,7 @@ def _is_settled(tags: Mapping[str, str]) -> bool:
 
 
 def _halves(entries: Mapping[str, MapEntry]) -> list[_Asked]:
-    """Half-typed and compound requests for roads of each extract; which roads is told by a digest of their names."""
+    """Return half-typed and compound requests for roads of each extract, chosen by a digest of their names."""
     asked = []
     for stem, entry in entries.items():
         roads: dict[str, None] = {}

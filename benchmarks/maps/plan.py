@@ -78,7 +78,7 @@ Row = tuple[str, ...]
 
 @dataclass
 class _Watch:
-    """What was seen while the plan was carried out: memory by scenarios made, of each server by itself."""
+    """The observations during the plan: memory by number of scenarios, for each server."""
 
     server: list[list[tuple[int, float]]] = field(default_factory=list)
     all_of_it: list[list[tuple[int, float]]] = field(default_factory=list)
@@ -92,19 +92,19 @@ class _Watch:
 
 @dataclass(frozen=True)
 class End:
-    """When a server is killed: once so many scenarios are there, or at a moment of ``perf_counter``."""
+    """The condition for killing a server: a number of scenarios, or a time of ``perf_counter``."""
 
     made: int | None
     moment_s: float | None
 
     def is_reached(self, made: int) -> bool:
-        """Whether it is to be killed now."""
+        """Return True if it must be killed now."""
         enough = self.made is not None and made >= self.made
         return enough or (self.moment_s is not None and time.perf_counter() >= self.moment_s)
 
 
 def measure(bench: MapsBench) -> Figures:
-    """Carry the plan out, kill its server twice, and judge what is there."""
+    """Carry out the plan, kill its server twice, and judge the result."""
     folder = bench.folder("plan")
     watch = _Watch()
     anyio.run(_carry_out, bench, folder, watch)
@@ -223,7 +223,7 @@ async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, 
 
 
 def _cpu_s(processes: Sequence[psutil.Process]) -> dict[tuple[int, float], float]:
-    """Processor seconds of processes and of what they ran and has ended (netconvert), by process."""
+    """Return the processor seconds of each process, including its ended children (netconvert)."""
     spent = {}
     for process in processes:
         with suppress(psutil.Error):
@@ -232,7 +232,7 @@ def _cpu_s(processes: Sequence[psutil.Process]) -> dict[tuple[int, float], float
 
 
 def _held_mb(processes: Sequence[psutil.Process]) -> float:
-    """The memory that processes hold by themselves and share, in MB: what is shared counts once."""
+    """Return the private and shared memory of processes in MB; shared memory counts once."""
     held = 0.0
     for process in processes:
         with suppress(psutil.Error):
@@ -241,9 +241,9 @@ def _held_mb(processes: Sequence[psutil.Process]) -> float:
 
 
 def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float | None:
-    """MB for each thousand scenarios: one slope through the looks of all servers, each about its own middle.
+    """Return MB per thousand scenarios: one slope through the samples of all servers, each centred on its own mean.
 
-    None where no server was looked at with two numbers of scenarios.
+    None if no server has samples at two numbers of scenarios.
     """
     above = below = 0.0
     for life in lives:
@@ -257,7 +257,7 @@ def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float | None:
 
 @dataclass(frozen=True)
 class _Made:
-    """A scenario of the plan: what it was made for, where its files lie, and the map that it comes from."""
+    """A scenario of the plan: its row, the folder of its files, and its map."""
 
     scenario_id: str
     row: Row
@@ -292,7 +292,7 @@ def _stored_files(workspace: Path) -> Iterator[str]:
 
 
 def _made(workspace: Path) -> dict[int, _Made]:
-    """The rows of the plan that were made, by number, with what the workspace holds of each."""
+    """Return the generated rows of the plan by number, with the workspace's content for each."""
     recipes = {
         row["artifact_id"]: json.loads(row["recipe"])["arguments"]
         for row in _rows(workspace, "SELECT artifact_id, recipe FROM artifacts WHERE kind = 'scenario'")
@@ -312,7 +312,7 @@ def _made(workspace: Path) -> dict[int, _Made]:
 
 
 def _row_of(asked: Mapping[str, Any]) -> Row:
-    """What a scenario was asked for, by its recipe."""
+    """Return the request for a scenario, by its recipe."""
     classes = [demand["vehicle_class"] for demand in asked["vehicles"]] or ["cars"]
     return asked["scenario_type"], asked["density"], classes[0], asked["goal"].removeprefix("through:")
 
@@ -358,7 +358,7 @@ def _judge(one: _Made, evidence: MapEvidence) -> tuple[bool, ...]:
 
 
 def _turns(folder: Path, files: MadeFiles, turn: str) -> bool:
-    """Whether the ego's start and goal fit the turn that was asked for."""
+    """Return True if the ego's start and goal fit the requested turn."""
     root = etree.parse(folder / "scenario.xml").getroot()
     problem = root.find("planningProblem")
     if problem is None:
@@ -410,7 +410,7 @@ def _pairs_of(row: Row, shown: Sequence[bool]) -> Iterator[Pair]:
 
 
 def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
-    """The pairs that the maps allow; and those of them that were refused three times and never made, with a reason."""
+    """Return the pairs that the maps allow, and those refused three times and never generated, with a reason."""
     kinds = {
         kind
         for row in _rows(workspace, "SELECT record FROM artifacts WHERE kind = 'map'")
@@ -434,7 +434,7 @@ def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
 
 
 def _can_be(pair: Pair, kinds: set[str]) -> bool:
-    """Whether a map holds the type of site, and sites of the type have the turn."""
+    """Return True if a map holds the type of site, and sites of the type have the turn."""
     levels = dict(pair)
     kind = levels.get("scenario_type")
     if kind is None:
@@ -443,7 +443,7 @@ def _can_be(pair: Pair, kinds: set[str]) -> bool:
 
 
 def _lost(workspace: Path, made: Mapping[int, _Made], watch: _Watch, asked: int) -> list[str]:
-    """What is missing, broken or double, in words."""
+    """Describe missing, broken and duplicate scenarios."""
     now = frozenset(_stored_files(workspace))
     ids = [one.scenario_id for one in made.values()]
     lost = [f"{key} was there when a server was killed" for there in watch.there_at_kills for key in there - now]
@@ -464,7 +464,7 @@ def _is_whole(folder: Path) -> bool:
 
 
 def _disk_bytes(workspace: Path) -> int:
-    """What the workspace takes on the disk without maps and kept recordings, by blocks."""
+    """Return the workspace's disk use in blocks, without maps and cached recordings."""
     others = {workspace / name for name in ("maps", "recordings", "scratch", "logs")}
     kept = (path for path in workspace.rglob("*") if path.is_file() and not others & set(path.parents))
     return sum(path.stat().st_blocks * 512 for path in kept)

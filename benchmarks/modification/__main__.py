@@ -91,7 +91,7 @@ def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[
 
 
 def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measured]:
-    """As many fresh scenarios of each seed on worker processes; the results in no particular order."""
+    """Measure the given number of fresh scenarios of each seed on worker processes, in no particular order."""
     presets = published_presets(shared_folder() / "facts")
     with process_pool(workers) as pool:
         jobs = [
@@ -113,7 +113,7 @@ def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measu
 
 
 def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
-    """What came of the jobs; what went wrong is printed at once, because a run takes long and may be broken off."""
+    """Return the results of the jobs, and print faults at once, because a long run may be interrupted."""
     console, results = Console(stderr=True, soft_wrap=True), list[Measured]()
     try:
         for job in track(as_completed(jobs), total=len(jobs), console=console):
@@ -177,7 +177,7 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
 
 
 def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
-    """Return what is told with the figures: counts, hand-overs, and the checker's verdicts."""
+    """Return the rows next to the figures: counts, hand-overs, and the checker's verdicts."""
     cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     rows = []
@@ -213,7 +213,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
 
 
 def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
-    """How many requests that were drawn or are in the corpus were refused, and with which reasons, figures left out."""
+    """Count the refused requests, drawn or from the corpus, by their reasons without figures."""
     rows = []
     for task in (*TASKS, "composite"):
         mine = [refusal for refusal in tries if refusal.task == task]
@@ -275,7 +275,7 @@ def _known(values: Iterable[bool | None]) -> list[bool]:
 
 
 def _interval(values: Iterable[bool | None]) -> str:
-    """A count with the 95 % interval of its share; what was not measured is left out."""
+    """Return a count with the 95 % interval of its share, or nothing if it was not measured."""
     known = _known(values)
     if not known:
         return "not measured"
@@ -284,16 +284,16 @@ def _interval(values: Iterable[bool | None]) -> str:
 
 
 def _in_short(reason: str) -> str:
-    """What was wrong, without the figures and what is said after it."""
+    """Return a fault without its figures and the text after it."""
     wrong = re.split(r"[.] (?:Valid|Next):", reason.partition("] ")[2] or reason)[0]
     return re.sub(r"-?\d[\d.]*", "N", wrong)[:REASON_LETTERS]
 
 
 def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
-    """The verdicts by check; a request that could be carried out and was refused fails the headline of its task.
+    """Return the verdicts by check; the refusal of a feasible request fails the headline of its task.
 
-    A try that is followed by another request is only counted where the bench knows that it was refused wrongly; of
-    those that physics keep from their target none is.
+    An attempt followed by another request counts only if the bench knows that its refusal was wrong. Attempts that
+    physics prevents do not count.
     """
     checks: dict[str, list[bool]] = defaultdict(list)
     for case in cases:
@@ -309,7 +309,7 @@ def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
 
 
 def _least(cases: Sequence[Case], judge: Callable[[Case], bool | None]) -> float:
-    """The share of the task that has the least; what was not measured is left out."""
+    """Return the lowest share over the tasks, ignoring unmeasured ones."""
     verdicts = [_known(judge(case) for case in cases if case.task == task) for task in CORPUS]
     return min((share(values) for values in verdicts if values), default=0.0)
 

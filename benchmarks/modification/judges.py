@@ -36,9 +36,9 @@ def checks_of(written: Written, index: int) -> dict[str, bool]:
 
 
 def is_untouched_identical(written: Written) -> bool:
-    """Whether every element but those that the edits are about has the bytes of the source.
+    """Return True if every element that the edits do not concern has the bytes of the source.
 
-    Those are the named and added road users, those handed over, and the problem whose goal is edited.
+    They concern the named and added road users, those handed over, and the problem with the edited goal.
     """
     old, new = _elements(written.base), _elements(written.xml)
     changed = {key for key in {*old, *new} if old.get(key) != new.get(key)}
@@ -73,7 +73,9 @@ def unreported_collisions(written: Written) -> int:
 
 
 def handovers_of(written: Written) -> tuple[tuple[float, float], ...]:
-    """For every vehicle that SUMO took over from its recording what that adds in m and m/s, from both files."""
+    """Return the hand-over error in m and m/s for every vehicle that SUMO took over from its recording, from both
+    files.
+    """
     new, old, step_s = written.new, written.old, written.scene.step_s
     errors = [
         handover_errors(old[vehicle.vehicle_id], new[vehicle.vehicle_id], round(vehicle.from_time_s / step_s), step_s)
@@ -84,7 +86,7 @@ def handovers_of(written: Written) -> tuple[tuple[float, float], ...]:
 
 
 def _moves_anew(written: Written, key: int) -> bool:
-    """Whether a road user was not there before, or moves in another way."""
+    """Return True if a road user is new, or moves differently."""
     old = written.old.get(key)
     return old is None or not np.array_equal(old.positions, written.new[key].positions)
 
@@ -117,7 +119,7 @@ OWN_GAPS_M = {"motorcycle": 2.0, "bicycle": 0.5}
 
 
 def _behaviour_checks(written: Written, index: int) -> dict[str, bool]:
-    """Every vehicle that is meant drove in SUMO by the asked parameters, and is of the class and size it was of."""
+    """Check that each selected vehicle drove in SUMO by the requested parameters, with its former class and size."""
     truth = written.truths[index]
     meant = sorted(written.meant_by(index) - written.meant_to_go())
     named = written.meant_by(index) == set(written.outcome.edits[index].vehicles)
@@ -129,7 +131,7 @@ def _behaviour_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _is_of_its_class(written: Written, key: int) -> bool:
-    """Whether SUMO drove a vehicle as what the file says that it is, and a recorded one is what it was."""
+    """Return True if SUMO drove a vehicle as the file describes it, and a recorded one is unchanged."""
     track, kind, old = written.new.get(key), written.sumo.types.get(key), written.old.get(key)
     if track is None or kind is None:
         return False
@@ -167,7 +169,9 @@ def _reroute_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
-    """Whether a vehicle is routed over a target, drives along that route, and arrives or is late with reason."""
+    """Return True if a vehicle's route includes a target, and it follows the route and arrives or is late with
+    reason.
+    """
     if key not in written.new or not _routed_over(written, key, targets):
         return False
     track = written.new[key]
@@ -179,12 +183,12 @@ def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
 
 
 def arrives(written: Written, key: int, targets: frozenset[int]) -> bool:
-    """Whether the written motion of a vehicle gets onto a target and stays there or drives on from it."""
+    """Return True if the written motion of a vehicle gets onto a target and stays there or drives on from it."""
     return key in written.new and arrives_on(written.scene.network, written.new[key], targets)
 
 
 def _others_stay(written: Written) -> bool:
-    """Whether all are there but those that are meant to go."""
+    """Return True if all road users are there except those that the edits remove."""
     return set(written.old) - set(written.new) == written.meant_to_go() & set(written.old)
 
 
@@ -194,7 +198,7 @@ def _routed_over(written: Written, key: int, lanelets: "frozenset[int] | set[int
 
 
 def _tells_so(written: Written, index: int, key: int, targets: frozenset[int]) -> bool:
-    """Whether the report says of a vehicle what its motion shows, with a reason where it does not arrive."""
+    """Return True if the report agrees with a vehicle's motion, with a reason if it does not arrive."""
     told = [route for route in written.outcome.edits[index].routes if route.vehicle_id == key]
     if len(told) != 1 or told[0].arrives is None:
         return False
@@ -222,7 +226,7 @@ class _Kind:
     widths_m: tuple[float, float]
 
     def fits(self, track: Track) -> bool:
-        """Whether a road user is of this class."""
+        """Return True if a road user is of this class."""
         sizes = ((track.length_m, self.lengths_m), (track.width_m, self.widths_m))
         return track.kind == self.commonroad_type and all(low <= size <= high for size, (low, high) in sizes)
 
@@ -237,7 +241,7 @@ KINDS = {
 
 
 def _removal_checks(written: Written, index: int) -> dict[str, bool]:
-    """The vehicles that are meant are gone, and no other."""
+    """Check that exactly the selected vehicles are gone."""
     meant = written.meant_by(index)
     gone = not meant & set(written.new)
     told = meant == set(written.outcome.edits[index].vehicles)
@@ -245,7 +249,7 @@ def _removal_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _addition_checks(written: Written, index: int) -> dict[str, bool]:
-    """As many as asked, of the class, where, when, how fast and to where they were asked for; all others stay."""
+    """Check number, class, place, time, speed and target of the added vehicles, and that all others stay."""
     truth, told = written.truths[index], written.outcome.edits[index].vehicles
     added = [key for key in told if key in written.added()]
     left_out = [key for key in told if key in written.meant_to_go()]
@@ -262,7 +266,7 @@ def _addition_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def is_taken(scene: Scene, truth: Truth) -> bool:
-    """Whether a recorded road user is on or close to a place that is asked for when the first vehicle is to enter."""
+    """Return True if a recorded road user is on or close to a requested place when the first vehicle enters there."""
     size = _largest_size(truth, CLEARANCE_M)
     places = _places(scene, truth, 0, sum(KINDS[truth["class"]].lengths_m) / 2)
     rooms = [shapely.Point(place).buffer(float(np.hypot(*size)) / 2) for place in places]
@@ -273,7 +277,7 @@ def is_taken(scene: Scene, truth: Truth) -> bool:
 
 
 def is_run_over(scene: Scene, truth: Truth) -> bool:
-    """Whether a recorded road user gets onto or close to such a place although it brakes as hard as it can.
+    """Return True if a recorded road user gets onto or close to the place although it brakes as hard as it can.
 
     It does not react to the vehicle before that enters, and takes some time to brake.
     """
@@ -306,7 +310,7 @@ def _largest_size(truth: Truth, larger_m: float) -> tuple[float, float]:
 
 
 def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shapely.Polygon]:
-    """Rectangles around a place along all lanelets that it lies on."""
+    """Return rectangles around a place along all lanelets under it."""
     under = scene.network.find_lanelet_by_position([place])[0]
     lines = [scene.network.find_lanelet_by_id(key).center_vertices for key in under]
     headings_rad = [point_at(line, project(line, place)[0])[1] for line in lines]
@@ -314,14 +318,14 @@ def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shape
 
 
 def _adds_up(written: Written) -> bool:
-    """Whether the new file has exactly as many new road users as all edits together add."""
+    """Return True if the new file has exactly as many new road users as all edits together add."""
     asked = sum(truth["count"] for truth in written.truths if truth["op"] == "add_vehicle")
     gone = written.meant_to_go() - set(written.old)
     return len(written.added()) + len(gone) == int(asked)
 
 
 def _is_placed(written: Written, track: Track, truth: Truth, index: int) -> bool:
-    """Whether an added vehicle starts where it was asked for: where the corpus says, or by the rules of its words."""
+    """Return True if an added vehicle starts at the requested place, from the corpus or by the rules of its words."""
     return nearest_m(track.positions[0], _places(written.scene, truth, index, track.length_m)) <= PLACE_TOLERANCE_M
 
 
@@ -369,10 +373,10 @@ ROUNDING = 1e-6
 
 
 def _goal_checks(written: Written, index: int) -> dict[str, bool]:
-    """The goal as written: on its lanelet, along it where the word says, of the size and at the time that were asked.
+    """Check the written goal: on its lanelet, along it as requested, with the requested size and time.
 
-    On a lanelet is what commonroad-io finds there: planners look for the ego's way by it.
-    What was not named is as in the source; a problem that had no goal state has nothing to keep.
+    commonroad-io decides what is on a lanelet, because planners find the ego's route by it. Unnamed values must equal
+    the source's; a problem without a goal state has none to keep.
     """
     truth, network = written.truths[index], written.loaded.scenario.lanelet_network
     lanelet = network.find_lanelet_by_id(int(truth["lanelet"]))
@@ -391,12 +395,14 @@ def _goal_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _goal(path: Any) -> Any:
-    """The first goal state of a file's first planning problem; None where it has none."""
+    """Return the first goal state of a file's first planning problem, or None if it has none."""
     return etree.parse(path).getroot().find("planningProblem/goalState")
 
 
 def _right_size(truth: Truth, old: Any) -> tuple[float, float]:
-    """Length and width in m that are right: those asked for, else those before, else the usual ones."""
+    """Return the right length and width in m: the requested ones, otherwise the previous ones, otherwise the usual
+    ones.
+    """
     asked = truth.get("rectangle")
     if asked:
         return float(asked["length_m"]), float(asked["width_m"])
@@ -409,7 +415,7 @@ def _size(goal: Any) -> tuple[float, float] | None:
 
 
 def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: float, old: Any) -> bool:
-    """Return whether both steps are as asked, rounded inwards; if no time was asked for, they stay as before."""
+    """Return True if both steps are as requested, rounded inwards, or unchanged if no time was requested."""
     asked = truth.get("time")
     if asked:
         first, last = asked["start_s"] / step_s, asked["end_s"] / step_s
@@ -420,7 +426,7 @@ def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: flo
 
 
 def _interval(goal: Any, name: str) -> tuple[float, float] | None:
-    """Both ends of an interval, or twice an exact value; None where it is not given."""
+    """Return both ends of an interval, twice an exact value, or None if it is not given."""
     element = goal.find(name)
     if element is None:
         return None

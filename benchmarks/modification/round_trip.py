@@ -25,7 +25,7 @@ class RoundTrip:
 
 
 def round_trip(scene: Scene, seed: int = 0) -> RoundTrip:
-    """Replay a scenario's trajectories and static obstacles in SUMO, and compare what it shows with the recording.
+    """Replay a scenario's trajectories and static obstacles in SUMO, and compare the result with the recording.
 
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle.
@@ -57,7 +57,7 @@ def _errors(track: Track, index: int, shown: ShownState) -> tuple[float, float]:
 
 
 def _participant(scene: Scene, key: int) -> Actor:
-    """A road user as in a re-simulation; one off the lanes is put where it was recorded too."""
+    """Return a road user as in a re-simulation; one off the lanes is put at its recorded position too."""
     track = (scene.tracks | scene.standing)[key]
     match = scene.matches.get(key)
     if match is not None:

@@ -56,7 +56,7 @@ def new_id(path: Path) -> str:
 
 
 def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) -> tuple[Shift, ...]:
-    """One shift for each recipe that the scenario allows; with a base run, of the planner too."""
+    """Return one shift for each recipe that the scenario allows, with a base run also of the planner."""
     recipes: tuple[tuple[str, Callable[[Scene], Iterator[Edit]]], ...] = (
         ("B", _aggressive),
         ("T", _other_branch),
@@ -68,7 +68,7 @@ def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) ->
 
 
 def executed(path: Path, base: RunRecord) -> bool | None:
-    """Whether the planner drives an edited file to some end; None where it does not drive its source either."""
+    """Return whether the planner drives an edited file to an end; None if it does not drive its source either."""
     return None if base.outcome in NO_TRAJECTORY else planner_run(path).outcome not in NO_TRAJECTORY
 
 
@@ -137,7 +137,7 @@ def _risk(record: RunRecord | None) -> int | None:
 
 
 def _score(value: int | None) -> int:
-    """A risk score; where no road user is near, the risk is negligible."""
+    """Return a risk score; without a road user nearby, the risk is negligible."""
     return NEGLIGIBLE if value is None else value
 
 

@@ -41,7 +41,7 @@ ENDS = (0.1, 0.5, 0.9)
 
 @dataclass(frozen=True)
 class Written:
-    """The base as read, the ground truth of all edits, what was reported, the file that came of it, and SUMO's record.
+    """The base as read, the ground truth of all edits, the report, the resulting file, and SUMO's record.
 
     ``old`` and ``new``: the trajectories of both files.
     """
@@ -58,7 +58,7 @@ class Written:
 
     @classmethod
     def of(cls, base: Path, scene: Scene, truths: tuple[Truth, ...], outcome: ModificationOutcome) -> "Written":
-        """Read the new file and what was kept beside it."""
+        """Read the new file and the files kept next to it."""
         if outcome.xml is None:
             raise ValueError("a dry run wrote nothing to check")
         loaded = read_scenario(outcome.xml)
@@ -72,9 +72,9 @@ class Written:
         return tuple(key for key in self.new if key not in self.old)
 
     def meant_by(self, index: int) -> frozenset[int]:
-        """Ids of the vehicles that the edit at an index is about, by the ground truth.
+        """Return the ids of the vehicles that the edit at an index refers to, by the ground truth.
 
-        Only where that leaves it open, as for a vehicle that another edit adds, it is taken from the report.
+        Only if that leaves it open, as for a vehicle that another edit adds, the report decides.
         """
         truth, reports = self.truths[index], self.outcome.edits
         if "vehicle_id" in truth:
@@ -117,9 +117,9 @@ def is_strictly_valid(written: Written) -> bool:
 
 
 def enter_later_as_asked(written: Written) -> frozenset[int]:
-    """Return the ids of the added vehicles that enter after time 0 because an edit asks for it, at that step or later.
+    """Return the ids of the added vehicles that enter after time 0 because an edit requests it, at that step or later.
 
-    Whether they enter as soon as they can is another check.
+    Another check judges whether they enter as soon as possible.
     """
     later: set[int] = set()
     for truth, report in zip(written.truths, written.outcome.edits, strict=True):
@@ -173,7 +173,7 @@ class _SumoRecord:
         return cls(types, routes, lanes, across)
 
     def leads_over(self, vehicle_id: int, center_line: Points) -> bool:
-        """Whether a vehicle's route has a lane along a lanelet's centre line (n, 2)."""
+        """Return True if a vehicle's route has a lane along a lanelet's centre line (n, 2)."""
         line = shapely.LineString(center_line)
         points = [line.interpolate(share, normalized=True) for share in ENDS]
         return any(
@@ -181,7 +181,7 @@ class _SumoRecord:
         )
 
     def share_on_route(self, track: Track) -> float:
-        """The share of states whose centre or front is on the lanes of the vehicle's route, or at most 1 m beside."""
+        """Return the share of states with the centre or front on the lanes of the vehicle's route, or within 1 m."""
         lanes = self._lanes_of(track.obstacle_id)
         area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + BESIDE_M) for lane in lanes])
         centres, ahead = (shapely.contains_xy(area, *points.T) for points in (track.positions, fronts(track)))

@@ -75,7 +75,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Lane:
-    """A lanelet: bounds (n, 2) in m, what follows and lies beside it, and the ids of its lights."""
+    """A lanelet: bounds (n, 2) in m, its successors and neighbours, and the ids of its lights."""
 
     key: int
     left: Array
@@ -164,7 +164,7 @@ class WrittenFile:
         return max((user.last for user in self.users.values() if not user.is_static), default=0)
 
     def lane_of(self, place: Array, heading: float) -> int | None:
-        """The lanelet that a place (2,) with a heading lies on; the best aligned of several."""
+        """Return the lanelet at a place (2,) with a heading; the best aligned of several."""
         best, key = math.radians(60.0), None
         for lane in self.lanes.values():
             station, offset, direction = (value[0] for value in lane.along(place[None]))

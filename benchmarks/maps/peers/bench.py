@@ -68,7 +68,7 @@ class _Tally:
 
 
 def measure(folder: Path, scratch: Path, *, part: str, limit: int | None, asam: Path | None) -> Figures:
-    """Import all files below a folder and judge what came of them."""
+    """Import all files below a folder and judge the results."""
     repositories = sorted(one for one in folder.iterdir() if one.is_dir())
     chosen = {"tuned": repositories[::2], "kept": repositories[1::2], "all": repositories}[part]
     tally, scenarios = _Tally(), list[Path]()
@@ -102,11 +102,11 @@ def _files(repository: Path, ending: str) -> Iterator[Path]:
 
 
 def _quiet(share: float, message: str = "") -> None:
-    """Nobody watches the progress."""
+    """Ignore the progress."""
 
 
 def _tried(path: Path, ending: str, scratch: Path, tally: _Tally) -> bool:
-    """Import one file and judge it; whether it went in."""
+    """Import one file and judge it; return True if it was imported."""
     try:
         if ending == ".xml":
             _scenario(path, tally)
@@ -183,7 +183,7 @@ def _asam(program: Path, scenarios: Sequence[Path], scratch: Path, tally: _Tally
 
 
 def _main() -> int:
-    """Read the command line, measure, print; 1 where a goal is missed."""
+    """Read the command line, measure and print; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, required=True, help="folder of repositories with foreign files")
     parser.add_argument("--part", choices=("all", "tuned", "kept"), default="all", help="which repositories")

@@ -68,9 +68,9 @@ def bad_goals(path: Path) -> int:
 
 
 def netconvert_reads(path: Path, scratch: Path) -> bool:
-    """Return whether netconvert, with its own settings, makes of an OpenDRIVE file a network with a lane for cars.
+    """Return True if netconvert with its default settings makes a network with a car lane from an OpenDRIVE file.
 
-    It does not look at the rule of traffic, and draws a file with both rules wrongly: such a file does not count.
+    It ignores the rule of traffic, and draws a file with both rules wrongly; such a file does not count.
     """
     import sumo
     import sumolib
@@ -97,7 +97,7 @@ def rule_of(path: Path) -> str:
 
 @dataclass(frozen=True)
 class NetVerdict:
-    """How many links between roads a network has, how many of them the lanelets lost, and how many roads are turned."""
+    """The links between roads of a network, the ones that the lanelets lost, and the number of turned roads."""
 
     links: int
     lost: int
@@ -201,8 +201,9 @@ def lanelet2_lanelets(path: Path) -> int:
 
 
 def torn_joints(path: Path) -> tuple[int, int]:
-    """Return how many lanelets of a CommonRoad file begin exactly where another ends, and how many of these pairs
-    are no successors."""
+    """Count the lanelets of a CommonRoad file that begin exactly at another's end, and those pairs that are not
+    linked.
+    """
     root = etree.parse(path).getroot()
     ends, starts = defaultdict(list), defaultdict(list)
     after = {}
@@ -225,7 +226,7 @@ def _cell(left: tuple[float, float], right: tuple[float, float]) -> tuple[int, .
 
 
 def asam_issues(program: Path, file: Path, scratch: Path) -> list[str]:
-    """Return what ASAM's checker for OpenDRIVE (qc_opendrive) finds wrong with a file."""
+    """Return the issues that ASAM's checker for OpenDRIVE (qc_opendrive) finds in a file."""
     settings, verdict = scratch / "asam.xml", scratch / "asam.xqar"
     verdict.unlink(missing_ok=True)
     bundle = f'<CheckerBundle application="xodrBundle"><Param name="resultFile" value="{verdict}"/></CheckerBundle>'

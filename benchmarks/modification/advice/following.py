@@ -26,7 +26,7 @@ class Suggested:
 
 
 def first_suggestion(text: str, tool: str, arguments: Mapping[str, Any]) -> Suggested | None:
-    """The call that a refusal suggests first; None if its text holds no call that can be made as it stands."""
+    """Return the first call that a refusal suggests, or None if its text holds no call that can be made as it is."""
     found = _NEXT.search(text)
     if found is None:
         return None

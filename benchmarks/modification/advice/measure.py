@@ -102,7 +102,7 @@ def _server(base: Path) -> Client:
 
 
 async def _tried(client: Client, world: World, tool: str, kind: str, arguments: Mapping[str, Any]) -> str:
-    """What became of a wrong call: the verdict on its first suggestion; each that failed is told on standard error."""
+    """Return the result of a wrong call: the verdict on its first suggestion. Report failed ones on standard error."""
     refused = await client.call_tool(tool, dict(arguments))
     if not refused.is_error:
         await _cancel(client, refused)
@@ -137,7 +137,7 @@ def _text_of(result: CallToolResult) -> str:
 
 
 def _names_ego(world: World, arguments: Mapping[str, Any]) -> bool:
-    """Whether a call names the ego where vehicles of the traffic are meant."""
+    """Return True if a call names the ego as a vehicle of the traffic."""
     stage = next((one for one in world.stages if one.scenario_id == arguments.get("scenario_id")), None)
     egos = {"ego"} if stage is None else {"ego", *stage.ego_ids}
     named = {
@@ -150,7 +150,7 @@ def _names_ego(world: World, arguments: Mapping[str, Any]) -> bool:
 
 
 async def _cancel(client: Client, answer: CallToolResult) -> None:
-    """End the job that an answer tells of, so that it takes nothing from what follows."""
+    """Cancel the job of an answer, so that it does not disturb later calls."""
     given = answer.structured_content or {}
     if given.get("job_id") and given.get("state") == "running":
         await client.call_tool("cancel_job", {"job_id": given["job_id"]})

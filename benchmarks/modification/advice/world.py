@@ -16,7 +16,7 @@ _PLACES = ("Musterstadt", "Fahrhausen", "Kreiselheim", "Neuland", "Quadratstadt"
 
 @dataclass(frozen=True)
 class Stage:
-    """A scenario by its id, and what its file holds."""
+    """A scenario by its id, and the content of its file."""
 
     scenario_id: str
     file: WrittenFile
@@ -39,7 +39,7 @@ class Stage:
 
 @dataclass
 class World:
-    """What a workspace holds; ``folder``: where files may be read and written."""
+    """The content of a workspace; ``folder``: for files to read and write."""
 
     folder: Path
     stages: list[Stage] = field(default_factory=list)
@@ -51,7 +51,7 @@ class World:
     places: tuple[str, ...] = _PLACES
 
     def stage(self, rng: random.Random) -> Stage:
-        """One of the scenarios."""
+        """Return one of the scenarios."""
         return rng.choice(self.stages)
 
 

@@ -23,7 +23,7 @@ _WEIGHTS = ("jerk", "lateral_jerk", "acceleration", "prediction", "velocity_offs
 
 
 def _one(words: Sequence[str]) -> Value:
-    """One of the words, misspelt."""
+    """Return one of the words, misspelt."""
     return lambda rng: misspelt(rng.choice(words), rng)
 
 
@@ -33,7 +33,7 @@ def _many(words: Sequence[str]) -> Value:
 
 
 def _of(*values: Any) -> Value:
-    """One of the values."""
+    """Return one of the values."""
     return lambda rng: rng.choice(values)
 
 

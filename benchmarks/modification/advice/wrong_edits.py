@@ -53,7 +53,7 @@ def _of_vehicle(**values: Any) -> Callable[[Stage, random.Random], Arguments | N
 
 
 def _taken_place(stage: Stage, rng: random.Random) -> Arguments | None:
-    """A vehicle put where another one is."""
+    """Put a vehicle on top of another one."""
     file = stage.file
     step = file.ego.step if file.ego else 0
     there = [user for user in file.users.values() if user.at(step) is not None and not user.is_static]
@@ -105,7 +105,7 @@ def _unreachable_goal(stage: Stage, rng: random.Random) -> Arguments | None:
 
 
 def _outermost(stage: Stage, rng: random.Random) -> Arguments | None:
-    """A change of lane to where there is none."""
+    """Change to a lane that does not exist."""
     file = stage.file
     users = [file.users[key] for key in stage.driving()]
     rng.shuffle(users)

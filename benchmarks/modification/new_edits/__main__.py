@@ -47,12 +47,12 @@ _STEPS = 100
 
 
 def is_held_out(path: Path, half: str = "odd") -> bool:
-    """Whether a file belongs to a half of its folder, by the digest of its name."""
+    """Return True if a file belongs to a half of its folder, by the digest of its name."""
     return hashlib.sha256(path.name.encode()).digest()[0] % 2 == (half == "odd")
 
 
 class _Counts:
-    """What was found so far."""
+    """The results so far."""
 
     def __init__(self) -> None:
         self.made: Counter[str] = Counter()

@@ -19,7 +19,7 @@ _MOVING_MPS = 3.0
 
 @dataclass(frozen=True)
 class Told:
-    """What the answer said that a judge cannot know: the ids of added vehicles by edit, and the verdicts."""
+    """The parts of the answer that a judge cannot derive: the ids of added vehicles by edit, and the verdicts."""
 
     added: tuple[tuple[int, ...], ...]
     verdicts: tuple[str, ...]
@@ -28,7 +28,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A request, the judge of what comes of it, and the vehicles that may cross at red: their motion is prescribed."""
+    """A request, the judge of its result, and the vehicles that may cross at red because their motion is prescribed."""
 
     kind: str
     edits: tuple[Edit, ...]
@@ -203,9 +203,9 @@ def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def _duration_fault(offsets: Array, step_s: float, taken: float) -> str:
-    """What is wrong with the time from 5 % to 95 % of the way aside, of which a prescribed one takes most.
+    """Return the fault in the time from 5 % to 95 % of the lateral motion, which takes most of a prescribed duration.
 
-    At one speed all the way these are nine tenths of the time, along a sine half a period long seven tenths.
+    At constant lateral speed this is nine tenths of the time, along a half-period sine seven tenths.
     """
     total = float(offsets.max())
     first = int(np.argmax(offsets > 0.05 * total))
@@ -294,7 +294,7 @@ def _is_free(file: WrittenFile, lane: Lane) -> bool:
 
 
 def draw_run_red_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is told to cross its light, which is red for long."""
+    """Make a vehicle cross its light, which is red for long."""
     options = []
     for user in movers(file, 60):
         lane = on_lane(file, user)

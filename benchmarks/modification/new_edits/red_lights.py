@@ -67,7 +67,7 @@ def crossed(user: RoadUser, lane: Lane) -> int | None:
 
 
 def _holds(file: WrittenFile, lane: Lane, user: RoadUser, step: int, direction: str) -> bool:
-    """Whether a light for a direction holds for the way that a road user takes behind the lane."""
+    """Return True if a light for a direction applies to a road user's path after the lane."""
     if direction == "all":
         return True
     index = min(step - user.first + round(3.0 / file.step_s), len(user.headings) - 1)
@@ -81,7 +81,7 @@ def _holds(file: WrittenFile, lane: Lane, user: RoadUser, step: int, direction: 
 
 
 def _excused(user: RoadUser, lane: Lane, step: int, since: int, lights: list[Light]) -> bool:
-    """Whether it could not stop: neither when the light ceased to be green, nor when it began to be driven."""
+    """Return True if it could stop neither when the light ceased to be green nor when its driving began."""
     last_green = next(
         (past for past in range(step, user.first - 1, -1) if any(light.colour(past) == "green" for light in lights)),
         None,

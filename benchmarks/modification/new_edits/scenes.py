@@ -120,7 +120,7 @@ def draw_gap(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_standing(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is put in to stand."""
+    """Add a vehicle that stands."""
     lanes = _free_lanes(file)
     if not lanes:
         return None
