@@ -27,7 +27,7 @@ _BETWEEN = re.compile(r"(?<!\d),|,(?!\d{3}(?!\d))|\.\.|[.?!](?=\s|$)|[\s()\[\]{}
 
 
 def agrees(shown: str, value: float | None) -> bool:
-    """Return whether a figure is a value rounded to the digits shown, either way if it lies between."""
+    """Return True if a figure is a value rounded to the digits shown, either way if it is between."""
     return value is not None and abs(_value_of(shown) - value) <= _half_a_unit(shown)
 
 
@@ -41,7 +41,7 @@ def _half_a_unit(shown: str) -> float:
 
 
 def figures_in(text: str, names: re.Pattern[str] | None = None) -> list[str]:
-    """Return the numbers that stand by themselves in a text, without those in the names that a pattern finds."""
+    """Return the numbers by themselves in a text, without those in the names that a pattern finds."""
     rest = text if names is None else names.sub(" ", text)
     tokens = (token.replace(",", "") for token in _BETWEEN.split(rest) if token)
     return [token for token in tokens if _FIGURE.fullmatch(token)]
@@ -88,13 +88,13 @@ class Held:
         self._shown = sorted(shown)
 
     def has(self, figure: str) -> bool:
-        """Return whether one of them is a figure, rounded to its digits."""
+        """Return True if one of them is the figure, rounded to its digits."""
         value, half = abs(_value_of(figure)), _half_a_unit(figure)
         place = bisect_left(self._shown, value - half)
         return place < len(self._shown) and self._shown[place] <= value + half
 
     def has_rest(self, figure: str, named: Collection[int]) -> bool:
-        """Return whether a whole figure and the number of entries that are named make one of them."""
+        """Return True if a whole figure and the number of named entries add up to one of them."""
         if not figure.lstrip("+").isdigit():
             return False
         return any(_is_in(self._whole, _value_of(figure) + count) for count in named if count)

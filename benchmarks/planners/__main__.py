@@ -145,7 +145,7 @@ def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunReco
 
 
 def is_trapped(run: RunRecord, steps: RunSteps) -> bool:
-    """Whether a run looks as if a heading wrap had made it infeasible (``is_wrap``).
+    """Return True if a heading wrap seems to have made a run infeasible (``is_wrap``).
 
     The last attempt counts, however long the run went well before.
     """

@@ -16,7 +16,9 @@ TOUCH_M = 0.04
 
 @dataclass
 class View:
-    """What a driver sees of another: gap ahead, way until past it, gap aside and its rate, speed and slowing."""
+    """A driver's view of another road user: gap ahead, distance until past it, lateral gap and its rate, speed,
+    deceleration.
+    """
 
     gap: float
     past: float
@@ -99,7 +101,7 @@ class Responding:
 
 
 def fuzzy_asks(v: float, felt: float, seen: View) -> float:
-    """Return what the fuzzy safety model asks for."""
+    """Return the deceleration that the fuzzy safety model requests."""
     if seen.past <= 0:
         return 0.0
     closing = v - seen.speed

@@ -34,7 +34,7 @@ _LOST = "lost"
 
 @dataclass(frozen=True)
 class Drive:
-    """How one planner fared: ``outcome`` of the run, ``lost`` where it raised; ``trapped``: see ``is_wrap``."""
+    """The result of one planner: ``outcome`` of the run, ``lost`` if it raised; ``trapped``: see ``is_wrap``."""
 
     name: str
     config: str
@@ -45,19 +45,19 @@ class Drive:
 
     @property
     def is_lost(self) -> bool:
-        """Whether there is no run."""
+        """True if there is no run."""
         return self.outcome == _LOST
 
 
 def drawn_problem(
     loaded: LoadedScenario, draws: random.Random, suits: Callable[[PlanningProblem, Sequence[Track]], bool]
 ) -> LoadedScenario | None:
-    """The scenario with one of its cars as the ego, at a step of its recording; None where no draw suits.
+    """Return the scenario with one of its cars as the ego from a step of its recording, or None if no draw is suitable.
 
     Args:
-        loaded: the scenario; the car is taken out of it.
-        draws: decides which car, and one step of each.
-        suits: whether a problem will do among the other road users.
+        loaded: the scenario; the car is removed from it.
+        draws: chooses the car, and one step of each.
+        suits: decides whether a problem is suitable among the other road users.
     """
     tracks = recorded_tracks(loaded.scenario)
     cars = [track for track in tracks.values() if track.kind == "car" and len(track.positions) > _LEAST_STEPS]
@@ -71,7 +71,7 @@ def drawn_problem(
 
 
 def _problem_of(car: Track, index: int) -> PlanningProblem:
-    """To drive from one of its states to where the car was last recorded, at any of the steps until then."""
+    """Return the problem from one of the car's states to its last recorded position, at any step until then."""
     start = InitialState(
         time_step=car.first_step + index,
         position=np.array(car.positions[index], dtype=float),
@@ -103,7 +103,7 @@ def _drives(files: Sequence[Path], configs: Sequence[str], predictions: Sequence
 
 
 def _drawn(files: Sequence[Path], draws: random.Random) -> LoadedScenario:
-    """A problem of any of these files; drawn again where a file has none."""
+    """Return a problem of any of these files; draw again if a file has none."""
     found = None
     while found is None:
         found = drawn_problem(read_scenario(draws.choice(files)), draws, _leads_away)

@@ -17,7 +17,7 @@ from plannerforge.schemas.planning import RunRequest
 
 
 def _row(cell: dict[str, Any]) -> dict[str, Any]:
-    """Run one cell; a run that cannot be made is a row with the error instead of an outcome."""
+    """Run one cell; if the run fails, the row has the error instead of an outcome."""
     path = Path(cell["file"])
     key = {"scenario": path.stem, **{name: cell[name] for name in ("configuration", "prediction", "traffic")}}
     request = RunRequest(

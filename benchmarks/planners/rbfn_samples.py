@@ -32,7 +32,9 @@ _PATH_POINTS = 200
 
 @dataclass(frozen=True)
 class PrimitiveSamples:
-    """Solved problems: ``inputs`` (n, 6), bearings to the left, ``states`` (n, 31, 5); and how many had no answer."""
+    """Solved problems: ``inputs`` (n, 6), bearings to the left, ``states`` (n, 31, 5); and the number of unsolved
+    ones.
+    """
 
     inputs: Points
     states: Points
@@ -44,7 +46,7 @@ class PrimitiveSamples:
 
     @classmethod
     def load(cls, path: Path) -> "PrimitiveSamples":
-        """Read what :meth:`save` wrote."""
+        """Read a file written by :meth:`save`."""
         with np.load(path) as arrays:
             return cls(arrays["inputs"], arrays["states"], int(arrays["failures"]))
 
@@ -60,7 +62,7 @@ def solved_samples(seed: int, count: int) -> PrimitiveSamples:
 
 
 def drawn_inputs(choice: np.random.Generator) -> Values:
-    """Boundary values (6,) of one problem, mirrored where the bearing is to the right."""
+    """Return boundary values (6,) of one problem, mirrored if the bearing is to the right."""
     mildness = choice.choice([0.15, 1.0])
     first, last = choice.uniform(-2.0, 2.0, 2) * mildness
     offset, turned, steered = choice.uniform(-1.0, 1.0, 3) * choice.random(3) * (0.5, 0.4, 1.5) * mildness

@@ -63,7 +63,7 @@ def trained(samples: PrimitiveSamples, seed: int, units: int = UNITS) -> Primiti
 
 
 def _above_the_line(samples: PrimitiveSamples) -> Points:
-    """What the curvatures and speeds of samples have above the straight line between their ends, (n, 58)."""
+    """Return the curvatures and speeds of samples minus the straight line between their ends, (n, 58)."""
     parts = []
     for column, first, last in ((4, 1, 4), (3, 0, 5)):
         line = straight_lines(samples.inputs[:, first], samples.inputs[:, last])
@@ -72,7 +72,7 @@ def _above_the_line(samples: PrimitiveSamples) -> Points:
 
 
 def misses(network: PrimitiveNetwork, inputs: Points) -> tuple[Values, Values]:
-    """By how much the network misses the ends as a share of the chord, and their headings in rad; each (n,)."""
+    """Return the network's errors at the ends as a share of the chord, and of their headings in rad; each (n,)."""
     x, y, heading = driven_poses(*network.profiles(inputs))
     away = np.hypot(x[:, -1] - np.cos(inputs[:, 2]), y[:, -1] - np.sin(inputs[:, 2]))
     return away, np.abs(heading[:, -1] - inputs[:, 3])

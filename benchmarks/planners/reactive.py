@@ -67,7 +67,7 @@ a follower (chosen)."""
 
 @dataclass(frozen=True)
 class _BrakedRun:
-    """A run of an ego that braked; ``hit`` names what hit it from behind, None where nothing did."""
+    """A run of an ego that braked; ``hit`` names the vehicle that hit it from behind, or is None."""
 
     scenario_id: str
     planner: str
@@ -117,7 +117,7 @@ def rows(runs: Sequence[_BrakedRun]) -> list[tuple[str, str]]:
 
 
 def _braked_runs_of(file: Path) -> list[_BrakedRun]:
-    """The runs on one scenario; none where no vehicle follows the ego."""
+    """Return the runs on one scenario, empty if no vehicle follows the ego."""
     loaded = read_scenario(file)
     others = recorded_tracks(loaded.scenario).values()
     if not _has_follower(others, EgoState.of(loaded.problem().initial_state)):
@@ -139,12 +139,12 @@ def drawn_approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenar
 
 
 def _has_follower(others: Iterable[Track], ego: EgoState) -> bool:
-    """Whether a vehicle drives behind a moving ego in its lane at its first step."""
+    """Return True if a vehicle drives behind a moving ego in its lane at its first step."""
     return ego.speed_mps >= _SLOWEST_MPS and any(_follows(other, ego) for other in others)
 
 
 def _follows(other: Track, ego: EgoState) -> bool:
-    """Whether another vehicle drives behind the ego in its lane."""
+    """Return True if another vehicle drives behind the ego in its lane."""
     index = other.index_at(ego.step)
     if index is None or other.speeds_mps[index] < _SLOWEST_MPS:
         return False
@@ -165,7 +165,9 @@ def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> _BrakedRun:
 
 
 def _rear_hit(run: DrivenRun, brake_step: int) -> tuple[str | None, bool]:
-    """What ran into the ego from behind, if it followed the ego when that began to brake; whether it could have not."""
+    """Return the vehicle that hit the ego from behind, if it followed when the ego began to brake, and if it was
+    avoidable.
+    """
     hit = run.final.collision
     begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
     if hit is None or hit.obstacle_id is None or begin is None:
@@ -184,7 +186,7 @@ def _rear_hit(run: DrivenRun, brake_step: int) -> tuple[str | None, bool]:
 
 
 def _can_stop_behind(follower: Track, ego: EgoState, step_s: float) -> bool:
-    """Whether a vehicle that brakes as hard as it can, a step after the ego did, stands before it touches the ego."""
+    """Return True if a vehicle that brakes as hard as it can one step after the ego stops before it touches the ego."""
     index = follower.index_at(ego.step)
     if index is None:
         return False
@@ -196,7 +198,7 @@ def _can_stop_behind(follower: Track, ego: EgoState, step_s: float) -> bool:
 
 
 class BrakingPlanner:
-    """Brakes at once with 6 m/s² and stays where it stands."""
+    """A planner that brakes at once with 6 m/s² and remains at a standstill."""
 
     def __init__(self, braking_mps2: float = _BRAKING_MPS2) -> None:
         self._braking_mps2 = braking_mps2
@@ -207,7 +209,7 @@ class BrakingPlanner:
         self._task = task
 
     def plan(self, observation: Observation) -> Plan:
-        """The path to the stand along the reference path, at the present distance beside it."""
+        """Return the path to the standstill along the reference path, at the present lateral offset."""
         if self._task is None:
             raise RuntimeError("reset the planner before it plans")
         ego, step_s = observation.ego, self._task.step_s
@@ -231,7 +233,7 @@ class BrakingPlanner:
 
 
 class _BrakingFrom:
-    """Drives as another planner does and brakes to a stand from a time on; ``brake_step`` is that time's step.
+    """A planner that drives as another one and brakes to a standstill from a time on; ``brake_step`` is its time step.
 
     Args:
         planner: drives first.

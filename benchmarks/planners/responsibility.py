@@ -78,7 +78,7 @@ class _ListeningFrenetix(Frenetix):
         self._own_terms["responsibility"] = self._timed
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of Frenetix; none once all its plans are made."""
+        """Return Frenetix's plan, or None once the requested number of plans exists."""
         self._plans_left -= 1
         return Plan(None) if self._plans_left < 0 else super().plan(observation)
 

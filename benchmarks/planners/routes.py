@@ -38,7 +38,7 @@ CALLS = 2
 
 @dataclass
 class _Tally:
-    """What one router did: seconds of each route that it found, and how many of them miss the goal."""
+    """One router's results: seconds of each route that it found, and the number that miss the goal."""
 
     seconds: list[float] = field(default_factory=list)
     misses_goal: int = 0
@@ -62,7 +62,7 @@ def _problems_of(folder: Path, limit: int | None) -> "Iterator[tuple[LaneletNetw
 
 
 def _routed(router: "Router", network: "LaneletNetwork", problem: "PlanningProblem", tally: _Tally) -> None:
-    """Plan, and note what came of it; no route is an outcome."""
+    """Plan and record the result; no route is an outcome."""
     spent = []
     try:
         for _ in range(CALLS):

@@ -55,7 +55,7 @@ def _raised(value: float) -> float:
 
 
 def _difference(before: float, after: float) -> float:
-    """The change of a term; what is only rounding is none."""
+    """Return the change of a term, 0 if it is only rounding."""
     return 0.0 if math.isclose(before, after, rel_tol=1e-9, abs_tol=1e-9) else after - before
 
 

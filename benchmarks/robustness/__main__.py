@@ -91,7 +91,7 @@ def _measure_parts(base: Path, arguments: argparse.Namespace) -> None:
 
 
 def merged(figures: Figures, found: Figures) -> dict[str, float | int | str]:
-    """Return figures of two parts; what both count is summed."""
+    """Return the figures of two parts, with common counts added."""
     both = {key: int(figures[key]) + int(found[key]) for key in _SUMMED if key in figures and key in found}
     return {**figures, **found, **both}
 

@@ -90,7 +90,7 @@ _PLANS_ALWAYS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Surface:
-    """What the server offers, as it says itself: input schemas by tool, URI templates, prompts with their arguments."""
+    """The server's offer by its own account: input schemas by tool, URI templates, prompts with their arguments."""
 
     tools: Mapping[str, Mapping[str, Any]]
     resources: Sequence[str]

@@ -109,12 +109,12 @@ def mutated(seed: Seed, chance: Chance) -> tuple[bytes, str]:
 
 
 def _gzip(content: bytes) -> bytes:
-    """Packed, without the moment at which it was."""
+    """Compress without a time stamp."""
     return gzip.compress(content, mtime=0)
 
 
 def _uses(ending: str, chance: Chance) -> tuple[Call, ...]:
-    """What is done with what was stored."""
+    """Return the calls that use a stored artifact."""
     if ending != ".xml":
         return ()
     known = {"scenario_id": MADE}
@@ -256,7 +256,7 @@ def _by_lines(content: bytes, chance: Chance) -> tuple[bytes, str]:
 
 
 def alias_bomb(levels: int, width: int, chance: Chance) -> bytes:
-    """A small YAML whose value, written out, has ``width`` to the power of ``levels`` items."""
+    """Return a small YAML with a value that expands to ``width`` to the power of ``levels`` items."""
     lines = ["a0: &a0 [" + ",".join(["x"] * width) + "]"]
     lines += [f"a{level}: &a{level} [" + ",".join([f"*a{level - 1}"] * width) + "]" for level in range(1, levels)]
     where = chance.choice(
@@ -352,7 +352,7 @@ def _nest(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _far(nodes: _Nodes, chance: Chance) -> None:
-    """One or all coordinates far away."""
+    """Move one or all coordinates far away."""
     names = {"x", "y", "lat", "lon"}
     value = chance.choice(("10000000", "1e7", "-1e7", "1e8", "180", "90", "-179.999", "1e300"))
     places = [node for node in nodes if node.tag in names]
@@ -381,7 +381,7 @@ def _many_problems(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _header(nodes: _Nodes, chance: Chance) -> None:
-    """What stands on the root: version, id, step, author."""
+    """Change the attributes of the root: version, id, step, author."""
     root = nodes[0]
     key = chance.choice([*root.attrib, "timeStepSize", "benchmarkID", "commonRoadVersion", "author"])
     value = chance.choice((*_NUMBERS, *_TEXTS, "2020a", "2018b", "1e-30", "1e-30", "9.9"))

@@ -23,7 +23,7 @@ Method = Literal["tool", "resource", "prompt", "archive"]
 class Call:
     """One request: a tool with its arguments, a resource by its URI (``name``) or a prompt.
 
-    ``archive``: a zip file by its path, which the command line unpacks; it never comes to the server.
+    ``archive``: the path of a zip file that the command line unpacks; it never reaches the server.
     """
 
     name: str
@@ -32,13 +32,13 @@ class Call:
 
     @property
     def needs_what_was_made(self) -> bool:
-        """Whether it makes sense only after a call that made something."""
+        """True if it makes sense only after a call that created something."""
         return MADE in json.dumps([self.name, self.arguments])
 
 
 @dataclass(frozen=True)
 class PlacedFile:
-    """What lies in the server's folder while an input is under way: a file, a link or a FIFO."""
+    """A file, link or FIFO in the server's folder during an input."""
 
     path: str
     content: bytes = b""
@@ -75,7 +75,7 @@ class HostileInput:
             file.place(root, outside)
 
     def remove(self, root: Path) -> None:
-        """Take its files away, and the folders that they made."""
+        """Remove its files and the folders created for them."""
         for file in self.files:
             first = root / Path(file.path).parts[0]
             if first.is_symlink() or first.is_file() or first.is_fifo():

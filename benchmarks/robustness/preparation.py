@@ -23,7 +23,7 @@ _BINARY_MAP = "o2s_frederiksted.osm.pbf"
 
 @dataclass(frozen=True)
 class Prepared:
-    """The folders of a server that has worked before, what it offers, and the files to be mutated."""
+    """The folders of a server that has worked before, its offer, and the files to mutate."""
 
     folders: Folders
     surface: Surface

@@ -34,23 +34,23 @@ _SILENT_S = 15.0
 
 @dataclass(frozen=True)
 class Folders:
-    """Where a server of the bench lives: what it may use, what it keeps, and what must not be touched."""
+    """The folders of a bench's server: what it may use, what it keeps, and what must not be touched."""
 
     base: Path
 
     @property
     def root(self) -> Path:
-        """What it may read and write."""
+        """The folder that it may read and write."""
         return self.base / "root"
 
     @property
     def workspace(self) -> Path:
-        """What it keeps."""
+        """The folder that it keeps."""
         return self.base / "workspace"
 
     @property
     def outside(self) -> Path:
-        """Beside what it may use."""
+        """A folder next to the ones that it may use."""
         return self.base / "outside"
 
     @property
@@ -86,7 +86,7 @@ class Program:
 
 
 def plannerforge_server(*, by_http: bool = False) -> Program:
-    """The server whose robustness is measured."""
+    """Return the server under test."""
     serve = ("-m", "plannerforge", "serve")
     return Program(
         lambda folders: [*serve, "--workspace", str(folders.workspace), "--roots", str(folders.root)], by_http
@@ -107,7 +107,7 @@ class Ping:
 
     @property
     def wait_s(self) -> float:
-        """How long the server let it wait."""
+        """The waiting time of the ping."""
         return max(0.0, self.answered - self.sent - self.queued_s)
 
 
@@ -124,14 +124,14 @@ class Session:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the process runs."""
+        """True if the process runs."""
         try:
             return not self.death and self.process.is_running() and self.process.status() != psutil.STATUS_ZOMBIE
         except psutil.NoSuchProcess:
             return False
 
     async def has_ended(self) -> bool:
-        """Whether the server is gone; a process that stays after its connection was closed is ended."""
+        """Return True if the server has ended; kill a process that outlives its closed connection."""
         if self.is_closed:
             with anyio.move_on_after(_ENDS_WITHIN_S):
                 while self.is_alive:
@@ -172,7 +172,7 @@ class Session:
             self._sent = None
 
     def blocked_ms(self, begin: float) -> float:
-        """The longest wait for a cheap call that was under way since a moment, including the one that still is."""
+        """Return the longest wait for a cheap call since a time, including one still in progress."""
         pings = [ping for ping in self._pings if ping.answered >= begin]
         if self._sent is not None:
             pings.append(self._until_now(*self._sent))

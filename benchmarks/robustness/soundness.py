@@ -38,12 +38,12 @@ def _same(*names: str) -> dict[str, str]:
 
 
 def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
-    """All parts by name.
+    """Return all parts by name.
 
     Args:
-        seeds: of fresh data; none that was run while the product was being changed.
-        inputs: hostile ones.
-        record: folder in which hostile inputs are kept that broke something.
+        seeds: of fresh data, not used while the product was being changed.
+        inputs: number of hostile inputs.
+        record: folder for the hostile inputs that broke something.
     """
     fresh = ("--fresh", *map(str, seeds), "--count")
     hostile = (
@@ -78,7 +78,7 @@ def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
 
 
 def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | str]:
-    """What a part says, measured now or kept; empty where it broke."""
+    """Return the result of a part, measured now or stored; empty if it failed."""
     kept, arguments = record / f"{name}.json", [part.module, *part.arguments]
     found = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
     if found.get("arguments") != arguments:

@@ -157,7 +157,7 @@ class Bench:
         return [self._found(row, matching) for row, (_, matching) in zip(likeness, self._phrases, strict=True)]
 
     def _found(self, likeness: Array, matching: frozenset[str], country: str | None = None) -> tuple[bool, bool]:
-        """Whether one of the first five matches, and whether the first does; of a country alone where it has some."""
+        """Return whether one of the first five matches, and the first; only within the country if it has scenarios."""
         ordered = [self._ids[index] for index in np.argsort(-likeness, kind="stable")]
         ordered = [one for one in ordered if country in (None, self._countries[one])] or ordered
         return bool(matching & set(ordered[:FIRST])), ordered[0] in matching
@@ -172,7 +172,7 @@ def _top1(found: Sequence[tuple[bool, bool]]) -> float:
 
 
 def _words(query: Embed, vectors: Array) -> dict[str, float]:
-    """How well the likeness to the nearest description tells words of traffic from others."""
+    """Measure how well the similarity to the nearest description separates traffic words from others."""
     traffic, others = (
         (np.asarray(query(words)) @ vectors.T).max(axis=1) for words in (SPOKEN["traffic_words"], SPOKEN["other_words"])
     )
@@ -203,7 +203,7 @@ async def _import(settings: Settings, folder: Path) -> None:
 
 
 def prepared(scratch: Path) -> Bench:
-    """Import the real scenarios into a new workspace, and read what the bench needs."""
+    """Import the real scenarios into a new workspace, and read the bench's data."""
     folder = existing(shared_scenarios())
     settings = Settings(
         workspace=scratch / "workspace", roots=(folder,), starter=False, warm_up=False, maps_online="offline"
@@ -221,7 +221,7 @@ def prepared(scratch: Path) -> Bench:
 
 
 def main() -> None:
-    """Measure each model that is asked for, and print its figures."""
+    """Measure each requested model, and print its figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", nargs="+", default=[PACKAGED_MODEL, ENGLISH_MODEL, "use"])
     models = parser.parse_args().model

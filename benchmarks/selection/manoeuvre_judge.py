@@ -29,7 +29,7 @@ _NEAR_M, _AROUND_M = 100.0, 14.0
 
 
 class Answer(Enum):
-    """Whether something happens; ``OPEN``: too near to a threshold to say."""
+    """Whether something happens; ``OPEN`` means too near to a threshold."""
 
     NO = 0
     OPEN = 1
@@ -105,7 +105,7 @@ def _turned(angle: Values) -> Values:
 
 
 class Judge:
-    """What happens in one file."""
+    """A judge of the manoeuvres in one file."""
 
     def __init__(self, path: Path) -> None:
         root: Any = etree.parse(path, etree.XMLParser(huge_tree=True)).getroot()
@@ -116,7 +116,7 @@ class Judge:
         self._start = None if problem is None else _start(problem)
 
     def answers(self) -> Mapping[str, Answer]:
-        """Say for each manoeuvre whether it happens."""
+        """Return for each manoeuvre whether it happens."""
         if self._start is None or not (route := self._route(self._start)):
             return dict.fromkeys((*OTHERS, *EGO), Answer.OPEN)
         changes = any(after not in self._lanelets[before].successors for before, after in pairwise(route))
@@ -317,7 +317,7 @@ class Judge:
         return row
 
     def _runs_out(self, key: int) -> bool:
-        """Return whether a lane comes to its end within five lanelets while a lane next to it goes on."""
+        """Return True if a lane ends within five lanelets while a lane next to it continues."""
         here = [key]
         for _ in range(5):
             stuck = [one for one in here if not self._lanelets[one].successors]

@@ -61,7 +61,7 @@ _CLASSES = ("", ":car", ":truck", ":bus", ":motorcycle")
 
 @dataclass
 class _Tally:
-    """What came out, and what was wrong, in words."""
+    """The results and the faults."""
 
     pairs: list[bool] = field(default_factory=list)
     said: list[bool] = field(default_factory=list)
@@ -75,7 +75,7 @@ class _Tally:
     wrong: list[str] = field(default_factory=list)
 
     def compare(self, scenario: str, truth: dict[str, Answer], named: set[str]) -> None:
-        """Take in what the judge and the searches say of a scenario."""
+        """Add the results of the judge and the searches for a scenario."""
         for manoeuvre, answer in truth.items():
             if answer is Answer.OPEN:
                 self.left_open += 1

@@ -18,7 +18,9 @@ _VALID = ("ok", "empty")
 
 @dataclass(frozen=True)
 class Answered:
-    """What a request got on all pages: ids in their order, the facts behind each, and the stage that left nothing."""
+    """The result of a request over all pages: ids in their order, the facts behind each, and the stage without
+    matches.
+    """
 
     request: Request
     facts: dict[str, tuple[str, ...]]
@@ -26,12 +28,12 @@ class Answered:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the matches are the corpus's ids."""
+        """True if the matches are the corpus's ids."""
         return set(self.facts) == self.request.matching
 
     @property
     def is_rightly_empty(self) -> bool:
-        """Whether nothing matches, and the stage that is named for it is the corpus's."""
+        """True if nothing matches, and the named stage is the corpus's."""
         return not self.facts and self.emptied_at == self.request.truth["emptied_by"]["stage"]
 
     @property
@@ -40,7 +42,7 @@ class Answered:
         return str(arguments_of(self.request.truth).model_dump(exclude_defaults=True))
 
     def difference(self) -> str:
-        """The ids that only one side has; those that only the search found with the facts that decide who is right."""
+        """Return the ids that only one side has; those of the search come with the facts that decide who is right."""
         added = [f"{key} ({'; '.join(facts)})" for key, facts in self.facts.items() if key not in self.request.matching]
         missed = sorted(self.request.matching - set(self.facts))
         only_found, only_expected = ", ".join(added) or "-", ", ".join(missed) or "-"

@@ -41,7 +41,7 @@ class SelectionQuality:
 
     Args:
         folder: the real scenarios, for embedding their XML.
-        tell: called with what is being measured.
+        tell: receives the current measurement's name.
     """
 
     def __init__(self, database: Database, index: Path, requests: Sequence[Request], folder: Path, tell: Tell) -> None:
@@ -90,7 +90,7 @@ class SelectionQuality:
         return figures, [*heading, *rows, *by_seed, *((key, f"{value}") for key, value in figures.items())]
 
     def _tables(self) -> dict[str, Ranked]:
-        """What every method finds; sat_all counts the first five, as the paper's interface shows."""
+        """Return the matches of every method; sat_all counts the first five, as the paper's interface shows."""
         methods: dict[str, tuple[Method, bool]] = {
             "funnel (slots)": ("funnel", True),
             "rrf (slots, text)": ("rrf", True),
@@ -158,7 +158,7 @@ def _over_xml(requests: Sequence[Request], folder: Path) -> Ranked:
 
 
 def _is_refused(connection: sqlite3.Connection, request: Request) -> bool:
-    """Whether passing the words on is refused, naming each of them."""
+    """Return True if the words are refused with each of them named."""
     slots: Mapping[str, list[str]] = refused_arguments(request)
     try:
         Search(connection, FindScenariosArguments.model_validate(dict(slots)))

@@ -41,7 +41,9 @@ class _Starts:
 async def measure_searches(
     folder: Path, real: Sequence[ScenarioFacts], size: int, requests: Sequence[Request]
 ) -> list[float]:
-    """Milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries made of real facts."""
+    """Return milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries of real
+    facts.
+    """
     folder.mkdir()
     make_catalog(folder / "workspace.sqlite", real, size).close()
     settings = Settings(workspace=folder, starter=False, warm_up=False, maps_online="offline")

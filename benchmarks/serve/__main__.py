@@ -55,7 +55,7 @@ _MINUTES = 10.0
 
 
 def broken(figures: Figures) -> list[str]:
-    """In words, what was measured and has to be none."""
+    """Describe measured values that must be zero and are not."""
     return [f"{key} is {figures[key]}" for key in _NONE if figures.get(key)]
 
 

@@ -80,7 +80,7 @@ async def _write_player(workspace: Path, file: Path) -> int:
 
 
 def _played(page: Page, first: str) -> Any:
-    """What was seen of the frames while it played, after a key."""
+    """Return the frame statistics of playback after a key."""
     page.press(first)
     page.press(" ")
     watched = page.value(_WATCH.replace("SECONDS", str(_PLAYED_S)))

@@ -16,12 +16,12 @@ BrowserFault = playwright.Error
 
 
 def find_chromium() -> str | None:
-    """The program; None where it is not installed."""
+    """Return the program, or None if it is not installed."""
     return next(filter(None, map(shutil.which, _PROGRAMS)), None)
 
 
 class Box(NamedTuple):
-    """Where an element is, in CSS pixels of the whole page."""
+    """The position of an element, in CSS pixels of the whole page."""
 
     left: float
     top: float
@@ -40,7 +40,7 @@ class Frame:
         self._frame, self.keyboard, self.mouse = frame, frame.page.keyboard, frame.page.mouse
 
     def value(self, expression: str) -> Any:
-        """What an expression is, once a promise that it may be has come true.
+        """Return an expression's value, awaiting a promise.
 
         Raises:
             BrowserFault: it threw.
@@ -52,7 +52,7 @@ class Frame:
         self.value(f"(async () => {{ while (!({expression})) await new Promise(requestAnimationFrame); }})()")
 
     def comes_true(self, expression: str, within_s: float) -> bool:
-        """Whether an expression is true within some time; one that throws is not yet."""
+        """Return True if an expression becomes true within some time; one that throws is not true yet."""
         looks = f"(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
         pause = "await new Promise(look => setTimeout(look, 20))"
         ended = f"performance.now() > begun + {1000 * within_s}"
@@ -64,7 +64,7 @@ class Frame:
         )
 
     def box(self, selector: str) -> Box:
-        """Where the first element that a selector finds is in the whole page, once what was asked before is drawn."""
+        """Return the position of a selector's first element in the whole page, once earlier requests are drawn."""
         self.value("(async () => { for (const _ of [1, 2]) await new Promise(requestAnimationFrame); })()")
         found = self._frame.locator(selector).first.bounding_box()
         if found is None:
@@ -85,9 +85,9 @@ class Frame:
 
 
 class Page(Frame):
-    """One page of the browser, of a size in CSS pixels.
+    """One page of the browser, with a size in CSS pixels.
 
-    ``errors``: what its scripts threw or logged as errors and what the browser refused it, ``requests``: its loads.
+    ``errors``: exceptions and errors of its scripts, and loads that the browser refused; ``requests``: its loads.
     """
 
     def __init__(self, page: playwright.Page) -> None:
@@ -111,7 +111,7 @@ class Page(Frame):
         return Frame(found)
 
     def picture(self) -> bytes:
-        """What is seen of it as far down as it goes, as PNG."""
+        """Return a picture of its full height, as PNG."""
         width, height = self.value("[innerWidth, Math.min(Math.ceil(document.body.scrollHeight), innerHeight)]")
         return self._page.screenshot(clip={"x": 0, "y": 0, "width": width, "height": height})
 
@@ -138,10 +138,10 @@ class Browser:
 
 @contextmanager
 def chromium() -> Iterator[Browser]:
-    """The installed browser; ended with the block.
+    """Start the installed browser, and close it with the block.
 
     Raises:
-        BrowserFault: none is installed.
+        BrowserFault: it is not installed.
     """
     program = find_chromium()
     if program is None:

@@ -57,10 +57,10 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def judged(said: Mapping[str, str]) -> tuple[Figures, list[str]]:
-    """The figures of what the suite said in each run, and in words what they rest on.
+    """Return the figures of the suite's output in each run, and a description of their basis.
 
     Raises:
-        RuntimeError: it said nothing that is understood.
+        RuntimeError: the output cannot be understood.
     """
     figures: dict[str, float | int | str] = {}
     failed, empty, told = 0, set[str](), list[str]()

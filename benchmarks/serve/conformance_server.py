@@ -135,7 +135,7 @@ async def failing_job(arguments: NoArguments, call: ToolCall) -> Said:
 
 
 async def protocol_error_job(arguments: NoArguments, call: ToolCall) -> Said:
-    """Take a moment, then break the protocol."""
+    """Wait briefly, then break the protocol."""
     del arguments, call
     await anyio.sleep(0.5)
     raise MCPError(INTERNAL_ERROR, "this tool always breaks")
@@ -297,7 +297,7 @@ def _sample(text: str, most: int) -> CreateMessageRequest:
 
 
 def _accepted(context: Context[Any, Any], key: str, name: str) -> Any:
-    """What a client filled in, or None."""
+    """Return a client's input, or None."""
     given = (context.input_responses or {}).get(key)
     if not isinstance(given, ElicitResult) or given.action != "accept":
         return None
@@ -372,7 +372,7 @@ async def _rounds(context: Context[Any, Any], arguments: Mapping[str, Any]) -> C
 async def _only_declared(
     context: Context[Any, Any], arguments: Mapping[str, Any]
 ) -> CallToolResult | InputRequiredResult:
-    """Ask only by what the client declared."""
+    """Send requests only as the client declared."""
     del arguments
     capabilities, requests = context.client_capabilities, dict[str, Any]()
     if capabilities is not None and capabilities.elicitation is not None:

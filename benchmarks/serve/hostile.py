@@ -23,7 +23,7 @@ _MOST_TOLD = 20
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Send them, and count what they broke; once interrupted, of those that were sent."""
+    """Send the inputs and count what they broke; if interrupted, of those sent."""
     sent: list[Tally] = []
     try:
         anyio.run(_attack, bench.folder("hostile"), bench.inputs, sent)

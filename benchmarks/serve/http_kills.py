@@ -34,7 +34,7 @@ _EARLIEST_S, _LATEST_S, _LAST_S = 1.0, 12.0, 15.0
 
 @dataclass
 class _Seen:
-    """What came of all servers."""
+    """The results of all servers."""
 
     told: set[Told] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)
@@ -102,7 +102,7 @@ async def _one_client(url: str, name: str, token: str, mode: str, tally: Tally) 
 
 
 def lost_of(root: Path, told: set[Told]) -> list[str]:
-    """In words, what of this the workspace does not hold."""
+    """Describe what the workspace lacks of these."""
     workspace = Workspace(root)
     try:
         return [f"{one.kind} {one.artifact_id} is gone" for one in sorted(told) if not workspace.find(*one)]

@@ -44,7 +44,7 @@ _READ_BYTES = 700_000
 
 
 class Told(NamedTuple):
-    """An artifact that a client was told of."""
+    """An artifact reported to a client."""
 
     kind: ArtifactKind
     artifact_id: str
@@ -52,7 +52,7 @@ class Told(NamedTuple):
 
 @dataclass
 class Tally:
-    """What came of the calls of all clients."""
+    """The results of all clients' calls."""
 
     calls: Counter[str] = field(default_factory=Counter)
     limited: int = 0
@@ -65,7 +65,7 @@ class Tally:
 
 
 class LoadClient:
-    """One client: what it knows, and what it does in turn."""
+    """One client: its knowledge, and its actions in turn."""
 
     def __init__(self, name: str, client: Client, tally: Tally) -> None:
         self._name, self._client, self._tally = name, client, tally
@@ -89,7 +89,7 @@ class LoadClient:
             self._tally.slowest_s = max(self._tally.slowest_s, time.monotonic() - before)
 
     async def _call(self, tool: str, **arguments: Any) -> Any:
-        """The structured answer of a tool; None where it failed, which is written down."""
+        """Return the structured answer of a tool; record a failure and return None."""
         try:
             result = await self._client.call_tool(tool, arguments)
         except MCPError as error:
@@ -128,7 +128,7 @@ class LoadClient:
                 self._scenario, self._vehicle = chosen, str(cars[0]["vehicle_id"])
 
     async def _edit(self) -> None:
-        """Make an own scenario; then ``latest`` is that one, whatever others made meanwhile."""
+        """Create a scenario; ``latest`` must then be that one, regardless of other clients."""
         if not self._vehicle:
             return
         speed = f"{self._chance.uniform(2.0, 12.0):.2f}m/s"
@@ -153,7 +153,7 @@ class LoadClient:
         self._expect(told is None or own == made["config_id"], "current", f"{own} is not the own one")
 
     async def _run(self) -> None:
-        """Drive what this client edited last, so that the run is a new one, not one that is stored."""
+        """Drive this client's latest edit, so that the run is new and not a stored one."""
         if not self._edited:
             return
         ran = await self._call("run_planner", scenarios=[self._edited], configs=["idm"], wait_s=50)
@@ -236,7 +236,7 @@ async def _watch_memory(process: psutil.Process, tally: Tally) -> None:
 
 
 def settled(memory: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """What was measured after the warm-up."""
+    """Return the measurements after the warm-up."""
     begin_s = memory[-1][0] * _WARM_UP_SHARE
     return [sample for sample in memory if sample[0] >= begin_s]
 

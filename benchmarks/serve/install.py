@@ -58,11 +58,11 @@ class Taken(NamedTuple):
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Build a wheel, install it into new environments and new home folders, and ask what a host asks.
+    """Build a wheel, install it into new environments and home folders, and make a host's calls.
 
     Raises:
         LeftOut: there is no checkout to build a wheel from.
-        RuntimeError: a step failed, with what it said.
+        RuntimeError: a step failed, with its output.
     """
     if not (_CHECKOUT / "pyproject.toml").is_file():
         raise LeftOut("it builds a wheel, and there is no checkout to build it from")
@@ -114,7 +114,7 @@ def _by_pip(environment: Path, wheel: Path, *options: str) -> None:
 
 
 def _by_uv(environment: Path, wheel: Path, uv: Path) -> None:
-    """As docs/install.md has it, with a cache that only this measurement fills."""
+    """Install as docs/install.md says, with a cache that only this measurement fills."""
     overrides = environment.with_name("overrides.txt")
     overrides.write_text("".join(f"{name} ; python_version < '3'\n" for name in LEFT_OUT), encoding="utf-8")
     own = [str(uv), "--quiet", "--cache-dir", str(environment.parents[1] / "uv-cache")]
@@ -124,7 +124,7 @@ def _by_uv(environment: Path, wheel: Path, uv: Path) -> None:
 
 
 def _uv(folder: Path) -> Path | None:
-    """The program; None, and a note, where it cannot be had from PyPI."""
+    """Return the program, or None with a note if PyPI does not provide it."""
     _run([sys.executable, "-m", "venv", str(folder / "uv")])
     try:
         _run([*_pip(folder / "uv"), "uv"])
@@ -144,7 +144,7 @@ def _pip(environment: Path) -> list[str]:
 
 
 def _clean() -> dict[str, str]:
-    """The environment without what would let a new one find packages of this one."""
+    """Return the environment without variables that let a new one find packages of this one."""
     return {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "VIRTUAL_ENV"}}
 
 
@@ -152,7 +152,7 @@ def _run(command: list[str], *, environment: dict[str, str] | None = None, cwd: 
     """Run a command.
 
     Raises:
-        RuntimeError: it failed, with the end of what it said.
+        RuntimeError: it failed, with the end of its output.
     """
     ended = subprocess.run(command, capture_output=True, text=True, env=environment or _clean(), cwd=cwd, check=False)
     if ended.returncode:
@@ -162,7 +162,7 @@ def _run(command: list[str], *, environment: dict[str, str] | None = None, cwd: 
 
 
 async def _ask(command: str, arguments: list[str], environment: dict[str, str], folder: Path) -> None:
-    """What a host asks first, and a search in the starter catalogue."""
+    """Make a host's first calls, and a search in the starter catalogue."""
     server = StdioServerParameters(command=command, args=arguments, env=environment, cwd=folder)
     async with Client(stdio_client(server)) as client:
         await client.list_tools()

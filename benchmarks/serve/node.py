@@ -24,16 +24,16 @@ class Node:
     program: Path
 
     def install(self, folder: Path, packages: Sequence[str], name: str, *, scripts: bool = True) -> Path:
-        """Have npm put packages into a folder; where they are then.
+        """Install packages by npm into a folder, and return their location.
 
         Args:
-            folder: where ``node_modules`` is made.
+            folder: the parent of ``node_modules``.
             packages: with their versions.
-            name: what they are called in the reason.
-            scripts: whether packages may run programs of their own when they are installed.
+            name: for the reason of a failure.
+            scripts: whether packages may run their own programs during installation.
 
         Raises:
-            LeftOut: they cannot be had.
+            LeftOut: they are not available.
         """
         folder.mkdir(parents=True, exist_ok=True)
         npm = self.program.parent.parent / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
@@ -48,10 +48,10 @@ class Node:
     def run(
         self, command: Sequence[str], folder: Path, *, timeout_s: float = _TIMEOUT_S, may_fail: bool = False
     ) -> str:
-        """What a program says that finds this Node first.
+        """Return the output of a program that finds this Node first.
 
         Raises:
-            RuntimeError: it failed, and may not; the message is the last that it said.
+            RuntimeError: it failed, and may not; the message is its last output.
         """
         done = subprocess.run(
             command,
@@ -69,10 +69,10 @@ class Node:
 
 
 def node_in(folder: Path, named: str) -> Node:
-    """Node as a user names it; where none is named, one that pip puts into a folder.
+    """Return the user's Node, or one that pip installs into a folder.
 
     Raises:
-        LeftOut: it cannot be had.
+        LeftOut: it is not available.
     """
     if named:
         found = shutil.which(named)

@@ -68,7 +68,7 @@ def _measured(files: Sequence[Path], cases: int, seed: int, workers: int, *, dea
 
 
 def _generated(folder: Path, count: int) -> list[Path]:
-    """The smallest scenarios of the starter catalogue, which were made from maps."""
+    """Return the smallest scenarios of the starter catalogue, which were generated from maps."""
     with as_file(resources("plannerforge.engine.catalog") / ARCHIVE) as path, zipfile.ZipFile(path) as archive:
         members = [one for one in archive.infolist() if one.filename.endswith(".xml") and ".net." not in one.filename]
         chosen = sorted(members, key=lambda one: (one.file_size, one.filename))[:count]

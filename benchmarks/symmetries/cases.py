@@ -27,7 +27,7 @@ SHOWN = 6
 
 @dataclass(frozen=True)
 class Case:
-    """One comparison: ``differences`` that the law forbids (none: it holds), and those that are stated."""
+    """One comparison: ``differences`` that the law forbids (empty if it holds), and stated ones."""
 
     file: str
     relation: str
@@ -38,7 +38,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked about one file: relations, and the judges of each beside the cheap ones."""
+    """The work on one file: relations, and the judges of each in addition to the cheap ones."""
 
     path: Path
     seed: int
@@ -82,7 +82,7 @@ def _asks_edit(task: Task) -> bool:
 
 
 def _answer(judge: str, asked: Asked) -> Answer:
-    """What a judge says; a refusal is an answer, and a defect, which is a failure on either side."""
+    """Return a judge's answer; a refusal is an answer, and so is a defect, which fails on either side."""
     try:
         return {**CHEAP, **DEAR}[judge](asked)
     except PlannerForgeError as error:
@@ -129,10 +129,10 @@ def _run_case(file: str, relation: Relation, before: Answer, after: Answer) -> C
 
 
 def _is_tie(before: Answer, after: Answer, within: float) -> bool:
-    """Whether rounding decided on the first plan that is driven otherwise.
+    """Return True if rounding decided on the first plan that is driven differently.
 
-    It does where the plan costs the same in both runs, and where a candidate is at a limit of what can be driven: it is
-    rejected in one run alone.
+    That is so if the plan costs the same in both runs, or if a candidate is at a feasibility limit and rejected in one
+    run alone.
     """
     count = min(len(before["positions"]), len(after["positions"]))
     away = np.linalg.norm(before["positions"][:count] - after["positions"][:count], axis=1) > within / 100
@@ -169,7 +169,7 @@ def _within(relation: Relation, judge: str) -> float:
 
 
 def alike(one: Any, other: Any, within: float) -> bool:
-    """Whether two values are the same: numbers within a tolerance (relative beyond 1), everything else exactly."""
+    """Return True if two values are equal: numbers within a tolerance (relative beyond 1), everything else exactly."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         if np.shape(one) != np.shape(other):
             return False
@@ -204,7 +204,7 @@ _OF_WHOLE_LANELETS: Final = re.compile(
 
 
 def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, after: Answer) -> str:
-    """Why a law does not hold here; empty where it should."""
+    """Return why a law does not hold here, empty if it should."""
     name = key.rpartition(": ")[2]
     if judge == "edit" and relation in OUTCOME_ALONE and key not in OUTCOME:
         return "SUMO drives somewhat otherwise"

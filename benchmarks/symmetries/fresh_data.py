@@ -66,9 +66,9 @@ def fresh_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
     """Write maps into a folder, kinds in turn; the same seed gives the same bytes, a larger count more maps.
 
     Args:
-        seed: of all that is drawn.
-        folder: where to write; made where it is missing.
-        count: how many.
+        seed: of all draws.
+        folder: the target, created if missing.
+        count: number of maps.
 
     Returns:
         The files, ``.osm`` and ``.net.xml``, named by seed, number and kind.
@@ -86,12 +86,12 @@ def fresh_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
 
 
 def mutated_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
-    """Write fresh extracts into a folder with one to three mutations each: they are to be read, or refused by name.
+    """Write fresh extracts with one to three mutations each, which must be read or refused by name.
 
     Args:
-        seed: of all that is drawn.
-        folder: where to write; made where it is missing.
-        count: how many.
+        seed: of all draws.
+        folder: the target, created if missing.
+        count: number of maps.
     """
     return tuple(mutated_map(seed, folder, number) for number in range(count))
 
@@ -110,12 +110,12 @@ def mutated_map(seed: int, folder: Path, number: int) -> Path:
 
 
 def fresh_recordings(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
-    """Write recordings of the shared folder made new; the same seed gives the same bytes, a larger count more files.
+    """Write altered recordings of the shared folder; the same seed gives the same bytes, a larger count more files.
 
     Args:
-        seed: of all that is drawn.
-        folder: where to write; made where it is missing.
-        count: how many. No source is taken twice before all were.
+        seed: of all draws.
+        folder: the target, created if missing.
+        count: number of files. Every source is used once before any is used again.
 
     Returns:
         The files, named by their benchmark ids, which no source has.
@@ -124,7 +124,9 @@ def fresh_recordings(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
 
 
 def fresh_scenarios(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
-    """As ``fresh_recordings``, but every other one is generated from a fresh map; a larger count gives more files."""
+    """Write alternately a fresh recording and a scenario generated from a fresh map; a larger count gives more
+    files.
+    """
     return tuple(fresh_scenario(seed, number, folder) for number in range(count))
 
 
@@ -143,7 +145,7 @@ def _choice(seed: int, number: int, kind: str) -> random.Random:
 
 
 def _cut(choice: random.Random, path: Path) -> None:
-    """A box anywhere on a shared extract: all of it that lies inside, with references to what does not."""
+    """Cut a box anywhere out of a shared extract: its whole content, with references to what is outside."""
     extracts = _extracts(existing(shared_folder() / "data" / "osm"))
     for _ in range(_TRIES):
         source = etree.parse(choice.choice(extracts)).getroot()
@@ -435,7 +437,7 @@ MUTATIONS: tuple[Callable[[random.Random, etree._Element], None], ...] = (
 
 
 def _generated(seed: int, number: int, folder: Path) -> Path:
-    """A scenario of many classes on a fresh map; on the next map where none can be made."""
+    """Generate a scenario of many classes on a fresh map, or on the next map if that is impossible."""
     for attempt in range(_TRIES):
         choice = _choice(seed, number, f"generated {attempt}")
         kind = choice.choice(list(_KINDS))
@@ -485,7 +487,7 @@ def _fresh_recording(seed: int, number: int, folder: Path) -> Path:
 
 
 def _written(root: etree._Element, key: str, folder: Path) -> Path:
-    """The file under a benchmark id that is made of the old one, whose country planners read signs by, and of a key."""
+    """Write the file under a benchmark id made of the old one, whose country determines the signs, and of a key."""
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256(key.encode()).hexdigest()
     root.set("benchmarkID", derived_benchmark_id(root.get("benchmarkID", ""), digest))
@@ -544,7 +546,7 @@ def _recordings(root: etree._Element) -> list[_Recording]:
 
 
 def _share(choice: random.Random, root: etree._Element, fewest_states: int = 2) -> list[_Recording]:
-    """Some of those that were recorded long enough, at least one where there is one."""
+    """Return some of those with a long enough recording, at least one if there is one."""
     long = [one for one in _recordings(root) if len(one.states) >= fewest_states]
     return choice.sample(long, math.ceil(len(long) * choice.uniform(0.1, 0.9)))
 
@@ -614,7 +616,7 @@ def _lane_less(choice: random.Random, root: etree._Element) -> None:
 
 
 def _parked_row(choice: random.Random, root: etree._Element) -> None:
-    """Cars stand in a row beside a road, none on a lanelet nor in anybody's way."""
+    """Add a row of cars next to a road, not on a lanelet or in the path of a road user."""
     lanes = [shapely.Polygon(np.vstack([_bound(one, "left"), _bound(one, "right")[::-1]])) for one in _lanelets(root)]
     area = shapely.union_all([shapely.make_valid(lane) for lane in lanes])
     there = shapely.MultiPoint(np.vstack([_starts(root), *(one.positions for one in _recordings(root))]))
@@ -659,14 +661,14 @@ def _bound(lanelet: etree._Element, side: str) -> Points:
 
 
 def _starts(root: etree._Element) -> Points:
-    """Where egos start."""
+    """Return the starts of egos."""
     points = root.iterfind("planningProblem/initialState/position/point")
     starts = [[float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))] for point in points]
     return np.array(starts, dtype=float).reshape(-1, 2)
 
 
 def _kerbs(choice: random.Random, root: etree._Element, count: int) -> Iterator[tuple[Points, float]]:
-    """Bounds of lanelets with no other lanelet beside them, and the side on which nothing is: 1 left, -1 right."""
+    """Return bounds of lanelets without a neighbour, and the free side: 1 left, -1 right."""
     sides = {"left": 1.0, "right": -1.0}
     outer = [
         (lanelet, side)
@@ -689,7 +691,7 @@ def _next_id(root: etree._Element) -> int:
 def _add_road_user(
     root: etree._Element, kind: str, size: tuple[float, float], states: Sequence[tuple[float, ...]]
 ) -> None:
-    """Put an obstacle before the first that moves; with one state it stands. ``states``: x, y, heading, speed."""
+    """Add an obstacle before the first moving one; with one state it stands. ``states``: x, y, heading, speed."""
     role = "static" if len(states) == 1 else "dynamic"
     is_old = root.get("commonRoadVersion") == "2018b"
     obstacle = etree.Element("obstacle" if is_old else f"{role}Obstacle", id=str(_next_id(root)))

@@ -30,10 +30,10 @@ MOST_CUTS = 3
 
 @dataclass(frozen=True)
 class Frame:
-    """How a changed file is to be read: each method translates something of it back to the original.
+    """The translation of a changed file: each method translates something in it back to the original.
 
-    A point was mirrored first (y to −y), then turned, then moved. ``ids``: old id by new one, where it changed;
-    ``cut``: lanelets that are two now, ``added`` how many there are more. ``steps``: how much later all is.
+    A point was first mirrored (y to −y), then turned, then moved. ``ids``: old id by new one, if it changed; ``cut``:
+    lanelets that are now two, ``added``: the number of additional ones. ``steps``: the delay of everything.
     """
 
     moved_m: tuple[float, float] = (0.0, 0.0)
@@ -69,7 +69,7 @@ class Frame:
         return tuple(there)
 
     def sided(self, words: str) -> str:
-        """Words in which left and right change places where the file is mirrored."""
+        """Swap left and right in a text if the file is mirrored."""
         if not self.mirrored:
             return words
         return words.replace("left", "\0").replace("right", "left").replace("\0", "right")
@@ -138,7 +138,7 @@ def _set(element: Element, value: float) -> None:
 
 
 def _moved(root: Element, draw: random.Random) -> Frame:
-    """The whole file lies a kilometre away, in any direction."""
+    """Move the whole file by a kilometre, in any direction."""
     direction = draw.uniform(-math.pi, math.pi)
     frame = Frame(moved_m=(MOVED_M * math.cos(direction), MOVED_M * math.sin(direction)))
     _transform(root, frame)
@@ -203,7 +203,7 @@ def _transform(root: Element, frame: Frame) -> None:
 
 
 def _is_local(element: Element) -> bool:
-    """Whether it describes the body of an obstacle, in coordinates of that body."""
+    """Return True if it describes the body of an obstacle, in coordinates of that body."""
     return any(
         above.tag == "shape" and getattr(above.getparent(), "tag", "").lower().endswith("obstacle")
         for above in element.iterancestors("shape")
@@ -254,7 +254,7 @@ def _within_turn(angle_rad: float) -> float:
 
 
 def _swap(parent: Element, one: str, other: str) -> None:
-    """Two kinds of children change names; those of the first kind still stand before the others."""
+    """Swap the names of two kinds of children; those of the first kind still come before the others."""
     first, second = parent.findall(one), parent.findall(other)
     for child in first:
         child.tag = other
@@ -341,7 +341,7 @@ _ALIKE_REFERENCES: Final = (
 
 
 def _reordered(root: Element, draw: random.Random) -> Frame:
-    """Elements of one kind stand in another order, and so do references of one kind."""
+    """Reorder the elements of one kind, and the references of one kind."""
     kinds = dict.fromkeys(child.tag for child in root)
     kinds.pop("location", None)
     for kind in kinds:
@@ -418,7 +418,7 @@ _LIMITS: Final = frozenset({"274", "274.1", "R2-1", "r301", "3.24", "R15", "C43"
 
 
 def _split(root: Element, draw: random.Random) -> Frame:
-    """Lanelets are cut in two, with all that lie beside them; what acts at the end of one stays at the end."""
+    """Cut lanelets in two, with all their neighbours; what acts at the end of one stays at the end."""
     lanelets = {int(one.get("id", "0")): one for one in root.iterfind("lanelet")}
     begin, rows, seen = _next_id(root), list[dict[int, bool]](), set[int]()
     for key in draw.sample(sorted(lanelets), len(lanelets)):
@@ -445,7 +445,7 @@ def _split(root: Element, draw: random.Random) -> Frame:
 
 
 def _row(lanelets: Mapping[int, Element], key: int) -> dict[int, bool]:
-    """A lanelet and all beside it; empty where one is not in the file or named on both ways."""
+    """Return a lanelet and all its neighbours, empty if one is missing or named in both directions."""
     row, waiting = {key: True}, [key]
     while waiting:
         one = waiting.pop()
@@ -460,7 +460,7 @@ def _row(lanelets: Mapping[int, Element], key: int) -> dict[int, bool]:
 
 
 def _can_be_cut(row: list[Element]) -> bool:
-    """Whether all bounds have one number of points, at least three: points of one number lie beside each other."""
+    """Return True if all bounds have the same number of points, at least three: points of one number are opposite."""
     counts = {len(one.findall(f"{side}/point")) for one in row for side in ("leftBound", "rightBound")}
     return len(counts) == 1 and counts.pop() >= 3
 
@@ -493,7 +493,7 @@ def _remove(elements: Iterable[Element]) -> None:
 
 
 def _lead_to_parts(root: Element, second: Mapping[int, int]) -> None:
-    """Whatever named a cut lanelet names the right part of it: its end where it comes from, both for a goal."""
+    """Make references to a cut lanelet name the right part: its end for a predecessor, both for a goal."""
     parts = set(second.values())
     for lanelet in root.iterfind("lanelet"):
         own = int(lanelet.get("id", "0"))

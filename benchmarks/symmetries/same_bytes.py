@@ -38,13 +38,13 @@ _Arguments = dict[str, Any]
 
 @dataclass
 class _Digests:
-    """What was made: a digest a file (below the workspace), and the text of every answer by its request."""
+    """The results: a digest per file (below the workspace), and the text of every answer by its request."""
 
     workspace: Path
     answers: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, result: CallToolResult) -> None:
-        """Keep an answer: its text, and its structure where it has one; a refusal too."""
+        """Keep an answer or a refusal: its text, and its structure if it has one."""
         structure = "" if result.structured_content is None else json.dumps(_steady(result.structured_content))
         self.answers[name] = self._plain(f"{answer_text(result)}\n{structure}")
 
@@ -71,7 +71,7 @@ def _steady(value: Any) -> Any:
 
 
 def _edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[_Arguments]]]:
-    """One try of each kind of edit for a described scenario, by what is there; a refusal is an answer as well."""
+    """Return one attempt of each kind of edit for a described scenario, by its content; a refusal is also an answer."""
     ids = [str(vehicle["vehicle_id"]) for vehicle in description["vehicles"]]
     goal = (description["ego"] or {}).get("goal_lanelets") or []
     near, other, *_ = [*ids, "999998", "999999"]
@@ -166,7 +166,7 @@ async def _record(data: Path, output: Path, every: int, maps: int) -> None:
 
 
 def _compare(before: Path, after: Path, *, subset: bool) -> int:
-    """Print what differs; the number of differences. ``subset``: the later record made fewer requests."""
+    """Print the differences and return their number. ``subset``: the later record made fewer requests."""
     old, new = (json.loads(path.read_text(encoding="utf-8")) for path in (before, after))
     differences = 0
     for part in ("files", "answers"):

@@ -137,7 +137,7 @@ def _batch(folder: Path, batch_id: str) -> BatchRecord:
 
 
 def _ends(folder: Path, batch_id: str, config_id: str | None) -> _Ends:
-    """How the runs of a batch ended, of one configuration where one is named; those not attempted are left out."""
+    """Return the ends of a batch's runs, of one configuration if given, without those not attempted."""
     return {
         record.scenario_id: (record.outcome == "goal_reached", record.outcome == "collision")
         for record in attempted_runs(folder, batch_id)
@@ -146,7 +146,7 @@ def _ends(folder: Path, batch_id: str, config_id: str | None) -> _Ends:
 
 
 def _rows(base: _Ends, best: _Ends, safety: _Ends) -> dict[str, tuple[float, ...]]:
-    """By scenario: goal and collision of the default, of Safety-Conservative and of the found configuration."""
+    """Return goal and collision of the default, of Safety-Conservative and of the found configuration, by scenario."""
     return {
         name: tuple(float(end) for end in (*base[name], *safety[name], *best[name]))
         for name in sorted(base)

@@ -87,7 +87,7 @@ def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
 
 
 def _told(answer: Any, name: str) -> str:
-    """What is told of the run that a planner lost; empty where it lost none."""
+    """Return the report on the run that a planner lost, empty if it lost none."""
     return next((cell["error"] for cell in answer["lost"] if f"planner {name} " in cell["error"]), "")
 
 

@@ -99,7 +99,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 class _Recorder:
-    """MP-RBFN that keeps what it was asked."""
+    """MP-RBFN with a record of its inputs."""
 
     def __init__(self) -> None:
         self._planner = make_planner("mp_rbfn")
@@ -117,7 +117,7 @@ class _Recorder:
 
 
 def _situations(path: Path) -> list[tuple[PlanningTask, Observation]]:
-    """What MP-RBFN is asked on the way through a scenario."""
+    """Return MP-RBFN's inputs during a scenario."""
     loaded, recorder = read_scenario(path), _Recorder()
     simulate(loaded.scenario, loaded.problem(), built_in(CONFIGS[0]), recorder, "constant_velocity", silent)
     return recorder.asked
@@ -148,7 +148,9 @@ def _primitives(solve: PrimitiveProblem, seed: int, count: int) -> dict[str, flo
 
 
 def _driven(curvature: Points, speed: Points) -> tuple[Values, Values, Values]:
-    """Where rear axles end that drive scaled curvatures and speeds (n, 31), straight between nodes: x, y, heading."""
+    """Return the end poses (x, y, heading) of rear axles with scaled curvatures and speeds (n, 31), linear between
+    nodes.
+    """
     nodes, count = np.linspace(0.0, 1.0, curvature.shape[1]), (curvature.shape[1] - 1) * _SUBSTEPS
     state, step = np.zeros((3, len(curvature))), 1.0 / count
 
@@ -214,7 +216,7 @@ def _times(
 
 
 def _us(make: Callable[[], object], count: int, repeats: int) -> float:
-    """The least processor time of some repeats by the number of primitives made, in µs."""
+    """Return the best processor time of some repeats per primitive, in µs."""
     taken = []
     for _ in range(repeats):
         began = time.process_time()
@@ -262,7 +264,7 @@ def _quintics(speed_mps: float, curvature: float, ends: PrimitiveEnds, times_s: 
 
 
 async def _planners(bench: SeededBench) -> dict[str, float]:
-    """How both planners fare where the future is known."""
+    """Compare both planners with a known future."""
     folder = bench.scratch / "rbfn"
     async with Client(create_server(settings_for(folder, bench.shared, 2))) as client:
         await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", bench.limit))
@@ -285,7 +287,7 @@ async def _planners(bench: SeededBench) -> dict[str, float]:
 
 
 def _reached(folder: Path, batch_id: str, config: str) -> dict[str, bool]:
-    """By scenario whether a configuration reached the goal, where the problem can be solved."""
+    """Return by scenario whether a configuration reached the goal, if the problem is solvable."""
     wanted = built_in(config).config_id
     own = [one for one in attempted_runs(folder, batch_id) if one.config_id == wanted]
     return {one.scenario_id: one.outcome == "goal_reached" for one in own}

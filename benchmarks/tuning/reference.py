@@ -96,7 +96,7 @@ _HORIZON_STEPS = 30
 
 @dataclass(frozen=True)
 class TuningBench(SeededBench):
-    """What the parts of ``make bench-tuning`` are given.
+    """The input of the parts of ``make bench-tuning``.
 
     ``reference``: a checkout of Frenetix-Motion-Planner; ``reference_python``: the interpreter of its environment.
     """
@@ -109,9 +109,9 @@ class TuningBench(SeededBench):
 class PlanLog:
     """One plan of the reference.
 
-    ``kind``: ``regular`` (a candidate that its checks found free), ``fallback`` (stopping or standing, though none was
-    free), ``none``. ``rejected``: candidates by constraint. ``predicted``: of the last plans, by obstacle, where its
-    check took it to be at the steps that follow the plan's.
+    ``kind``: ``regular`` (its checks found a free candidate), ``fallback`` (stopping or standing without a free one),
+    ``none``. ``rejected``: candidates by constraint. ``predicted``: for the last plans, by obstacle, the positions that
+    its check assumed for the plan's following steps.
     """
 
     step: int
@@ -125,10 +125,10 @@ class PlanLog:
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """What the driver answers of one run.
+    """The driver's answer for one run.
 
-    ``fault``: what its loop raised; empty where it came to an end. ``met``: at a collision, whether its check found the
-    road's edge or a static obstacle (``still``), or one that is ``moving``; empty otherwise.
+    ``fault``: the exception of its loop; empty if it finished. ``met``: for a collision, whether its check found the
+    road's edge or a static obstacle (``still``), or a ``moving`` one; otherwise empty.
     """
 
     fault: str
@@ -178,11 +178,12 @@ class OwnRun:
 
 @dataclass(frozen=True)
 class Judged:
-    """What our judge says of the states that the reference drove.
+    """Our judge's verdict on the states that the reference drove.
 
-    ``ending``: None where it would have let the run go on. ``contact``: the collision that it sees. ``missed_m``: by
-    the step of a plan, how far from its recorded place at the contact that plan took the obstacle to be; None: it was
-    not among the predicted ones, or not for so long. ``from_behind``: its centre is behind the ego's rear then.
+    ``ending``: None if the judge would have let the run continue. ``contact``: the collision that it sees.
+    ``missed_m``: by the step of a plan, the distance between the obstacle's predicted and recorded position at the
+    contact; None if the plan did not predict it, or not for so long. ``from_behind``: the obstacle's centre is behind
+    the ego's rear then.
     """
 
     ending: Ending | None = None
@@ -202,22 +203,25 @@ class Pair:
 
     @property
     def agrees(self) -> bool:
-        """Whether both end in the same class."""
+        """True if both end in the same class."""
         return self.ours.ending == self.theirs.ending
 
 
 def cause_of(pair: Pair) -> tuple[Cause, str]:
-    """Why the two end otherwise, and what in the logs says so. The first that holds:
+    """Return why the two end differently, and the evidence in the logs. The first rule that applies decides:
 
     1. ``trap``: the reference's loop raises an error, or the last attempt of either is rejected as at a heading wrap.
-    2. Our judge says of what the reference drove what it says of our own run, or would have let it go on: only the
-       rules differ. A contact with the road's edge that one of the two does not see is ``road_check``, one with an
-       obstacle is a ``trap`` (of the recording both know where that was); all else is ``goal_rule``.
-    3. They drove otherwise, and the run that fails (the reference's where both do) says why. A contact with an obstacle
-       is ``prediction`` where the reference took the way to be free, or foresaw the obstacle elsewhere from its last
-       plan of that kind; else, and in our run, which knows the recording, it is ``sampling``. Leaving the road is
-       ``road_check``. No trajectory is ``road_check`` where the edge rejected the most, else ``sampling``.
-    4. Both drove freely and came to the goal at other times: ``goal_rule``.
+
+    2. Our judge gives the reference's motion the same verdict as our own run, or would have let it continue: only the
+    rules differ. A contact with the road's edge that only one of the two sees is ``road_check``, one with an obstacle
+    is a ``trap`` (both know its recorded position); everything else is ``goal_rule``.
+
+    3. They drove differently, and the failed run (the reference's if both failed) decides. A contact with an obstacle
+    is ``prediction`` if the reference took the path to be free, or its last plan of that kind predicted the obstacle
+    elsewhere; otherwise, and in our run, which knows the recording, it is ``sampling``. Leaving the road is
+    ``road_check``. No trajectory is ``road_check`` if the edge rejected the most, otherwise ``sampling``.
+
+    4. Both drove freely and reached the goal at different times: ``goal_rule``.
     """
     ours, theirs, judged = pair.ours, pair.theirs, pair.judged
     if theirs.fault:
@@ -243,7 +247,7 @@ def cause_of(pair: Pair) -> tuple[Cause, str]:
 
 
 def _rule(pair: Pair) -> Cause:
-    """Which rule differs where both judge the same drive."""
+    """Return which rule differs if both judge the same drive."""
     contact = pair.judged.contact
     if pair.theirs.ending == "collision":
         return "road_check" if pair.theirs.met == "still" else "trap"
@@ -303,7 +307,7 @@ def _differences(pairs: Iterable[Pair]) -> Iterator[str]:
 
 
 def figures(pairs: Sequence[Pair], seeing: Sequence[Pair], alike: Sequence[Pair]) -> dict[str, float | int | str]:
-    """The keys of the module, of pairs that both attempted, where the reference sees all, and where ours is alike."""
+    """Compute the module's keys from pairs that both attempted, from ``seeing`` pairs, and from ``alike`` pairs."""
     theirs = sum((pair.theirs.spent for pair in pairs), Spent())
     ours = sum((pair.ours.spent for pair in pairs), Spent())
     return {
@@ -363,10 +367,11 @@ class Loops:
     own: ProcessPoolExecutor
 
     def warm_up(self, bench: TuningBench) -> None:
-        """A run of each that does not count, where possible of a scenario that is not drawn: libraries are loaded then.
+        """Make a run of each that does not count, so that libraries are loaded, if possible on a scenario that is not
+        drawn.
 
         Raises:
-            RuntimeError: the reference cannot drive it: its environment is at fault, and no run would be one.
+            RuntimeError: the reference cannot drive it: its environment is at fault, and every run would fail.
         """
         files = scenario_files(bench.shared / "data" / "commonroad", None)
         first = min(set(files) - set(drawn_scenarios(bench)), default=files[0])
@@ -376,7 +381,7 @@ class Loops:
         self.ours(first, DEFAULT, "ground_truth")
 
     def pair(self, path: Path, *, theirs_first: bool) -> Pair:
-        """Default under the known future in both; where they end otherwise, what the reference drove is judged here."""
+        """Drive Default with a known future in both; if they end differently, judge the reference's motion here."""
         theirs = self.theirs(path, DEFAULT, "ground_truth") if theirs_first else None
         ours = self.ours(path, DEFAULT, "ground_truth")
         pair = Pair(path, ours, theirs or self.theirs(path, DEFAULT, "ground_truth"))
@@ -385,12 +390,12 @@ class Loops:
         return self._judged(pair)
 
     def seeing(self, pair: Pair) -> Pair:
-        """The pair as it is where the reference sees followers behind the ego as well."""
+        """Return the pair with a reference that also sees followers behind the ego."""
         theirs = self.theirs(pair.scenario, DEFAULT, "ground_truth", sees_behind=True)
         return self._judged(Pair(pair.scenario, pair.ours, theirs))
 
     def alike(self, pair: Pair) -> Pair:
-        """The pair as it is where our loop has the reference's two rules."""
+        """Return the pair with the reference's two rules in our loop."""
         ours = self.own.submit(drive_alike_here, pair.scenario).result()
         return self._judged(replace(pair, ours=ours, judged=Judged()))
 
@@ -445,9 +450,9 @@ def drive_alike_here(path: Path) -> OwnRun:
 
 
 class AsTheReference(Frenetix):
-    """Our planner where it is known to plan by other rules than the reference as it is configured.
+    """Our planner with the known differences of the reference's default configuration.
 
-    It leaves followers behind the ego out of a known future too, and desires the speed that the reference desires.
+    It also leaves followers behind the ego out of a known future, and uses the reference's desired speed.
     """
 
     def __init__(self) -> None:
@@ -460,7 +465,7 @@ class AsTheReference(Frenetix):
 
 
 def judge_here(path: Path, theirs: ReferenceRun) -> Judged:
-    """What our judge says of the states that the reference drove, and how it had foreseen who it met."""
+    """Return our judge's verdict on the reference's motion, and its predictions of the other party."""
     if theirs.steps is None or len(theirs.steps.x_m) < 2:
         return Judged()
     loaded = read_scenario(path)
@@ -480,7 +485,7 @@ def judge_here(path: Path, theirs: ReferenceRun) -> Judged:
 
 
 class _Replay:
-    """A planner that drives the states of a log, and finds no trajectory where it is over."""
+    """A planner that drives the states of a log, and finds no trajectory after its end."""
 
     def __init__(self, log: RunSteps) -> None:
         self._first = log.first_step
@@ -499,7 +504,7 @@ class _Replay:
 
 
 def _missed_m(place: Points, contact: CollisionRecord, plans: Iterable[PlanLog]) -> dict[int, float | None]:
-    """By plan, how far from its recorded place at a contact the obstacle was taken to be."""
+    """Return by plan the distance between the obstacle's predicted and recorded position at a contact."""
     missed: dict[int, float | None] = {}
     for plan in plans:
         if plan.step < contact.step:

@@ -30,7 +30,7 @@ _CONSTRAINTS = {5: "curvature", 6: "yaw_rate", 7: "curvature_rate", 8: "accelera
 
 
 def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:
-    """Drive one planning problem to its end, or to what its loop raises."""
+    """Drive one planning problem to its end, or to an exception of its loop."""
     with tempfile.TemporaryDirectory() as scratch:
         (Path(scratch) / "logs").mkdir()
         (Path(scratch) / "configurations").symlink_to(checkout / "configurations")
@@ -122,7 +122,9 @@ def _watch(planner: Any, plans: list[dict[str, Any]]) -> None:
 
 
 def _met(simulation: Any) -> str:
-    """What its collision check found at the end: ``still`` (the road's edge or a static obstacle) or ``moving``."""
+    """Return what its collision check found at the end: ``still`` (the road's edge or a static obstacle) or
+    ``moving``.
+    """
     from commonroad_dc.collision.trajectory_queries import trajectory_queries
 
     body = simulation.agents[0].collision_objects[-1]
@@ -143,7 +145,7 @@ def _states(recorded: list[Any], behind_m: float) -> dict[str, Any]:
 
 
 def _left_out(folder: Path) -> str:
-    """Why it left the ego out, where it did: it goes on without and keeps the reason in a file."""
+    """Return why it left the ego out, if it did: it continues without it and keeps the reason in a file."""
     files = sorted(folder.rglob("log_failures_agents.csv"))
     if not files:
         return ""

@@ -113,7 +113,7 @@ def _changes(truth: Mapping[str, Any]) -> Iterator[str]:
 
 
 async def _shown(client: Client, line: EvalRequest) -> Weights:
-    """The weights of the preset that a request asks for, as the product lists them; nothing where it asks for none."""
+    """Return the listed weights of the requested preset, empty if the request has none."""
     preset = line.truth["preset"]
     if preset is None:
         return {}
@@ -153,13 +153,13 @@ def _is_exact(truth: Mapping[str, Any], before: Weights, after: Weights, preset:
 
 
 def _moved_to(wanted: Mapping[str, Any], before: Weights, after: Weights) -> bool:
-    """Whether one of the named weights moved as wanted."""
+    """Return True if one of the named weights moved as requested."""
     sign = 1 if wanted["sign"] == "up" else -1
     return any(sign * (after[name] - before[name]) > 0 for name in wanted["any_of"])
 
 
 async def _driven(client: Client, bench: SeededBench, configs: list[str]) -> float:
-    """The share of configurations whose run of one public scenario was driven by MP-RBFN."""
+    """Return the share of configurations with a run of one public scenario by MP-RBFN."""
     if not configs:
         return 0.0
     await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", 1))

@@ -65,7 +65,7 @@ class _Seen:
 
 
 def measure(bench: StreetBench) -> Figures:
-    """Let services and programs answer, and judge what becomes of it."""
+    """Let services and programs answer, and judge the results."""
     folder, seen = bench.folder("answers"), _Seen()
     services = round(_SERVICE_SHARE * bench.answers)
     chance = random.Random(bench.seed)  # noqa: S311 - forged content, no secret
@@ -130,7 +130,7 @@ def _changed(value: Any, chance: random.Random) -> Any:
 
 
 def _places(value: Any, names: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Each part of a value, by the names on the way to it, with what holds it."""
+    """Return each part of a value by its path of names, with its container."""
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, part in parts:
         own = (*names, key if isinstance(key, str) else "*")
@@ -139,7 +139,9 @@ def _places(value: Any, names: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str
 
 
 def is_documented(content: bytes, kind: str) -> bool:
-    """Whether an answer has the form that Nominatim (``search``) or Overpass documents, read by this module alone."""
+    """Return True if an answer has the documented form of Nominatim (``search``) or Overpass, by this module's
+    reading.
+    """
     try:
         told = json.loads(content)
     except (ValueError, RecursionError):
@@ -194,7 +196,7 @@ def _is_degree(value: Any) -> bool:
 
 
 def sound_places(name: str) -> list[dict[str, Any]]:
-    """What Nominatim answers for a town."""
+    """Return Nominatim's answer for a town."""
     south, west = _NEAR
     return [
         {
@@ -216,7 +218,7 @@ def sound_places(name: str) -> list[dict[str, Any]]:
 
 
 def sound_map() -> dict[str, Any]:
-    """What Overpass answers: a cross of residential streets."""
+    """Return Overpass's answer: a cross of residential streets."""
     south, west = _NEAR
     nodes = [
         {"type": "node", "id": 1 + index, "lat": south + 0.001 * (index - 5), "lon": west} for index in range(11)
@@ -230,7 +232,7 @@ def sound_map() -> dict[str, Any]:
 
 
 class _Services:
-    """A Nominatim and an Overpass on loopback: for one kind of question they answer what they were told."""
+    """A local Nominatim and Overpass that give a prescribed answer to one kind of question."""
 
     def __init__(self) -> None:
         self.said: dict[str, bytes] = {}
@@ -298,7 +300,7 @@ async def _services(folder: Path, count: int, chance: random.Random, seen: _Seen
 
 
 async def _planners(folder: Path, count: int, chance: random.Random, seen: _Seen) -> None:
-    """A program answers what it was told; the run is asked about."""
+    """Let a program give prescribed answers, and query the run."""
     folder.mkdir()
     program = Path(__file__).with_name("told_planner.py")
     planner = CommandPlanner(summary="says what it was told", command=(sys.executable, "-S", str(program), str(folder)))
@@ -342,7 +344,7 @@ _QUESTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 def sound_plan(request: Mapping[str, Any]) -> dict[str, Any]:
-    """What a program answers that drives straight on."""
+    """Return the answer of a program that drives straight on."""
     count = request["last_step"] - request["first_step"] + 1
     ego, step_s = request["ego"], request["step_s"]
     away_m = [ego["speed_mps"] * step_s * index for index in range(count)]
@@ -378,7 +380,7 @@ def forged_plan(sound: dict[str, Any], chance: random.Random) -> bytes:
 
 
 async def _said(client: Client, tool: str, arguments: Mapping[str, Any]) -> str:
-    """What a tool answers, in words; an answer that does not come is none that was expected."""
+    """Return the text of a tool's answer; a missing answer counts as an unexpected one."""
     try:
         with anyio.fail_after(_LIMIT_S):
             result = await client.call_tool(tool, dict(arguments))

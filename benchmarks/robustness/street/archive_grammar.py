@@ -39,7 +39,7 @@ class Draft:
         return [str(record.get("artifact_id")) for record in self.records if record.get("kind") == "run"]
 
     def packed(self) -> bytes:
-        """The archive, with counts and digests of what is in it."""
+        """Return the archive with the counts and digests of its content."""
         lines = [json.dumps(record, ensure_ascii=False).encode() for record in self.records]
         for number, raw in self.raw_lines.items():
             lines[number % len(lines)] = raw
@@ -56,7 +56,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class ForgedArchive:
-    """A forged archive, how it was made, and the ids of the runs that it claims."""
+    """A forged archive, its productions, and the ids of the runs that it claims."""
 
     content: bytes
     productions: tuple[str, ...]
@@ -212,7 +212,7 @@ def _weights_changed(draft: Draft, chance: random.Random) -> None:
 
 
 def _members_lost(draft: Draft, chance: random.Random) -> None:
-    """A batch or search that names what is not there."""
+    """Make a batch or search refer to something missing."""
     record = _draw(draft, chance, chance.choice(["batch", "search"])).get("record")
     for name in ("runs", "scenario_ids", "scenarios"):
         if isinstance(record, dict) and name in record:

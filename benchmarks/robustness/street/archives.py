@@ -131,7 +131,7 @@ async def _make(workspace: Path, scenarios: list[str], is_rich: bool) -> None:
 
 
 def _command(*words: str) -> tuple[int, str]:
-    """The exit code of a command and what it printed; what a defect raised stands there as ``[unexpected]``."""
+    """Return the exit code and the output of a command, with a defect's exception as ``[unexpected]``."""
     result = CliRunner().invoke(application, list(words))
     error = result.exception
     if error is None or isinstance(error, SystemExit):
@@ -175,7 +175,7 @@ async def _ask_about(
     own_runs: list[str],
     brought: list[tuple[str, str]],
 ) -> bool:
-    """Ask tools about an archive that was taken in; whether all that came of it is marked."""
+    """Call tools about an imported archive; return True if all of its content is marked."""
     runs = [artifact_id for kind, artifact_id in brought if kind == "run"]
     others = [(kind, artifact_id) for kind, artifact_id in brought if kind != "run"]
     own: list[tuple[str, dict[str, Any]]] = [

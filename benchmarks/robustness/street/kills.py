@@ -46,7 +46,7 @@ class _Seen:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A command, from and to when it is killed, and of an import the artifacts that it brings, all or none of them."""
+    """A command, the time range of its kill, and for an import its artifacts, which arrive together or not at all."""
 
     name: str
     words: tuple[str, ...]
@@ -148,7 +148,7 @@ def _carry_out(piece: _Piece, workspace: Path, chance: random.Random, seen: _See
 
 
 def _missing(piece: _Piece, before: dict[str, str], after: dict[str, str]) -> list[str]:
-    """In words, what was there and is not, or is another; and what of an import is there in part."""
+    """Describe missing and changed content, and partial imports."""
     gone = [f"{piece.name}: {name} is gone" for name in before.keys() - after.keys()]
     others = [
         f"{piece.name}: {name} is another" for name in before.keys() & after.keys() if before[name] != after[name]

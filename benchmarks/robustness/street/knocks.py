@@ -32,10 +32,10 @@ class Stranger:
     """One address that knocks in every way at once.
 
     Args:
-        host: where the server listens.
-        port: where the server listens.
-        seconds: how long it goes on.
-        chance: source of everything that is drawn.
+        host: address of the server.
+        port: port of the server.
+        seconds: duration.
+        chance: source of all draws.
     """
 
     def __init__(self, host: str, port: int, seconds: float, chance: random.Random) -> None:
@@ -62,7 +62,7 @@ class Stranger:
             await asyncio.sleep(pause_s * self.chance.uniform(0.5, 1.5))
 
     async def send(self, *parts: bytes, pause_s: float = 0.0, wait_s: float = _TAKEN_S) -> str:
-        """Send parts on a connection of its own; what is answered, as a status or in words."""
+        """Send parts on a separate connection, and return the response as a status or text."""
         reader, writer = await asyncio.open_connection(self._host, self._port)
         try:
             for part in parts:
@@ -163,7 +163,7 @@ KINDS: dict[str, Knock] = {
 
 
 def main() -> None:
-    """Knock, and tell what was answered."""
+    """Knock, and print the responses."""
     host, port, seconds, seed = sys.argv[1:]
     stranger = Stranger(host, int(port), float(seconds), random.Random(seed))  # noqa: S311 - no secret
     asyncio.run(stranger.knock())

@@ -42,12 +42,12 @@ _CONTROL, _WAYS = "control", 2
 
 
 def _secret(name: str) -> str:
-    """A secret that stands nowhere else, not even in this program's text."""
+    """Return a secret that occurs nowhere else, not even in this program's text."""
     return hashlib.sha256(f"{name} {os.getpid()}".encode()).hexdigest()
 
 
 def measure(bench: StreetBench) -> Figures:
-    """Let programs look, and search what they saw."""
+    """Let programs look, and search their findings."""
     folder = bench.folder("secrets")
     secrets = {name: _secret(name) for name in (*_KINDS, _CONTROL)}
     anyio.run(_let_them_look, folder, secrets)

@@ -12,7 +12,7 @@ _MOST_BYTES = 1_000_000
 
 
 def parent_of(process: int) -> int:
-    """The process that started another; 0 if it cannot be told."""
+    """Return the parent of a process, or 0 if it is unknown."""
     try:
         return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
     except (OSError, ValueError, IndexError):
@@ -34,7 +34,7 @@ def read(path: Path) -> bytes:
 
 
 def places_of(process: int) -> dict[str, bytes]:
-    """What can be read of a process, by place."""
+    """Return the readable content of a process, by place."""
     base = Path(f"/proc/{process}")
     seen = {f"{process} {name}": read(base / name) for name in ("environ", "cmdline")}
     try:

@@ -46,7 +46,7 @@ _MOST_TOLD = 10
 
 @dataclass
 class _Waits:
-    """What came of the calls of honest clients: how long each took, and whether its answer was right."""
+    """The calls of honest clients: the duration of each, and whether its answer was right."""
 
     seconds: list[float] = field(default_factory=list)
     were_right: list[bool] = field(default_factory=list)
@@ -180,10 +180,10 @@ class _Stranger:
         self._process.wait()
 
     def said(self) -> dict[str, dict[str, int]]:
-        """What it was answered, when it has ended.
+        """Return the stranger's responses once it has ended.
 
         Raises:
-            RuntimeError: it broke.
+            RuntimeError: it failed.
         """
         told, _ = self._process.communicate(timeout=60)
         if self._process.returncode:

@@ -60,13 +60,13 @@ _MODES = {"light": "auto", "dark": "legacy"}
 
 @dataclass(frozen=True)
 class Case:
-    """A tool's call whose page is looked at.
+    """A tool call and its page.
 
     Args:
         name: of the case.
-        tool: that is called.
+        tool: the called tool.
         input: its arguments.
-        kind: of the road user that is clicked on; empty for any.
+        kind: of the road user to click on; empty for any.
     """
 
     name: str
@@ -107,10 +107,10 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def bundle(folder: Path, named_node: str) -> bytes:
-    """The script of the host with all of npm that it needs.
+    """Return the host's script, bundled with its npm packages.
 
     Raises:
-        LeftOut: Node or the packages cannot be had.
+        LeftOut: Node or the packages are not available.
     """
     node, place = node_in(folder / "node", named_node), folder / "packages"
     packages = node.install(place, _PACKAGES, "the bridge", scripts=False)
@@ -122,7 +122,7 @@ def bundle(folder: Path, named_node: str) -> bytes:
 
 
 async def prepared(folder: Path, server_url: str) -> list[Case]:
-    """What is looked at: made and run, so that the host's calls find it."""
+    """Create and run the viewed artifacts, so that the host's calls find them."""
     async with http_client(server_url) as client:
         recorded, *others = await recordings(client, folder)
         generated: dict[str, Any] = {"vehicles": ["truck=2"], "density": "high", "seed": 1}
@@ -144,9 +144,9 @@ async def prepared(folder: Path, server_url: str) -> list[Case]:
 
 
 async def recordings(client: Client, folder: Path) -> list[str]:
-    """Three public recordings, imported from a folder that the server may read; starter scenarios where none is there.
+    """Return three public recordings, imported from a readable folder, or starter scenarios if there are none.
 
-    A checkout alone, as CI has it, comes without public scenarios.
+    A plain checkout, as in CI, has no public scenarios.
     """
     if not shared_scenarios().is_dir():
         sys.stderr.write("no public recordings: starter scenarios stand in for them\n")
@@ -223,7 +223,7 @@ def part(name: str) -> bytes:
 
 
 def _checks(case: Case) -> list[Any]:
-    """What is held against the page of a case, in order."""
+    """Return the checks of a case's page, in order."""
     if case.name == "board":
         return [checks.arrival, checks.filtering, checks.opening]
     if case.name == "refusal":

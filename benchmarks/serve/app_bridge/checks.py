@@ -50,9 +50,9 @@ class View:
     Args:
         page: the host's.
         frame: the page itself.
-        theme: in which the host shows it.
-        keep: keeps a picture of what is seen, under a name; none where no pictures are wanted.
-        patience_s: how long the page has for what a user waits for (chosen).
+        theme: the host's theme.
+        keep: stores a picture of the view under a name, or None.
+        patience_s: the page's time for something that a user waits for (chosen).
     """
 
     page: Page
@@ -62,23 +62,23 @@ class View:
     patience_s: float = 4.0
 
     def comes_true(self, expression: str) -> bool:
-        """Whether something comes true in the page."""
+        """Return True if a condition becomes true in the page."""
         return self.frame.comes_true(expression, self.patience_s)
 
     def is_shown(self, expression: str) -> bool:
-        """The same of what may wait for the server to make the data of a view."""
+        """Do the same for a condition that may wait for the server to create a view's data."""
         return self.frame.comes_true(expression, 10 * self.patience_s)
 
     def host_sees(self, expression: str) -> bool:
-        """Whether something comes true in the host."""
+        """Return True if a condition becomes true in the host."""
         return self.page.comes_true(expression, self.patience_s)
 
     def stands_still(self) -> bool:
-        """Whether the page tells no other size any more."""
+        """Return True if the page stops reporting new sizes."""
         return self.host_sees(_STILL)
 
     def pictured(self, name: str) -> None:
-        """Keep a picture of what is seen when it stands still."""
+        """Store a picture once the view no longer changes."""
         if self.keep is not None:
             self.stands_still()
             self.keep(name)
@@ -164,7 +164,7 @@ def playing(view: View) -> Checks:
 
 
 def looking(view: View) -> Checks:
-    """The view follows the ego, keeps what it shows when the window changes, and takes its colours from the host."""
+    """Check that the view follows the ego, survives a change of the window, and uses the host's colours."""
     view.presses("0")
     view.presses("f")
     centred = (
@@ -201,7 +201,7 @@ def looking(view: View) -> Checks:
 
 
 def choosing(view: View, kind: str = "") -> Checks:
-    """A click on a road user, of a kind where one is named, shows its data and tells the model of it."""
+    """Check that a click on a road user, of a given kind if any, shows its data and reports it to the model."""
     view.frame.press("Home")
     view.presses("0+")
     found: Any = None
@@ -349,7 +349,7 @@ def widening(view: View) -> Checks:
 
 
 def appearing(view: View) -> Checks:
-    """A host may keep its window hidden until there is an answer: then it is seen as if it had never been."""
+    """Check a window that the host hides until there is an answer: it must look as if it had never been hidden."""
     view.page.value("document.getElementById('box').style.display = 'none'")
     result = "host.sent.find(one => one.message.method === 'ui/notifications/tool-result').message.params"
     view.frame.value(f"window.before = {_PLAYER}; undefined")
@@ -365,7 +365,7 @@ def appearing(view: View) -> Checks:
 
 
 def refusing(view: View) -> Checks:
-    """Answers without a view are told in words, and a later one with a view is shown."""
+    """Check that answers without a view appear as text, and a later view is shown."""
     said = "document.body.innerText"
     yield "a refusal is told", view.comes_true(f"{said}.includes('refused')")
     view.page.value("host.bridge.sendToolCancelled({ reason: 'by the user' })")

@@ -26,7 +26,7 @@ _TIMEOUT_S = 120.0
 
 @dataclass(frozen=True)
 class Host:
-    """Where the page of the host and the sandbox are."""
+    """The addresses of the host's page and the sandbox."""
 
     url: str
     sandbox: str
@@ -39,7 +39,7 @@ def host(files: Mapping[str, bytes], sandbox: bytes, server_url: str = "") -> It
     Args:
         files: of the host by name; ``host.html`` is its page.
         sandbox: the page of the sandbox.
-        server_url: where MCP is; empty where the host asks no server.
+        server_url: the address of MCP; empty if the host calls no server.
     """
     with ExitStack() as stack:
         own = stack.enter_context(_listening(files, "", server_url))
@@ -66,7 +66,7 @@ def _listening(files: Mapping[str, bytes], policy: str, server_url: str) -> Iter
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with files, and passes on what is for the server."""
+    """Returns files, and forwards requests for the server."""
 
     files: Mapping[str, bytes] = {}
     policy = server_url = ""

@@ -25,7 +25,7 @@ _KEPT = ("PATH", "LANG", "LC_ALL", "TZ", "TMPDIR")
 
 
 def default_folder() -> Path:
-    """Where environments are kept: ``PLANNERFORGE_HOSTS``, or a folder in the user's cache."""
+    """Return the environments' folder: ``PLANNERFORGE_HOSTS``, or a folder in the user's cache."""
     named = os.environ.get(FOLDER_VARIABLE)
     return Path(named) if named else user_cache_path("plannerforge") / "hosts"
 
@@ -56,21 +56,21 @@ class Installed:
 
 @dataclass(frozen=True)
 class Environments:
-    """Makes and finds the clients' environments.
+    """Creates and finds the clients' environments.
 
     Args:
-        folder: where they are kept.
-        node: a program of Node that is to be used; empty where one is fetched.
+        folder: their folder.
+        node: a Node program to use; empty to fetch one.
     """
 
     folder: Path
     node: str = ""
 
     def installed(self, host: Host) -> Installed:
-        """The environment of a client, made where it is not there.
+        """Return the environment of a client, creating it if necessary.
 
         Raises:
-            LeftOut: it cannot be made here; the message is the installer's reason.
+            LeftOut: it cannot be created here; the message is the installer's reason.
         """
         if host.installer == "pip":
             folder = self._pip(host.name, host.packages)
@@ -111,7 +111,7 @@ def _digest(packages: Sequence[str]) -> str:
 
 
 def _pip_version(folder: Path, package: str) -> str:
-    """The version of a package in an environment; empty where it has none by this name."""
+    """Return the version of a package in an environment, empty if it is not there."""
     wanted = package.partition("[")[0].replace("-", "_").lower()
     found = [path.name for path in folder.glob("lib/python*/site-packages/*.dist-info")]
     named = (name.removesuffix(".dist-info").rpartition("-") for name in found)

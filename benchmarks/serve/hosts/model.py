@@ -34,13 +34,13 @@ Json = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a request to a model holds.
+    """The content of a request to a model.
 
     Args:
-        tools: the names of tools that are offered, with the name space that a protocol may hold them in.
+        tools: names of the offered tools, with a namespace if the protocol has one.
         shown: the answers of tools so far, oldest first.
-        streamed: whether the answer is wanted in pieces.
-        unusable: the address of a picture or file that a service of models could not fetch; it refuses the request.
+        streamed: whether the client wants the answer in pieces.
+        unusable: the address of a picture or file that a model service cannot fetch; the request is refused.
     """
 
     tools: tuple[tuple[str, str], ...]
@@ -71,7 +71,7 @@ class _Reply:
 
 
 class ScriptedModel:
-    """The server: where it is, and what was shown of tools' answers in the request that held most of them."""
+    """The server: its address, and the tools' answers in the request that held the most of them."""
 
     def __init__(self) -> None:
         self.url = ""
@@ -79,7 +79,7 @@ class ScriptedModel:
         self.requests = 0
 
     def reply(self, asked: Asked) -> _Reply:
-        """The next message; a text to a request (for a title, say) that offers none of the server's tools."""
+        """Return the next message; a text if the request offers none of the server's tools (for a title, say)."""
         self.requests += 1
         if len(asked.shown) >= len(self.shown):
             self.shown = asked.shown
@@ -99,7 +99,7 @@ def _offered(move: Move, tools: Sequence[tuple[str, str]]) -> tuple[str, str] | 
 
 
 def _own_name(name: str) -> str:
-    """The server's name of a tool, without what a client put before it."""
+    """Return the server's name of a tool, without a client's prefix."""
     for separator in ("__", ".", ":", "/"):
         name = name.rpartition(separator)[2]
     return name.removeprefix("plannerforge_").removeprefix("plannerforge-")
@@ -188,7 +188,7 @@ def model_application(model: ScriptedModel) -> "Starlette":
 
 @dataclass(frozen=True)
 class _Protocol:
-    """How a request is read, and how a message is written whole and in pieces."""
+    """How to read a request, and how to write a message whole and in pieces."""
 
     read: Callable[[Json], Asked]
     whole: Callable[[_Reply], Json]
@@ -214,7 +214,7 @@ class _Conversation:
         self._shown.append(ShownResult(self._tools.get(str(call_id), ""), text, pictures))
 
     def added(self, content: Any) -> None:
-        """What else the client says: pictures that its protocol does not let stand in the answer."""
+        """Return the client's further content: pictures that its protocol keeps out of the answer."""
         _, pictures = self._flat(content)
         if self._shown and pictures:
             last = self._shown[-1]
@@ -245,7 +245,7 @@ class _Conversation:
 
 
 def _unusable_address(content: Json) -> str:
-    """The address in a picture or file that is neither on the web nor data; empty where there is none."""
+    """Return the address of a picture or file that is neither on the web nor data, empty if there is none."""
     places = [content.get(name) for name in ("url", "image_url", "file_url", "source")]
     places += [place.get("url") for place in places if isinstance(place, dict)]
     texts = [place for place in places if isinstance(place, str)]

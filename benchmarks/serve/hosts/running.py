@@ -37,7 +37,7 @@ _LOG_TAIL = 1500
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Install what is missing, take each client through the story, judge."""
+    """Install missing clients, run each through the story, and judge."""
     environments = Environments(bench.environments or default_folder(), bench.node)
     records = [_record(host, environments, bench) for host in chosen_hosts(bench.hosts)]
     sys.stderr.write(f"\n{table_of(records)}\n")
@@ -93,7 +93,7 @@ def _story_run(host: Host, installed: Installed, bench: ServeBench, transport: T
 
 
 def _server_by_stdio(workspace: Path, copy: Path, settings: Mapping[str, str]) -> dict[str, Any]:
-    """The server as a client starts it, with what keeps a copy of all lines before it."""
+    """Return the server's command for a client, behind a relay that copies all lines."""
     server = [sys.executable, "-P", "-m", "plannerforge", "serve", "--workspace", str(workspace)]
     paths = {"PYTHONPATH": os.environ["PYTHONPATH"]} if os.environ.get("PYTHONPATH") else {}
     variables = {**QUIET, **paths, **settings}
@@ -101,7 +101,7 @@ def _server_by_stdio(workspace: Path, copy: Path, settings: Mapping[str, str]) -
 
 
 def _driven(host: Host, installed: Installed, folder: Path, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What a driver reports; ``failure`` says how it ended where it did not end well."""
+    """Return a driver's report; ``failure`` says how it ended if it failed."""
     task, report = folder / "task.json", folder / "report.json"
     given = {"url": "", "report": str(report), "packages": str(installed.folder / "node_modules" / "x"), **given}
     task.write_text(json.dumps(given), encoding="utf-8")

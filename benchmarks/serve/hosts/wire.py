@@ -21,7 +21,7 @@ _META = "io.modelcontextprotocol/"
 
 @dataclass(frozen=True)
 class WireFacts:
-    """What was seen of a client: revision, name with version, whether it asked for progress, notes that it was sent."""
+    """Observations of a client: revision, name with version, whether it requested progress, notes sent to it."""
 
     revision: str = ""
     client: str = ""
@@ -30,7 +30,7 @@ class WireFacts:
 
 
 def wire_facts(copy: Path) -> WireFacts:
-    """What a copy shows; empty where there is none. Of several sessions the last one counts."""
+    """Return the content of a copy, empty if there is none. The last of several sessions counts."""
     facts = WireFacts()
     for sender, message in _messages(copy):
         parameters, result = message.get("params") or {}, message.get("result") or {}

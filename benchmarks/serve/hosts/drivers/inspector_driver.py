@@ -12,7 +12,7 @@ CONFIG = Path("mcp.json")
 
 
 def next_move(tools: list[str], shown: list[Any]) -> Any:
-    """What the story does next, after what was shown."""
+    """Return the story's next step after what was shown."""
     body = json.dumps({"tools": tools, "shown": shown}).encode()
     request = urllib.request.Request(f"{TASK['model']}/story", body, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request) as answer:

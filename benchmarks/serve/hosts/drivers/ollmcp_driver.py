@@ -22,7 +22,7 @@ if child == 0:
 
 
 def read_until(words: str, seconds: float) -> str:
-    """What the screen shows until some words stand on it, or the time is over."""
+    """Return the screen's text until it shows some words, or the time is over."""
     shown, end = "", time.monotonic() + seconds
     while time.monotonic() < end:
         if select.select([terminal], [], [], 1.0)[0]:
