@@ -63,7 +63,7 @@ MISBEHAVIOURS: Mapping[str, tuple[str, ...]] = {
     "a call written as text": ("written_as_text", "stays_text"),
     "a claim that a call was made": ("claim",),
 }
-"""Kinds of misbehaviour, and words in the names of the tests that stand for each."""
+"""Kinds of misbehaviour, and words in the names of the tests for each."""
 
 
 def main() -> None:

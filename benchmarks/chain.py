@@ -72,11 +72,11 @@ from .selection.pages import search_ms
 from .selection.speed import make_catalog
 
 CARS = (20, 80, 140, 300)
-"""Sizes that are measured; growth is from the least to the largest."""
+"""Measured sizes; growth is from the smallest to the largest."""
 TABLE_CARS, CHAIN_CARS = 140, 80
-"""Of these the table and the chain."""
+"""Sizes for the table and the chain."""
 _A_FOLDER = 1_000
-"""Files that are imported by one call."""
+"""Number of files for one import call."""
 CONFIGS = ("frenetix:Default", "frenetix:Safety-Conservative")
 WORKERS = 2
 Times = dict[str, float]

@@ -41,11 +41,11 @@ from plannerforge.workflows.context import Services, WorkflowContext
 
 Content = TypeVar("Content", bound=Model)
 Bench = TypeVar("Bench")
-"""What the parts of a benchmark are given."""
+"""The input of the parts of a benchmark."""
 _POLL_S = 50
-"""For which the server is asked to wait for a job: the most that it accepts."""
+"""Requested waiting time for a job: the most that the server accepts."""
 Figures = Mapping[str, float | int | str]
-"""What a benchmark measured, by the keys that its module explains."""
+"""A benchmark's measurements, by the keys that its module explains."""
 
 
 def print_figures(

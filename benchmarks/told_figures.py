@@ -18,10 +18,11 @@ from typing import Any
 NAME_KEYS = frozenset(
     ["unit", "source", "label", "name", "before", "after", "planner_version", "config_name", "reason", "next_step"]
 )
-"""Fields in which a digit is no figure of the answer: names, what was stored with a run, and the next call."""
+"""Fields with digits that are no figures of the answer: names, data stored with a run, and the next call."""
 CONSTANTS = (0.0, 5.0, 10.0, 95.0)
-"""What texts say and no field holds: the ends of the scale of risk scores, the seconds that measures look ahead, the
-points by which rates have to differ at least (``docs/statistics.md``), and the level of every interval in percent."""
+"""Figures in texts that no field holds: the ends of the risk scale, the seconds that measures look ahead, the least
+difference of rates in points (``docs/statistics.md``), and the level of every interval in percent.
+"""
 _FIGURE = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _BETWEEN = re.compile(r"(?<!\d),|,(?!\d{3}(?!\d))|\.\.|[.?!](?=\s|$)|[\s()\[\]{};\"'“”‘’|<>=≥≤≈×→–/…:%*~&#·]+")
 

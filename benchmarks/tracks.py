@@ -11,7 +11,7 @@ from plannerforge.engine.geometry import Points, Values
 from plannerforge.engine.vehicles import Motion, check_drivability, nearest_class
 
 _LEAST_SIZE_M = 0.01
-"""What is left of a body that is made smaller by more than its size."""
+"""Remaining size of a body that is reduced by more than its size."""
 
 
 def directions(headings_rad: Values) -> Points:

@@ -41,7 +41,7 @@ PARTS: Parts[SeededBench] = Parts(
         "questions": ("questions_answered",),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 
 
 if __name__ == "__main__":

@@ -27,9 +27,9 @@ from ..harness import Figures, SeededBench, ask, ask_to_the_end, attempted_runs,
 from .public_runs import DEFAULT, PREDICTION, import_public, public_folder, public_server
 
 ENOUGH = 30
-"""Changes told to help after which no more are asked for (the issue's number)."""
+"""Helpful changes after which the search stops (chosen)."""
 HALF = 40
-"""Scenarios that are run of either half of the roads, at most (chosen)."""
+"""Largest number of scenarios for either half of the roads (chosen)."""
 SPOILED = (
     "velocity_offset=0",
     "prediction=20",
@@ -56,7 +56,7 @@ SPOILED = (
     "lateral_jerk=5",
     "responsibility=10",
 )
-"""One weight of the default moved far enough that some scenarios fail (chosen), those that fail most first."""
+"""One weight of the default, changed enough that some scenarios fail (chosen), most failures first."""
 
 
 @dataclass(frozen=True)

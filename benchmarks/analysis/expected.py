@@ -25,7 +25,7 @@ from .recomputed import METRICS, Costs, Pairs, correlation, goal, holm, late_bec
 from .trivial import problem_of, truth
 
 LATE = ("timeout", "goal_late")
-"""Outcomes of runs that came too late, or not at all in time."""
+"""Outcomes of runs that were late or never arrived."""
 _FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
 _OWN = {
     "stood_without_cause": ("stood_at_green", "stood_without_cause"),
@@ -37,7 +37,7 @@ _WORKS_AGAINST = {
     **dict.fromkeys(("lane_center_offset", "distance_to_reference_path"), ("off_road",)),
     **dict.fromkeys(("velocity_offset", "velocity"), LATE),
 }
-"""By weight, the failures that it works against (``docs/analysis.md``)."""
+"""The failures that each weight works against (``docs/analysis.md``)."""
 _OF_ALL_CONFIGURATIONS = ("harder_group", "hard_scenarios")
 
 
@@ -80,7 +80,7 @@ class Tally:
 
 
 _NO_STATEMENTS = frozenset(["next_offset", "obstacle_id", "also_touched", "flips_asked"])
-"""Numbers that are ids, or that repeat what was asked."""
+"""Numbers that are ids, or that repeat the request."""
 
 
 class Expected:

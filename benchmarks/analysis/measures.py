@@ -62,12 +62,12 @@ RESOLUTION = {
     "crossing time_to_brake_s": 0.02,
     "crossing time_to_react_s": 0.02,
 }
-"""Largest difference beside 1 %, of what the product looks for on a grid of times."""
+"""Largest difference, in addition to 1 %, of values that the product searches on a grid of times."""
 EACH = 40
 """Encounters of each kind."""
 EGOS_A_FILE, FEWEST_STEPS = 3, 20
 SHORT_M = 0.01
-"""Length of the bodies on which worst times are compared: we cover a body by three discs, CriMe has the middle one."""
+"""Length of the bodies for comparing worst times: we cover a body by three discs, CriMe uses the middle one."""
 STRAIGHT_RAD = math.radians(1.0)
 CRIME_DIGITS = {
     "leader_time_to_collision_s": 0.005,
@@ -76,7 +76,7 @@ CRIME_DIGITS = {
     "minimum_time_gap_s": 0.005,
     "minimum_distance_m": 0.005,
 }
-"""Half of the last digit that CriMe gives; of the time gap, that of the gap in m."""
+"""Half of CriMe's last digit; for the time gap, that of the gap in m."""
 _REQUIREMENTS, _DRIVER = (Path(__file__).with_name(f"crime_{name}") for name in ("requirements.txt", "driver.py"))
 
 
@@ -256,7 +256,7 @@ def told_of(
 _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps")
 _NOTHING: dict[str, Any] = dict.fromkeys(RunMetrics.model_fields)
 _NOTHING_STORED = RunMetrics.model_construct(**_NOTHING)
-"""So that every value is that of the analysis: a stored one would be told as it is."""
+"""Disables stored values, so that the analysis computes every value."""
 
 
 def _following(choice: random.Random) -> Made:
@@ -416,7 +416,7 @@ def _conflict(choice: random.Random) -> Made:
 
 
 _Places = tuple[Any, Any]
-"""How far ahead and aside the ego is, by times."""
+"""The ego's distance ahead and to the side, by times."""
 
 
 def _brakes(speed: float, t: Any, begin: float) -> _Places:
@@ -541,7 +541,7 @@ def against_crime(bench: SeededBench) -> tuple[Tally, int]:
 
 
 MOST_FILES = 80
-"""Public files that are looked at (chosen): some have no vehicle that follows another."""
+"""Number of public files (chosen): some have no vehicle that follows another."""
 
 
 def prepared_environment() -> Path:
@@ -618,7 +618,7 @@ _OF_LEADER = {
     "brake_threat_number": "threat",
     "minimum_time_gap_s": "gap_m",
 }
-"""Our measures of the leader, and what the driver calls CriMe's."""
+"""Our measures of the leader, and the driver's names of CriMe's."""
 
 
 def _compare(path: Path, recorded: _Recorded, crime: _Crime, tally: Tally, folder: Path) -> None:

@@ -32,7 +32,7 @@ from ..harness import Figures, SeededBench, share
 
 BATCHES, PLANTED = 1000, 300
 _LOGIT, _SCENARIO, _PREDICTION, _GAIN = 1.0, 1.7, 0.6, 1.4
-"""Mean, deviation of scenarios and of predictions on the logit scale; what a planted configuration gains."""
+"""Mean, deviation of scenarios and of predictions on the logit scale; the gain of a planted configuration."""
 _PREDICTIONS: tuple[Prediction, ...] = ("constant_velocity", "ground_truth")
 _CONFIGS = ("cfg_a", "cfg_b")
 

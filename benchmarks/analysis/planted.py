@@ -46,7 +46,7 @@ _WEIGHTS = {"prediction": 0.2, "velocity_offset": 1.0, "distance_to_reference_pa
 _GUARDED: Mapping[str, Outcome] = {"prediction": "collision", "velocity_offset": "timeout"}
 _ROAD_M = 1200.0
 Cause = str
-"""``weight NAME``, ``blind``, ``class truck``, ``slower``, ``late``, or empty for none."""
+"""``weight NAME``, ``blind``, ``class truck``, ``slower``, ``late``, or empty."""
 
 
 @dataclass

@@ -17,7 +17,7 @@ from ..harness import SeededBench, finished_batch, import_scenarios, read_run_fi
 DEFAULT, SAFETY = "frenetix:Default", "frenetix:Safety-Conservative"
 PREDICTION = "constant_velocity"
 COMPARED = 40
-"""Scenarios on which two configurations are compared (chosen: a minute of runs)."""
+"""Scenarios for comparing two configurations (chosen: a minute of runs)."""
 _FOLDER, _DONE = "public", "imported"
 
 

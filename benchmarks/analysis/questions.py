@@ -51,7 +51,7 @@ _ROUTED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "rt-d-092": ("batches", ("success", "metrics")),
     "rt-d-096": ("batches", ("success", "metrics")),
 }
-"""By line: what the question is about, and what it asks for."""
+"""By line: the subject of the question, and its requests."""
 _DETAIL = {
     "cost_terms": "costs",
     "correlation": "findings",
@@ -59,7 +59,7 @@ _DETAIL = {
     "ranking": "rows",
     "span": "timeline",
 }
-"""What else than the summary a client asks for, by what the user asks for."""
+"""The detail that a client requests in addition to the summary, by the user's request."""
 _SPAN = (2.0, 4.0)
 _COMPARE_WORDS = {"cost": "cost", "distance": "distance", "ttc": "time", "safer": "safety"}
 
@@ -319,4 +319,4 @@ _OF_RUNS = {
     "ttc": "minimum_time_to_collision_s",
     "min_distance": "minimum_distance_m",
 }
-"""The metric of a run that answers what is asked for."""
+"""The metric of a run that answers the request."""

@@ -36,12 +36,12 @@ METRICS = {
     "maximum_steering_rate_radps": (0.001, "reached"),
     "mean_total_cost": (0.0, "reached"),
 }
-"""By the name of the metric: what is equal, and over which pairs it is compared."""
+"""By metric: its tolerance for equality, and the pairs over which it is compared."""
 Z = float(norm.ppf(0.975))
 CAR_MPS2, CAR_TOP_MPS = 11.5, 50.8
 """The largest acceleration and speed of vehicle 2 of CommonRoad's vehicle models (3.0.2), the ego of public runs."""
 Trial = tuple[str, float]
-"""A scenario, and what came out."""
+"""A scenario and its result."""
 
 
 def goal(record: RunRecord) -> bool:

@@ -23,7 +23,7 @@ from ..harness import SeededBench, ask, finished_batch
 from .public_runs import PREDICTION, RawRuns, public_batch, public_server, raw_runs
 
 SECOND_PLANNER = "idm:Default"
-"""Keeps its lane and gives way, so that it collides where Frenetix does not."""
+"""Keeps its lane and yields, so that it collides in cases in which Frenetix does not."""
 Array = NDArray[np.float64]
 
 

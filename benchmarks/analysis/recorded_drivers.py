@@ -26,7 +26,7 @@ FINE_S, FOLLOWED_S, STANDS_MPS = 0.02, 30.0, 0.1
 BRAKED_OVER_S, BRAKED_MPS2 = 0.5, 1.0
 """A road user brakes at the end of its track if it slowed down by more than 1 m/s² over the last half second."""
 VARIANTS = ((0.0, 0.0), (0.1, 0.0), (-0.1, 0.0), (0.0, 0.2), (0.0, -0.05))
-"""By how much the others are larger on every side in m, and how much later the driver responds in s."""
+"""Enlargement of the others on every side in m, and delay of the driver's response in s."""
 
 
 class _Hidden(Exception):

@@ -41,9 +41,9 @@ from ..harness import Figures, SeededBench, share
 STEP_S, LENGTH_M, WIDTH_M, LANE_M = 0.1, 4.5, 1.8, 3.5
 ALIKE = 0.02
 EAST, CROSS, AWAY, NORTH, UP, FARTHER, WEST, BACK, HOME, LEFT = range(1, 11)
-"""Lanelets: the ego's approach, way across and away; those of one from the right; of an oncoming one; a left turn."""
+"""Lanelets: the ego's approach, crossing and exit; traffic from the right; oncoming traffic; a left turn."""
 SOUTH, DOWN = 11, 12
-"""Lanelets of one who comes from the left."""
+"""Lanelets of traffic from the left."""
 Signs = dict[int, TrafficSignIDGermany]
 
 
@@ -395,7 +395,7 @@ def told_of(case: Case) -> tuple[bool, bool]:
 
 
 _BESIDE = ("R_G3", "R_L1", "R_IN1", "R_IN2", "R_IN3", "R_IN4", "R_IN5")
-"""Rules that a drive about another one has no occasion to break: all but those about leaders and braking."""
+"""Rules that a drive about another one cannot break: all but those about leaders and braking."""
 
 
 def compared(seed: int, each: int) -> Figures:

@@ -48,7 +48,7 @@ from .public_runs import PREDICTION, public_folder, public_server, raw_runs
 SCENARIOS = 62
 PLANNERS = ("frenetix:Default", "mp-rbfn:Default", "idm:Default")
 _SAME = 1e-3
-"""Share of the steering rate that is rounding: planners meet limits."""
+"""Share of the steering rate allowed for rounding, because planners use their limits fully."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from ..harness import Figures, SeededBench, ask, share
 from .public_runs import public_batch, public_server, raw_runs
 
 STANDING_MPS, STOOD_M = 0.5, 0.5
-"""An ego that begins slower stands; one that drove less has stood."""
+"""An ego with a lower initial speed stands; one that drove less has stood."""
 
 
 def truth(problem: PlanningProblem, steps: RunSteps) -> str | None:

@@ -36,7 +36,7 @@ from .places import measure_places
 from .recording import Call, Recorded, answer_to, opened, read_recording, record, summary_of, written
 
 _SCENARIOS = 12
-"""Public scenarios whose sheet is asked; always the same ones."""
+"""Public scenarios for the sheets, always the same ones."""
 _FAULTY_SCENARIO = "ZAM_Zip-1_6_T-1"
 
 

@@ -146,7 +146,7 @@ SEARCHES: tuple[Mapping[str, Any], ...] = (
     {"city": "Lohmar", "country": "DEU"},
     {"tags": ["intersection"], "obstacles": ["bus>=3"]},
 )
-"""Conditions whose matches the judge counts from the files."""
+"""Conditions with matches that the judge counts from the files."""
 
 GENERATIONS: tuple[Mapping[str, Any], ...] = (
     {"place": "Musterstadt", "scenario_type": "signalised_intersection"},

@@ -21,7 +21,7 @@ from plannerforge.evals.scoring.files import Body, SceneFile, StoredRun, World
 from ..told_figures import agrees, figures_in, unknown_in_text
 
 _SLACK_M = 0.75
-"""A body's centre may lie this far outside a lanelet that it is on, as the matching to lanes has it (chosen)."""
+"""Distance that a body's centre may be outside its lanelet, as in the matching to lanes (chosen)."""
 _ARTIFACT = re.compile(r"\b(?:run|cfg|batch|search)_[0-9a-f]{12}\b")
 Fields = Mapping[str, Any]
 

@@ -24,7 +24,7 @@ from ..harness import shared_folder
 
 _CASES = Path(__file__).parent / "places.tsv"
 _LARGEST_AREA_DEG = 0.1
-"""Height of the largest box that may be taken for a town or a part of one: 11 km (chosen)."""
+"""Height of the largest box that may represent a town or a part of one: 11 km (chosen)."""
 
 
 @dataclass(frozen=True)

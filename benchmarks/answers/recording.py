@@ -34,14 +34,14 @@ CORPORA = ("selection", "tuning", "modification", "generation", "routing", "e2e"
 _MODIFICATION = ("T", "B", "P", "G", "composite")
 _WAIT_S = 50
 _MOVED = {"up": "+0.3", "down": "*0.5"}
-"""What stands for a direction without a value (chosen)."""
+"""The change for a direction without a value (chosen)."""
 _DETAILS = {
     "cost_terms": "costs",
     "recommendation": "findings",
     "correlation": "findings",
     "failure_reason": "timeline",
 }
-"""The detail of analyze_results that belongs to what a turn asks."""
+"""The detail of analyze_results that fits a turn's request."""
 Arguments = Mapping[str, Any]
 
 
@@ -202,7 +202,7 @@ _ROUTED: Mapping[str, Call] = {
     "batch_analysis": Call("analyze_results", {"results": ["latest_batch"]}),
     "vehicle_mod": Call("describe_scenario", {"scenario_id": "ZAM_Zip-1_6_T-1", "detail": "vehicles"}),
 }
-"""What stands for a class of requests without written arguments; an edit begins with a look at the vehicles."""
+"""The call for a class of requests without written arguments; an edit begins with a look at the vehicles."""
 
 
 def _map_names() -> frozenset[str]:

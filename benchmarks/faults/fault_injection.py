@@ -19,7 +19,7 @@ from plannerforge.schemas.planning import RunRequest, RunResponse
 
 RunOperation = Operation[RunRequest, RunResponse]
 _HANG_LIMIT_S = 4.0
-"""Time limit of a run that is to hang (chosen): short, because it is always waited for."""
+"""Time limit of a hanging run (chosen): short, because the bench always waits for it."""
 
 
 def hang(request: RunRequest, report: ProgressReporter) -> RunResponse:

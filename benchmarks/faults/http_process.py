@@ -15,7 +15,7 @@ from mcp.types import CONNECTION_CLOSED, ErrorData, JSONRPCError
 
 _TIMEOUT_S = 120.0
 _STOP_S = 60.0
-"""How long a client waits for an answer, and the server has to end; chosen."""
+"""Time limits for an answer, and for the end of the server (chosen)."""
 QUIET = {"PLANNERFORGE_MAPS_ONLINE": "offline"}
 
 

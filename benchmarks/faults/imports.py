@@ -43,11 +43,11 @@ from ..harness import existing, print_figures, shared_scenarios
 _KILLS, _FILES, _SEED = 30, 40, 20261121
 _MODEL = "hashes"
 _ALL = 1_000_000
-"""More artifacts than a test workspace holds."""
+"""A number larger than the artifacts of any test workspace."""
 _LATEST_S = 0.4
-"""Longest time from the moment at which the chosen file was stored to the kill (chosen)."""
+"""Longest delay of the kill after the chosen file is stored (chosen)."""
 _GUARD_S = 300.0
-"""Longest time for which a server is waited for (chosen): an import of 40 files takes seconds."""
+"""Longest wait for a server (chosen): an import of 40 files takes seconds."""
 
 
 @dataclass

@@ -47,17 +47,17 @@ from .imports import store_disagreements
 from .processes import MARK, alive, command_of, descendants, kill, marked, remaining
 
 _SEED, _SERVERS, _BASES, _COPIES = 20261122, 2, 3, 4
-"""Of the scenarios that a load imports: how many are real, and copies of each under an id of its own (chosen)."""
+"""Number of real scenarios for a load, and of copies of each under unique ids (chosen)."""
 _LARGEST_BYTES = 400_000
-"""Files of the load; chosen: reading is most of the time of a short run."""
+"""Largest size of a load's file in bytes (chosen): reading is most of the time of a short run."""
 _LATEST_S = 10.0
-"""Longest time from the first worker of a server to the kill (chosen)."""
+"""Longest delay of the kill after a server's first worker (chosen)."""
 _GUARD_S = 900.0
-"""Longest time for which an undisturbed load is waited for (chosen): it takes less than a minute."""
+"""Longest wait for an undisturbed load (chosen): it takes less than a minute."""
 _ALL = 1_000_000
 _STORED = {"scenario": ("scenario.xml",), "config": ("config.yaml",), "run": ("steps.json", "timing.json"), "batch": ()}
 _OWN_FAULTS = tuple(f"[{error.code}]" for error in (WorkerFailure, WorkerTimeout))
-"""Errors that a killed worker explains: the call is made again."""
+"""Errors that a killed worker explains, after which the call is repeated."""
 
 
 @dataclass

@@ -50,22 +50,22 @@ from .fault_injection import CRASH, HANG, FaultInjector, RunOperation
 from .processes import workers_of_this_process
 
 _SCENARIOS, _CONFIGS, _FAULTY_CONFIGS = 10, 20, 4
-"""Of a grid, and the configurations with which the runs that hang or crash are tried (chosen)."""
+"""Size of a grid, and the number of configurations for the runs that hang or crash (chosen)."""
 _FAULTS_A_GRID = 15
-"""Faults that strike while a grid is carried out (chosen)."""
+"""Number of faults during a grid (chosen)."""
 _PLANNERS = {
     "frenetix:Default": (["prediction", "velocity_offset", "lateral_jerk"], ["sampling_level=1", "replan_steps=5"]),
     "idm": (["time_headway_s", "minimum_gap_m"], ["horizon_s=2"]),
 }
-"""Base configurations with the weights that are drawn and the settings that make their runs short."""
+"""Base configurations with the drawn weights and the settings for short runs."""
 _FAULTS = {"worker_killed": 12, "server_killed": 3, "disk_full": 4}
 """Every kind of fault with its share among all."""
 _FULL_AT_BYTES = 1024
-"""A server with this limit on the size of its files cannot write its database or a run: a full disk, as it sees it."""
+"""With this limit on file sizes a server cannot write its database or a run, as on a full disk."""
 _FULL_FOR_S, _BETWEEN_FAULTS_S = (0.3, 1.5), (1.0, 5.0)
-"""From and to: drawn times of a full disk and between two faults (chosen)."""
+"""Ranges of the drawn times of a full disk and between two faults (chosen)."""
 _MOST_CALLS = 40
-"""After these a grid counts as one that never gets whole (chosen)."""
+"""Number of calls after which a grid counts as incomplete (chosen)."""
 
 
 @dataclass

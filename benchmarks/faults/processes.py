@@ -6,9 +6,9 @@ from collections.abc import Callable
 import psutil
 
 MARK = "PLANNERFORGE_BENCH_MARK"
-"""The variable by which whatever a server starts is known: it is inherited."""
+"""An inherited variable that identifies all descendants of a server."""
 _GONE_WITHIN_S = 10.0
-"""What was killed, and what it had started, has ended within this time (chosen)."""
+"""Time within which a killed process and its descendants must end (chosen)."""
 
 
 def marked(mark: str, but_pid: int) -> list[psutil.Process]:

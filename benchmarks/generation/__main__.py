@@ -53,9 +53,9 @@ from .fresh import measure_fresh
 
 Item = TypeVar("Item")
 REQUESTS, MISSING = 200, 40
-"""Requests that can be met, and ones for a type of site that is not there."""
+"""Number of feasible requests, and of those for a missing type of site."""
 SEEDS_APART = 100
-"""Between the seeds of two requests: more than scenarios of one."""
+"""Distance between the seeds of two requests: larger than the number of scenarios of one."""
 
 
 def _main() -> None:

@@ -46,9 +46,9 @@ from .figures import DEFECT, Made, Stages, print_verdict
 from .motion import measure_motion
 
 _CHECKED_TRACKS = 3
-"""Of each scenario (chosen): a check takes half a second."""
+"""Tracks checked for each scenario (chosen): a check takes half a second."""
 _BEYOND_MAP_DEG, _BEYOND_BOX_DEG = 0.01, 0.0001
-"""A map's roads lead beyond its bounds; in a box that was asked for, only rounding is let pass (10 m)."""
+"""Tolerance of a map's bounds, because its roads extend beyond them; a requested box allows only rounding (10 m)."""
 
 
 @dataclass

@@ -15,11 +15,11 @@ from .motion import MotionFigures
 
 _VERDICTS = ("executable", "road_type", "vehicles", "place")
 DEFECT = "defect: "
-"""Begins the fault of a scenario at which something else than a refusal was raised."""
+"""Prefix of a fault for an exception other than a refusal."""
 READING = "reading the map"
 """The message with which a generation reports that stage."""
 PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
-"""Shares of collisions that the paper states for its own scenarios and for those of Scenario Factory 2.0."""
+"""The paper's shares of collisions for its own scenarios and for those of Scenario Factory 2.0."""
 
 
 @dataclass

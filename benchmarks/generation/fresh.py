@@ -33,13 +33,13 @@ from .cases import Session, make_all
 from .figures import DEFECT, Made, motion_figures
 
 WHOLE_M = 5_000.0
-"""Around the middle road, which holds a fresh map; a mutated one may reach round the world (chosen)."""
+"""Radius around the middle road, which contains a fresh map; a mutated one may span the world (chosen)."""
 _EGOS = ("first", "first", "type:car", "index:0", "index:1")
-"""Egos that are drawn (chosen): every site has two cars."""
+"""Drawn egos (chosen): every site has two cars."""
 _MOST_OF_A_CLASS = 2
-"""Vehicles of a drawn class, at most (chosen): a box of 500 m has room for so many."""
+"""Largest number of vehicles of a drawn class (chosen): a box of 500 m has room for them."""
 _LOST = re.compile(r"(\d+) site\(s\) lost when the road network is built")
-"""In a note or refusal: how many sites were passed over, because the built network does not show them."""
+"""Matches the number of skipped sites in a note or refusal, which the built network does not show."""
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from pathlib import Path
 from plannerforge.schemas.errors import PlannerForgeError
 
 SHORTEST_S = 0.05
-"""Times below say more about what is done once than about growth (chosen)."""
+"""Below this, one-time work dominates growth (chosen)."""
 _UPPER_SIZES = 3
-"""The largest sizes, doubled twice, through which the slope is taken (chosen): below, constants weigh more."""
+"""Number of largest sizes for the slope (chosen): constants dominate smaller ones."""
 _LONGEST_S = 8.0
-"""A work that takes longer is done once for its size (chosen)."""
+"""Work that takes longer is done once per size (chosen)."""
 
 Work = Callable[[], object]
 

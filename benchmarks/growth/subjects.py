@@ -189,7 +189,7 @@ _ON_SCENARIOS: dict[str, OnFile] = {
 }
 _Draw = Callable[[Path, int], Path]
 _ROAD = 32
-"""Crossings of the roads on which vehicles and states are doubled (chosen): 192 lanelets, 3.8 km."""
+"""Crossings of the roads for doubled vehicles and states (chosen): 192 lanelets, 3.8 km."""
 _AXES: dict[str, tuple[_Draw, tuple[int, ...]]] = {
     "vehicles": (lambda path, size: town(path, crossings=_ROAD, vehicles=size, steps=20), _doubled(50)),
     "lanelets": (lambda path, size: town(path, crossings=size, vehicles=20, steps=20), _doubled(50)),
@@ -382,4 +382,4 @@ SUBJECTS: tuple[Subject, ...] = (
     Subject("arguments: ids of a grid", _doubled(250), _arguments(RunPlannerArguments, scenarios=_ids)),
     Subject("arguments: wrong edits", _doubled(100), _arguments(ModifyScenarioArguments, edits=_wrong_edits)),
 )
-"""In the order in which they are measured; the sizes begin where an input takes about 50 ms, where limits allow it."""
+"""In the order of measurement; the sizes start at an input that takes about 50 ms, if limits allow it."""

@@ -28,7 +28,7 @@ PARTS: Parts[SeededBench] = Parts(
         "headlines": ("headlines_right",),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each part owes."""
+"""The parts in the order of measurement, and the keys that each part owes."""
 
 
 if __name__ == "__main__":

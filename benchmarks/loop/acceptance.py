@@ -25,7 +25,7 @@ from .official import JudgedRun, official_verdict, runs
 
 _PLANNERS = ("frenetix:Default", "idm:Default")
 _CHANGED = 5
-"""Changed motions of each driven one: 2 planners, 191 scenarios, 1 + 5 motions are 2,292."""
+"""Variants of each driven motion: 2 planners, 191 scenarios, 1 + 5 motions are 2,292."""
 Column = NDArray[np.float64]
 
 

@@ -55,7 +55,7 @@ from plannerforge.workflows.operations import RUN_PLANNER
 from ..harness import Figures, drawn, existing, print_figures
 
 _HEAD_BYTES = 4000
-"""The root element of a scenario file ends within these."""
+"""Length of a file's beginning that contains the root element of a scenario."""
 _OTHER_XML = (".net.xml", ".rou.xml", ".add.xml", ".edg.xml", ".nod.xml", ".con.xml", ".typ.xml")
 """SUMO files that accompany interactive scenarios."""
 _SOURCES = {
@@ -65,10 +65,10 @@ _SOURCES = {
     "sumo": "SUMO",
     "synthesis": "hand-crafted",
 }
-"""Words of a file's ``source``, and the kinds that they mean; of several the first."""
+"""Words in a file's ``source`` and their kinds; the first match counts."""
 _TOLD_EVERY = 50
 DEFAULT_PLANNERS = ("frenetix", "mp_rbfn", "idm", "fiss")
-"""Those that plan; the reference drivers can be named."""
+"""The default planners; the reference drivers can be requested by name."""
 AUTHORS = "280"
 """The turn of the scenarios of FISS's authors, in rows and tables."""
 _AUTHORS_SETTINGS = ("vehicle=3", "replan_steps=1", "horizon_s=5", "sampling_level=1")

@@ -93,18 +93,18 @@ _BY_WORD = {truth.word: truth for truth in TRUTHS}
 _CAR, _TRAILER = _BY_WORD["car"], _BY_WORD["trailer"]
 _TRACTOR = replace(_TRAILER, length=5.1)
 SPOKEN = {"truck": "lorry", "trailer": "semi-trailer", "motorcycle": "motorbike", "taxi": "cab"}
-"""Other words that people have for a class, which half of the requests use."""
+"""Other words for a class, which half of the requests use."""
 PLANNERS = ("frenetix", "mp_rbfn", "idm")
 _INSIDE_M = 0.06
 _STEP_S = 0.1
 _VERMILLION, _YELLOW = (0xD5, 0x5E, 0x00), (0xF0, 0xE4, 0x42)
 """The colours of the ego and of buses (Okabe and Ito's palette)."""
 _PIXELS_M = 0.4
-"""How far the measured side of a body in a picture may be off, about two pixels (chosen)."""
+"""Tolerance of a body's side measured in a picture, about two pixels (chosen)."""
 _ABOVE_LEGEND, _NOSE_PX = 0.85, 8
-"""Share of a picture's height above its legend, and how far a nose's base parts a body's patches, in pixels."""
+"""Share of a picture's height above its legend, and the width in pixels of the gap at a nose's base."""
 _SLIDE_M = 0.02
-"""How far the rear axle may move to the side in a step: the drivability checker's tolerance of a position."""
+"""Largest lateral motion of the rear axle in a step: the drivability checker's tolerance of a position."""
 _PLACES = ("Musterstadt", "Fahrhausen", "Quadratstadt")
 """Built-in maps with junctions."""
 

@@ -23,7 +23,7 @@ from plannerforge.evals.scoring.common import built_in
 from ..harness import Figures, SeededBench, scenario_files
 
 SCENARIOS = 24
-"""Some 700 planning steps (chosen)."""
+"""About 700 planning steps (chosen)."""
 _COMPARED = ("frenetix:Default", "fiss:Default")
 
 

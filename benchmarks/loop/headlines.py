@@ -50,9 +50,9 @@ from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenario
 from ..told_figures import unknown_in_fields
 
 SCENARIOS, SEARCHED = 40, 8
-"""Public scenarios on which runs are made, and on which a search drives (chosen)."""
+"""Numbers of public scenarios for runs and for searches (chosen)."""
 _SMALL, _LEAST, _MARGIN = 0.05, 6, 10.0
-"""The level, the scenarios that have to differ for any test to reach it, and ten points."""
+"""The level, the number of differing scenarios that any test needs to reach it, and ten points."""
 _FAILURES: tuple[Outcome, ...] = ("collision", "timeout", "off_road")
 _HIGHER = ("minimum_distance_m", "minimum_time_to_collision_s", "minimum_time_headway_s", "minimum_time_gap_s")
 _HIGHER_TOO = (*_HIGHER, "risk_score")

@@ -46,11 +46,11 @@ _JUDGED = "frenetix:Default"
 _OTHERS = ("mp_rbfn:Default", "idm:Default", "fiss:Default")
 _PREDICTIONS: dict[str, Prediction] = {"official_goals_gt": "ground_truth", "official_goals_cv": "constant_velocity"}
 _TOLERANCE = 1e-3
-"""Share of a limit by which rounding may exceed it."""
+"""Share of a limit allowed for rounding."""
 _ROLLING_M = 0.02
-"""The checker's tolerance for the place of a step."""
+"""The checker's tolerance for the position of a step."""
 _MOVING_MPS = 0.1
-"""In slower steps the turn says nothing about the steering angle."""
+"""In slower steps the turn does not determine the steering angle."""
 
 
 def measure(bench: SeededBench) -> Figures:

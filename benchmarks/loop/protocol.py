@@ -96,19 +96,19 @@ EXPECTED = {
     "elsewhere": "contract_broken",
     "backwards": "contract_broken",
 }
-"""The behaviours of the program and the reason by which docs/own_planner.md names each."""
+"""The behaviours of the program, with the reason for each in docs/own_planner.md."""
 _LIMITS = {"start_time_s": 2.0, "step_time_s": 1.5, "time_s": 3.0, "memory_mb": 256, "folder_mb": 4, "output_mb": 1}
 _LONGEST_S = _LIMITS["start_time_s"] + _LIMITS["time_s"]
-"""The limits of each program, and the longest that a run may wait for it."""
+"""The limits of each program, and the longest wait of a run for it."""
 _MARKER = "PROTOCOL_BENCH"
-"""The variable by which the processes of this measurement are told from those of others."""
+"""A variable that identifies the processes of this measurement."""
 _SPEED_MPS, _SECONDS, _LANE_M, _LANES = 10.0, 20, 3.5, 5
 _GOAL = (110.0, 140)
-"""Where the goal of the made road begins, in m, and its last step."""
+"""Start of the goal on the synthetic road in m, and its last time step."""
 _USERS, _FIRST_M, _SPACING_M = 40, 8.0, 7.0
-"""Road users in sight of the ego, how far ahead of it they begin, and the distance between two of a lane."""
+"""Number of road users in sight of the ego, their initial distance ahead, and their spacing in a lane."""
 _ROUNDS = 20
-"""How often the drive is planned: with 37 planning steps, 740 differences."""
+"""Repeats of the drive: with 37 planning steps, 740 differences."""
 
 
 def measure(bench: SeededBench) -> Figures:

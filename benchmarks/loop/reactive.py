@@ -28,7 +28,7 @@ from ..symmetries.fresh_data import fresh_scenarios
 FRESH = 240
 _CONFIGURATION = "idm:Default"
 _REFUSED = f"{UnsafeInput.__name__}: "
-"""How the error of a refused file begins in a row."""
+"""Prefix of a refused file's error in a row."""
 
 
 def rows_of(files: Sequence[Path]) -> list[Row]:

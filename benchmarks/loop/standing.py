@@ -65,7 +65,7 @@ EACH = 8
 STEP_S, LENGTH_M, WIDTH_M, LANE_M = 0.1, 4.508, 1.61, 3.5
 OTHER_M = 4.5
 LINE_M, INSIDE_M, ROAD_M = 100.0, 20.0, 420.0
-"""Where the line of the light is, how long the crossing is, and where the road ends; the road begins at −80 m."""
+"""Positions of the stop line, the end of the crossing and the end of the road, which begins at −80 m."""
 BEGIN_M = -80.0
 WITHIN_S = 0.5
 Speed = Callable[[float], float]

@@ -173,7 +173,7 @@ AT_STEP: dict[str, Callable[[Message], None]] = {
     "elsewhere": _trajectory_with(y_m=lambda values: [y + 3.0 for y in values]),
     "backwards": _trajectory_with(speed_mps=lambda values: [-speed for speed in values]),
 }
-"""What it does with its answer when it goes wrong at a step."""
+"""Changes to its answer when it goes wrong at a step."""
 AT_START: dict[str, Callable[[Message], None]] = {
     "never_ready": _hang,
     "banner": lambda _: say("Welcome to the planner"),
@@ -182,7 +182,7 @@ AT_START: dict[str, Callable[[Message], None]] = {
     "plans_at_once": lambda _: say({"type": "plan", "step": 0, "trajectory": None}),
     "other_protocol": lambda ready: say(ready | {"protocol": 2}),
 }
-"""What it does when it is to say that it is ready."""
+"""Its behaviour when it must report that it is ready."""
 
 
 def main(behaviour: str) -> None:

@@ -42,7 +42,7 @@ PARTS: Parts[MapsBench] = Parts(
         "plan": ("batch_per_min", "batch_memory_slope_mb", "coverage_2way"),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 
 
 def _bench(given: argparse.Namespace, scratch: Path) -> MapsBench:

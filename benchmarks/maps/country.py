@@ -68,15 +68,15 @@ _SOURCES = (
     "o2s_roosevelt_cycletrack.osm",
     "o2s_montlake_roundabout.osm",
 )
-"""Extracts that the country is made of, in turn; traffic keeps to the right on all of them."""
+"""Extracts of the country, in turn; all have right-hand traffic."""
 COLUMNS, ROWS = 12, 12
-"""Cells of the grid: with them the country has over five million nodes."""
+"""Cells of the grid, for over five million nodes."""
 _CELL_M, _REACH_M = 40_000.0, 19_000.0
-"""Side of a cell; from its middle to the farthest that is copied."""
+"""Side of a cell, and the largest distance from its middle that is copied."""
 _SOUTH_WEST = (-45.0, -130.0)
 _METRES_A_DEGREE = 111_195.0
 _HOUSES, _HOUSE_M = 1_800, 10.0
-"""Houses of a cell beside those of its extract, and their sides."""
+"""Number of houses in a cell in addition to those of its extract, and their sides."""
 _IDS_OF_CELL, _NAMES_OF_CELL = 1_000_000, 256
 _SYLLABLES = (
     "ba",
@@ -97,11 +97,11 @@ _SYLLABLES = (
     "zal",
 )
 _PLACES, _JUDGED_TILES = 24, 12
-"""Towns that scenarios are made in, and tiles whose sites are judged."""
+"""Numbers of towns for scenarios, and of tiles for the judge of sites."""
 _KILLED_AT = 0.75
-"""Share of the work at which the first server is killed: in its longest part, the search for sites."""
+"""Share of the work at which the first server is killed, in its longest part, the search for sites."""
 _SURROUNDINGS_DEG = 0.012
-"""Around a tile, what the product says that it looks at."""
+"""Margin around a tile that the product says it uses."""
 _SITES_TWICE = (
     "SELECT COUNT(*) - COUNT(DISTINCT printf('%d %s %f %f %s', tile, kind, latitude, longitude, mark)) FROM sites"
 )

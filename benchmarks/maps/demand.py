@@ -30,12 +30,12 @@ from ..harness import Figures
 from .bench import MapsBench
 
 MAP = "o2s_arizona_highways"
-"""An extract with straight motorways: in curves no car drives as fast as it would like."""
+"""An extract with straight motorways, because in curves no car drives at its desired speed."""
 SEEDS = range(4)
 FEW_PER_LANE_KM, MANY_PER_LANE_KM = 2.0, 24.0
 FREE_S, FOLLOWED_S, STANDING_M = 6.0, 3.0, 2.5
 _WINDOW = 10
-"""Steps (1 s) before and after a moment, for which a vehicle has to hold its speed."""
+"""Steps (1 s) before and after a time in which a vehicle must keep its speed."""
 _HELD_MPS, _SAME_MPS, _STRAIGHT_RAD, _BESIDE_M, _SLOWEST_MPS, _FAST_MPS = 0.3, 0.5, 0.05, 1.75, 8.0, 25.0
 _CARS = frozenset({"car", "taxi"})
 

@@ -17,11 +17,11 @@ from .extracts import Box, Extract
 from .loopback import Place, places_in, settlement
 
 _WITHIN_DEG = 0.3
-"""How far apart extracts of one town lie at most."""
+"""Largest distance between extracts of one town."""
 _ALIASES = frozenset(
     {"Korca", "Korce", "Nuremberg", "Garching bei München", "Munich", "Newcastle", "Vaduz", "Liechtenstein"}
 )
-"""Names of ``places.json`` that are not of a part of the first one."""
+"""Names in ``places.json`` that are not of a part of the first one."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ STAND_INS: Mapping[str, StandIn] = {
     "gen-d096": _of("ALB_Korce-1.osm", 37.984, 23.728),
     "gen-d100": _of("Laufamholzstrasse.osm", 47.918, 106.917),
 }
-"""Of requests of the corpus whose place no extract shows; traffic keeps to the same side here and there."""
+"""Requests of the corpus for places without an extract; traffic keeps to the same side in both places."""
 
 
 @dataclass(frozen=True)

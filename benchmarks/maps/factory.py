@@ -61,13 +61,13 @@ from .bench import MapsBench
 from .factory_judge import FileVerdict, judge_file
 
 LARGEST_KM2 = 1.6**2
-"""Its documentation allows places of up to 0.8 km around a middle to be fetched; larger files are not offered."""
+"""The largest map in km²: its documentation allows places of up to 0.8 km around a middle."""
 LENGTHS: Mapping[int, int] = {20: 1000, 5: 500}
-"""Seconds of a scenario, and the steps of 0.1 s of traffic that its documentation simulates for that."""
+"""Seconds of a scenario, and the steps of 0.1 s of traffic that the documentation simulates for it."""
 MOST_JUDGED = 6
-"""Of each maker, map and length (chosen); of ours no more are made."""
+"""Number of judged scenarios for each generator, map and length (chosen); ours generates no more."""
 LIMIT_S = 400.0
-"""On the clock for one map, after which it is given up and its time left out (chosen)."""
+"""Wall time after which a map is given up and its time left out (chosen)."""
 KM_A_DEGREE = 111.2
 THEIRS, OURS = "theirs", "ours"
 _REQUIREMENTS, _DRIVER = (Path(__file__).with_name(f"factory_{name}") for name in ("requirements.txt", "driver.py"))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 EGO_LENGTH_M, EGO_WIDTH_M = 4.508, 1.61
 """CommonRoad's vehicle 2 (BMW 320i), which the default planner drives."""
 _TRACKS = 3
-"""Drawn from each scenario for the drivability checker (chosen): each takes half a second."""
+"""Number of tracks per scenario for the drivability checker (chosen): each takes half a second."""
 
 
 @dataclass(frozen=True)

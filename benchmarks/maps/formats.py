@@ -43,7 +43,7 @@ Line = NDArray[np.float64]
 NEAR_M, EVERY_M, SAME_NODE_M, SAME_POSE_M = 0.1, 0.5, 0.02, 1e-3
 FILLED = 40
 EXPORTED = 60
-"""How many public scenarios are exported (chosen), in addition to those that networks were filled with."""
+"""Number of exported public scenarios (chosen), in addition to those of filled networks."""
 
 
 def measure(bench: MapsBench) -> Figures:

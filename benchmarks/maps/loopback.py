@@ -48,7 +48,7 @@ _HUGE_MB = 200
 _MOST_SLOW_S = 60.0
 _PARTS_OF_TOWNS = ("suburb", "quarter", "neighbourhood", "borough", "city_district", "hamlet")
 _REACH_DEG = {"city": 0.16, "town": 0.04, "village": 0.02, "hamlet": 0.01}
-"""Half the side of the box that Nominatim gives a settlement without an outline, by its kind; 0.01 for others."""
+"""Half the side of Nominatim's box for a settlement without an outline, by its kind; 0.01 for others."""
 _SIGHTS = ("tourism", "historic", "railway", "leisure", "amenity", "place", "junction")
 _SHORT = {
     "st": "street",

@@ -56,11 +56,11 @@ from .extracts import Extract
 from .loopback import Fault, FaultKind, MapServers, places_in, settlement
 
 _BEYOND_DEG, _BEYOND_BOX_DEG = 0.01, 0.0001
-"""Roads lead beyond an extract's bounds; in a box that was asked for, only rounding is let pass (10 m)."""
+"""Tolerance of an extract's bounds, beyond which its roads extend; a requested box allows only rounding (10 m)."""
 _SAME_BYTES = 8
-"""Requests that are made again from kept answers (chosen)."""
+"""Number of requests repeated from the cache (chosen)."""
 _TIMEOUT_S = 3.0
-"""For a service in the cases of faults."""
+"""Time limit for a service in the cases of faults."""
 _CODES = {
     "unknown_place": "[unknown_name]",
     "no_map_here": "[unknown_name]",
@@ -312,7 +312,7 @@ _TOLD: Mapping[FaultKind, str] = {
     "redirect": "redirects",
     "no_slot": "no slot",
 }
-"""What the answer says of each kind of fault."""
+"""The answer's text for each kind of fault."""
 
 
 def _fault_cases() -> list[_FaultCase]:

@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 TYPES: tuple[ScenarioType, ...] = ("signalised_intersection", "intersection", "roundabout", "urban", "rural")
-"""Asked for in turn, until a map has a site of the type: another one first at each map."""
+"""Site types tried in turn until a map has one; each map begins with another type."""
 PEDESTRIANS, BICYCLES, DURATION_S, SEED = 10, 4, 20.0, 18
 GAP_S, ENCOUNTER_S, STANDS_MPS = 1.0, 4.0, 0.5
-"""Whoever comes this much later than the other is no encounter; the other two decide whether a vehicle gave way."""
+"""A larger time difference is no encounter; the other two values decide whether a vehicle gave way."""
 EDGE_M = 0.02
 _FOR_PEDESTRIANS = frozenset({"sidewalk", "crosswalk"})
 _STEP_S = 0.1

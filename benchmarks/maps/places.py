@@ -53,15 +53,15 @@ from ..harness import Figures, existing, print_figures, share
 
 WORDS = Path(__file__).parent / "words_for_places.tsv"
 PER_KEY = 6
-"""Requests that are drawn from one tag of one extract: a city has an ``alt_name`` for every street (chosen)."""
+"""Number of requests from one tag of one extract: a city has an ``alt_name`` for every street (chosen)."""
 HALVES = 9
-"""Half-typed and compound requests that are drawn of one extract (chosen)."""
+"""Number of half-typed and compound requests for one extract (chosen)."""
 BEGUN = 0.6
-"""Share of the letters of a name that are typed when it is half typed (chosen)."""
+"""Share of the letters in a half-typed name (chosen)."""
 _SHORTEST_BEGUN = 10
-"""The beginning of a name with at least this many letters says more than a kind of road (chosen)."""
+"""Least number of letters that identify more than a kind of road (chosen)."""
 _CLOSED = ("access", "vehicle", "motor_vehicle", "motorcar")
-"""Tags of a road; where one says ``no`` or ``private``, the road is part of no map for cars."""
+"""Tags of a road; if one says ``no`` or ``private``, the road is not part of a map for cars."""
 _DRIVEN = re.compile(r"(motorway|trunk|primary|secondary|tertiary)(_link)?|unclassified|residential|living_street")
 _SETTLED = re.compile(
     r"city|town|village|suburb|borough|quarter|neighbourhood|hamlet|isolated_dwelling|square|locality"

@@ -63,13 +63,13 @@ LEVELS: Mapping[str, tuple[str, ...]] = {
 }
 _KILLS = 2
 _LOOK_S = 2.0
-"""Between two looks at what is made and at the memory (chosen)."""
+"""Time between two samples of progress and memory (chosen)."""
 _WARM = 60
 """Scenarios of a server before its memory counts: workers load libraries and maps first (chosen)."""
 _JUDGED = 400
-"""Scenarios that are judged, evenly taken; more only for pairs that these do not show (chosen)."""
+"""Number of judged scenarios, evenly spaced; more only for pairs that these do not show (chosen)."""
 _TURNED_RAD = (math.radians(20.0), math.radians(170.0))
-"""Between its start and its goal an ego that turned is turned by so much (chosen: streets bend before and behind)."""
+"""Range of the change of heading between start and goal in a turn (chosen: streets bend before and after it)."""
 _FAST = frozenset({"motorway", "trunk"})
 Pair = tuple[tuple[str, str], tuple[str, str]]
 Row = tuple[str, ...]

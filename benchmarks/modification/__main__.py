@@ -57,19 +57,20 @@ TASKS = ("T", "B", "P", "G")
 CORPUS = ("T", "B", "P", "G", "composite")
 EVERY_FILE_PLANNED, EVERY_FILE_SAFE, EVERY_FILE_WHOLE, EVERY_LINE_PLANNED = 4, 8, 4, 16
 """The planner drives the edits of every fourth file and of every sixteenth line of the corpus, and the recipes of every
-eighth file; the drivability checker judges one drawn vehicle of each edit, and all that were touched on every fourth
-file. Either takes longer than the edits; the table says on how many each figure rests."""
+eighth file. The drivability checker judges one drawn vehicle of each edit, and all touched ones on every fourth file.
+Either takes longer than the edits; the table states the sample of each figure.
+"""
 HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
 PHYSICAL = ("T", "B", "P", "composite")
 LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
-"""Of a hand-over that counts as smooth: beyond v·dt, and of speed."""
+"""Limits of a smooth hand-over: distance beyond v·dt, and speed."""
 FRESH = (
     *("round_trip", "T_ends", "B_preset", "P_count", "G_edge", "checks_min", "valid_min", "executable_min"),
     *("refused_right", "handovers_smooth", "untouched_identical", "unreported_collisions"),
 )
-"""Figures that are measured on fresh scenarios too."""
+"""Figures also measured on fresh scenarios."""
 REASONS, REASON_LETTERS = 6, 110
-"""Of refusals that the table shows for each task: how many, and how long."""
+"""Number and length of the refusals that the table shows for each task."""
 
 
 def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[Measured]:

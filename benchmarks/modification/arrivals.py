@@ -35,27 +35,29 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
-"""A vehicle follows lanelets if this share of its positions is on them or at most this far beside."""
+"""A vehicle follows lanelets if this share of its positions is on them or at most this far from them."""
 LINE_M = 0.5
-"""A vehicle whose bumper is so little past the end of a lanelet stands at it."""
+"""A vehicle with its bumper at most this far past the end of a lanelet stands at the end."""
 SLOW_MPS, EASY_MPS2, EASY_LATERAL_MPS2, SLOW_SHARE = 6.0, 1.5, 3.0, 0.5
-"""A driver in no hurry: the speed in the turns of a crossing, or half of the own speed where that is more; how hard he
-brakes, speeds up and turns."""
+"""A slow driver: the speed in the turns of a crossing, or half of the vehicle's own speed if that is more;
+deceleration, acceleration and turning.
+"""
 DETOUR_SHARE, ROOM_M = 0.7, 15.0
-"""What is left to the target shrinks by at least this share of what is driven, but for this distance."""
+"""The remaining distance shrinks by at least this share of the driven one, except for this distance."""
 STANDING_MPS, LAST_S, SLOWED_SHARE = 0.5, 1.0, 0.7
-"""A vehicle stands below this speed; it slowed if it drives its last second at this share of its largest speed."""
+"""A vehicle stands below this speed; it slowed if its speed in the last second is at this share of its highest."""
 GAP_M, GAP_S = 10.0, 2.0
 """A road user within these ahead holds a vehicle up."""
 NARROWEST_TURN_M = 5.0
-"""The front of hardly any car turns in a narrower circle (radius)."""
+"""Radius of the narrowest circle in which the front of a usual car turns."""
 SIDE_M = 0.5
-"""Sideways gap within which a road user ahead is in the corridor."""
+"""Lateral gap within which a road user ahead is in the corridor."""
 LOOK_S, LANE_CHANGE_S = 1.0, 3.0
 LANE_FROM_M, LANE_TO_M = 1.5, 5.5
 LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
-"""A driver changes lanes where no vehicle in the next one is nearer than in ordinary traffic; looking and changing take
-so long. The next lane lies within these distances to the side."""
+"""A driver changes lanes if no vehicle in the next one is nearer than in ordinary traffic; looking and changing take
+this long. The next lane is within these distances to the side.
+"""
 
 
 def arrives_on(network: "LaneletNetwork", track: Track, targets: Collection[int]) -> bool:

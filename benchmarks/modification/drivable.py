@@ -21,9 +21,9 @@ from ..harness import print_figures, process_pool, scenario_arguments, scenario_
 
 _PROCESSES = 2
 _OPPOSITE_RAD = 2.1
-"""Lanelets whose directions differ by more run against each other (chosen)."""
+"""Lanelets with a larger difference of direction are opposite (chosen)."""
 _NEAR_M = 20.0
-"""A lanelet that starts as near to the end of another is beside it (chosen: two lanes and a junction's corner)."""
+"""A lanelet that starts this close to another's end is next to it (chosen: two lanes and a junction's corner)."""
 _CAUSES = ("off_lanelets", "against_lanes", "beside_lanes", "far_lanes")
 
 

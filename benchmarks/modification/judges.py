@@ -26,8 +26,9 @@ from .arrivals import ON_ROUTE_SHARE, Journey, arrives_on, handover_errors
 from .written import Truth, Written, entry_step
 
 DEEP_M, SAME_HIT_S = 0.05, 1.0
-"""Two road users that overlap by more than this depth collide; not by the edit if they overlap in the recording within
-this time."""
+"""Two road users with a deeper overlap collide; the edit is not the cause if they overlap in the recording within this
+time.
+"""
 
 
 def checks_of(written: Written, index: int) -> dict[str, bool]:
@@ -103,7 +104,7 @@ def _elements(path: Path) -> dict[str, bytes]:
 RELATIVE_TOLERANCE, SIZE_TOLERANCE_M = 1e-3, 0.01
 """Files round parameters and sizes."""
 LEAST_M = 0.5, 0.3
-"""Least length and width with which a vehicle is driven in SUMO."""
+"""Least length and width of a vehicle in SUMO."""
 SUMO_CLASSES = {
     "car": "passenger",
     "taxi": "taxi",
@@ -115,7 +116,7 @@ SUMO_CLASSES = {
 }
 """SUMO's vehicle class for a CommonRoad obstacle type; ``passenger`` for all others."""
 OWN_GAPS_M = {"motorcycle": 2.0, "bicycle": 0.5}
-"""The gap that two-wheelers keep when standing, whatever the preset, unless a parameter sets it."""
+"""The standstill gap of two-wheelers, whatever the preset, unless a parameter sets it."""
 
 
 def _behaviour_checks(written: Written, index: int) -> dict[str, bool]:
@@ -206,15 +207,15 @@ def _tells_so(written: Written, index: int, key: int, targets: frozenset[int]) -
 
 
 PLACE_TOLERANCE_M, SPEED_TOLERANCE_MPS = 2.0, 0.01
-"""Between what was asked for and what was written."""
+"""Tolerance between the request and the file."""
 EGO_LENGTH_M = 4.5
-"""Of CommonRoad's vehicle 2 (BMW 320i), rounded; the file does not tell it."""
+"""Length of CommonRoad's vehicle 2 (BMW 320i), rounded; the file does not state it."""
 CLEARANCE_M = 1.0
-"""A vehicle enters later than asked only where a road user is on its place or so near."""
+"""A vehicle enters later than requested only if a road user is on its place or this close to it."""
 REACTION_S, HARDEST_BRAKING_MPS2 = 0.5, 8.0
-"""After this time a driver brakes, at most this hard."""
+"""A driver's reaction time and highest deceleration."""
 PASSING_M = 0.5
-"""A road user that passes by nearer than that is said to hit."""
+"""A road user that passes closer counts as a hit."""
 
 
 @dataclass(frozen=True)
@@ -365,11 +366,11 @@ def _gets_there(written: Written, key: int, truth: Truth) -> bool:
 
 
 GOAL_TOLERANCE_M = 0.5
-"""Along the lanelet, between the place that was asked for and the one that was written."""
+"""Distance along the lanelet between the requested and the written place."""
 USUAL_SIZE_M = (6.0, 2.0)
-"""Length and width of a goal where neither the request nor the file gives any, as in the paper's code."""
+"""Default length and width of a goal if neither the request nor the file gives any, as in the paper's code."""
 ROUNDING = 1e-6
-"""Of a step: times divided by the step are not exact."""
+"""Tolerance of a step: times divided by the step are not exact."""
 
 
 def _goal_checks(written: Written, index: int) -> dict[str, bool]:

@@ -29,13 +29,13 @@ from plannerforge.schemas.runs import NO_TRAJECTORY, RunRecord
 
 PLANNER = "frenetix:Default"
 NEAREST, AHEAD_M = 3, 15.0
-"""Of the recipes B and P (see above)."""
+"""Values of the recipes B and P (see above)."""
 RESAMPLES = 2000
-"""Of the bootstrap (chosen)."""
+"""Draws of the bootstrap (chosen)."""
 MOST_TRIES = 6
-"""Nearest vehicles and lanelets that a recipe tries in turn (chosen)."""
+"""Number of nearest vehicles and lanelets that a recipe tries (chosen)."""
 DIGEST = "b"
-"""Stands where the id of an edited scenario has the digest of its request."""
+"""Replaces the digest of the request in the id of an edited scenario."""
 NEGLIGIBLE = 5
 
 

@@ -32,11 +32,11 @@ Truth = Mapping[str, Any]
 """The ground truth of an edit in the corpus's form."""
 ENTRY = "initialState/time/exact"
 SAME_LINE_M = 0.3
-"""A lanelet's centre line so near to a lane's is the same lane."""
+"""A lanelet's centre line this close to a lane's is the same lane."""
 BESIDE_M = 1.0
-"""A vehicle up to this far beside a lane is still on its route."""
+"""A vehicle up to this far from a lane is still on its route."""
 ENDS = (0.1, 0.5, 0.9)
-"""The shares of a lanelet's length at which it has to lie on a lane to be that lane."""
+"""The shares of a lanelet's length at which it must be on a lane to be that lane."""
 
 
 @dataclass(frozen=True)

@@ -58,9 +58,9 @@ from .reactive import braked_runs, rear_hits, rows
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
 PREDICTIONS: dict[str, Prediction] = {"gt": "ground_truth", "cv": "constant_velocity"}
 TIMED_RUNS = 72
-"""Enough that the time in which one of two workers has the last run alone hardly counts (chosen)."""
+"""Enough runs that the last one, alone on one of two workers, hardly counts (chosen)."""
 SITUATIONS = 12
-"""Scenarios whose starts decide which weights act (chosen)."""
+"""Number of scenarios with a start that tests which weights act (chosen)."""
 WORKERS = 2
 
 

@@ -12,7 +12,7 @@ from plannerforge.engine.tuning import tuning_of
 from plannerforge.schemas.planning import PlannerConfiguration
 
 _BOUNDS = 0.0, 1e6
-"""Off, and a weight at which the term outweighs all others; for one with a range of its own its ends."""
+"""Zero, and a weight at which the term outweighs all others; the bounds for a weight with its own range."""
 
 
 class _FirstPlan:

@@ -11,7 +11,7 @@ G = 9.81
 BRAKES = {"car": (0.774 * G, 0.6), "truck": (5.0, 0.8), "bus": (5.0, 0.8)}
 """Full braking in m/s² by the ego's class, and the time in s until it is reached."""
 TOUCH_M = 0.04
-"""Contacts of a driver that brakes are told from this depth on, as the page says."""
+"""Least depth of the contacts of a braking driver, as in docs/reference_drivers.md."""
 
 
 @dataclass

@@ -17,7 +17,7 @@ from ..tracks import ahead_and_left_m
 _STANDING_MPS = 0.5
 """Below it a vehicle counts as standing (chosen)."""
 _SAME_WAY_RAD = math.pi / 4
-"""Between headings that lead the same way; quarters of a turn beside it cross or lead against each other."""
+"""Largest angle between headings of the same direction; around a quarter turn they cross, beyond it they oppose."""
 _LISTED_CONSTRAINTS = 2
 
 

@@ -28,7 +28,7 @@ from ..harness import process_pool
 from .failure_causes import is_wrap
 
 _LEAST_STEPS, _SHORTEST_M = 20, 10.0
-"""That a recording goes on after the ego's start, and that its goal lies away; chosen."""
+"""Least time of a recording after the ego's start, and least distance of its goal (chosen)."""
 _LOST = "lost"
 
 

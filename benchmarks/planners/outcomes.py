@@ -33,9 +33,9 @@ _KEY = ("scenario", "configuration", "prediction", "traffic")
 Row = dict[str, Any]
 Key = tuple[str, ...]
 _AT_GOAL = ("goal_reached", "goal_refused")
-"""Outcomes of egos that reached the goal; older checkouts do not ask whether the benchmark accepts the motion."""
+"""Outcomes of egos that reached the goal; older checkouts do not test whether the benchmark accepts the motion."""
 _FAILED = "no run"
-"""Stands for the outcome of a run that could not be made."""
+"""The outcome of a run that could not be made."""
 
 
 def measured(wanted: Sequence[Row], checkout: Path) -> Iterator[Row]:

@@ -22,8 +22,9 @@ from plannerforge.engine.geometry import Points, Values
 from plannerforge.engine.planners.rbfn.network import PRIMITIVE_INPUTS, PRIMITIVE_NODES
 
 CURVATURE_SHARE = 0.01
-"""Chosen: weight of the curvature's change beside the speed's. A right angle (B² about 10) is then worth a change of
-speed by a third."""
+"""Chosen: weight of the change in curvature relative to that in speed. A right angle (B² about 10) then equals a
+change of speed by a third.
+"""
 _LARGEST_CURVATURE = 8.0
 _MOST_ITERATIONS = 100
 _STATES, _CONTROLS = 5, 2

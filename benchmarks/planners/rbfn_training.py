@@ -26,13 +26,13 @@ from ..harness import print_figures
 from .rbfn_samples import PrimitiveSamples, solved_samples
 
 SEED, SAMPLES, UNITS = 20, 40_000, 512
-"""Of the shipped network. More units learn more and take longer to run (chosen)."""
+"""Units of the shipped network (chosen). More units learn more and take longer to run."""
 HELD_OUT_SEED, HELD_OUT = 21, 4_000
-"""Samples that the network is judged by."""
+"""Number of samples that judge the network."""
 _WIDTH, _RIDGE = 3.0, 1e-7
 """Chosen on samples of another seed, among 2.5 to 9 and 1e-5 to 1e-7."""
 _KNOWN_SHARE = 0.2
-"""Percent of the samples beyond each bound of an input that do not count as known."""
+"""Percent of the samples beyond each bound of an input that count as unknown."""
 _SHIPPED = Path(__file__).resolve().parents[2] / "engine" / "planners" / "rbfn" / "network.npz"
 
 

@@ -52,17 +52,18 @@ _PROCESSES = 2
 _BRAKING_MPS2 = 6.0
 """Hard braking (chosen)."""
 _HARDEST_MPS2 = 8.0
-"""How hard a follower can brake (dry road)."""
+"""Highest deceleration of a follower (dry road)."""
 _HORIZON_S = 3.0
 """Length of the braking plan (chosen)."""
 _TRIES = 8
-"""Draws for each approach that is wanted (chosen)."""
+"""Draws for each requested approach (chosen)."""
 _MODES: tuple[Traffic, ...] = ("recorded", "reactive")
 _BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
-"""The planner that drives before the ego brakes, and for how long."""
+"""The planner that drives before the ego brakes, and its duration."""
 _BEHIND_M, _BESIDE_M, _ALIKE_RAD, _SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
-"""Largest distance behind the ego and to its side (half a lane), largest difference of headings, and smallest speed of
-a follower (chosen)."""
+"""Largest longitudinal and lateral distance from the ego (half a lane), largest difference of headings, and lowest
+speed of a follower (chosen).
+"""
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ from ..harness import (
 BASE = "frenetix:Default"
 PREDICTION = "constant_velocity"
 FACTOR, INSTEAD_OF_ZERO, RECORDED = 10.0, 1.0, 1e-6
-"""What a weight is raised by, what it is raised to where it is 0, and the weight at which a term is only recorded."""
+"""The factor on a weight, its value if it was 0, and the weight at which a term is only recorded."""
 SCENARIOS, WORKERS = 30, 2
 
 

@@ -8,7 +8,7 @@ from . import texts
 from .inputs import MADE, ROOT, Call, Chance, HostileInput
 
 _SHARE_OF_SCHEMA = 0.6
-"""Of the inputs, those derived from schemas; the others are sentences of the grammars (chosen)."""
+"""Share of the inputs derived from schemas; the others are sentences of the grammars (chosen)."""
 _Text = Callable[[Chance], str]
 _GRAMMARS: dict[str, dict[str, _Text]] = {
     "find_scenarios": {

@@ -26,13 +26,13 @@ from .judges import Canary, Fault, faults_of, journal_faults
 from .server_process import Folders, Program, Session, session
 
 SLOW_S, BLOCKED_MS, MEMORY_MB = 5.0, 100.0, 400.0
-"""After which a refusal is late, for how long nothing else may be answered, and what the server's process may hold."""
+"""Time limits of a refusal and of a blocked server, and the memory limit of the server's process."""
 _LIMIT_S = 60.0
-"""A call that takes longer is given up: work that is under way is answered with its job after 50 s at the latest."""
+"""Time limit of a call: unfinished work is answered with its job after 50 s at the latest."""
 _AT_A_TIME = 4
-"""Inputs under way (chosen for two cores)."""
+"""Concurrent inputs (chosen for two cores)."""
 _MOST_SUSPECTS = 300
-"""Suspects that are sent again, each cause in its turn (chosen)."""
+"""Number of suspects to repeat, each cause in turn (chosen)."""
 _LOG = "server.log"
 _GIVEN_UP = "[given up]"
 _ID = re.compile(

@@ -35,9 +35,9 @@ from mcp.types import TextContent, TextResourceContents
 
 OPENING, CLOSING = "“", "”"
 BEGIN = "Lindenallee"
-"""How all poisoned words begin, so that a call can ask for them without holding the word that is looked for."""
+"""Prefix of all poisoned words, so that a call can request them without the searched word."""
 LONGEST = 200
-"""Characters between the marks, as the page says."""
+"""Most characters between the marks, as in docs/threat_model.md."""
 _HIDDEN = ("Cc", "Cf", "Co", "Cs", "Zl", "Zp")
 _ASK_S = 60.0
 

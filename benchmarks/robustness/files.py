@@ -18,11 +18,11 @@ from . import texts
 from .inputs import INJECTED, MADE, ROOT, Call, Chance, HostileInput, PlacedFile
 
 _MOST_BYTES = 3_000_000
-"""Larger mutants are cut off: they would only be slow to write (chosen)."""
+"""Larger mutants are truncated, because they would only be slow to write (chosen)."""
 _USED_AFTERWARDS = 0.12
-"""The share of the stored mutants that are drawn, edited or run as well as described (chosen)."""
+"""Share of the stored mutants that are drawn, edited or run in addition to described (chosen)."""
 _FOLDER_OF = 12
-"""Mutants that lie together in a folder (chosen)."""
+"""Number of mutants in a folder (chosen)."""
 _NUMBERS = (
     *("NaN", "nan", "inf", "-inf", "1e300", "-1e300", "-4.5", "1e9", "1e26", "100000000000000000000000000", "0", "-1"),
     *(

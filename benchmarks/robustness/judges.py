@@ -14,14 +14,14 @@ from typing import Any
 from .inputs import INJECTED
 
 LONGEST_ANSWER = 20_000
-"""Characters; a longer answer fills a model's context."""
+"""Most characters of an answer; a longer one fills a model's context."""
 CANARY_TEXT = "4f1c-canary-of-the-bench"
-"""Stands in the files outside the roots and in no answer."""
+"""A word in the files outside the roots that must appear in no answer."""
 _LONGEST_KEPT = 201
-"""Characters of a caller's text in the journal: 200, and the sign that there was more."""
+"""Most characters of a caller's text in the journal: 200, and the ellipsis."""
 _CONTROLS = ("Cc", "Cf", "Co", "Cs", "Zl", "Zp")
 _REFUSAL = re.compile(r"\[[a-z_]+\] ")
-"""How an answer begins that is a refusal."""
+"""Prefixes of refusals."""
 _LINE_ENDS = re.compile(r"[\n\r\x0b\x0c\x1c-\x1e\x85\u2028\u2029]")
 
 

@@ -18,7 +18,7 @@ from .server_process import Folders, plannerforge_server, session
 _SCENARIOS = ("ZAM_Zip-1_1_T-1", "ZAM_test_0-1", "DEU_Moelln-7_1_T-1", "DEU_IV21-1_1_T-1", "BEL_Antwerp-30_1_T-1")
 _MAPS = ("planet_10.068_48.135_10.071_48.137.osm", "o2s_overlapping_service_roads.osm", "bautzen.osm")
 _BINARY_MAP = "o2s_frederiksted.osm.pbf"
-"""Small real files: what is done with them takes milliseconds."""
+"""Small real files that take milliseconds to process."""
 
 
 @dataclass(frozen=True)

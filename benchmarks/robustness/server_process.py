@@ -20,16 +20,16 @@ from ..faults.http_process import http_client, listening
 from .judges import CANARY_TEXT, memory_mb, peak_memory_mb
 
 _MOST_MEMORY_MB = 1500.0
-"""A server that holds more is killed: the machine is needed for more (chosen)."""
+"""Memory limit of the server, because the machine is shared (chosen)."""
 _MEMORY_EVERY_S = 0.02
 _PING_EVERY_S = 0.03
-"""How often the server's memory is looked at, and the pause between two cheap calls; chosen."""
+"""Intervals between memory samples and between two cheap calls (chosen)."""
 _ENDS_WITHIN_S = 3.0
-"""A process whose connection is closed ends within this time (chosen)."""
+"""Time within which a process must end after its connection closed (chosen)."""
 _HTTP_RATE = 10_000
-"""Requests a second that are let in by HTTP: the inputs, not this bound, are what is tried (chosen)."""
+"""Allowed HTTP requests per second, high enough that this limit is not under test (chosen)."""
 _SILENT_S = 15.0
-"""A server that does not answer a cheap call for so long hangs and is killed (chosen)."""
+"""A server that does not answer a cheap call for this long hangs and is killed (chosen)."""
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,9 @@ from pathlib import Path
 from ..harness import print_figures
 
 _MAPS, _SCENARIOS, _APPROACHES = 140, 55, 100
-"""Of each seed: maps to generate from, of which some are refused or name no site; scenarios to be edited, at four edits
-each; approaches of reactive traffic. With three seeds, 300 scenarios, 600 edits and 300 approaches at least."""
+"""For each seed: maps for generation (some are refused or name no site), scenarios to edit with four edits each, and
+approaches of reactive traffic. Three seeds give at least 300 scenarios, 600 edits and 300 approaches.
+"""
 
 
 @dataclass(frozen=True)

@@ -50,14 +50,14 @@ Embed = Callable[[Sequence[str]], Any]
 
 FIRST = 5
 TUNED_BY = ("de", "es", "nl")
-"""The shares of the packaged models were chosen by these phrases and by every second request of the corpus."""
+"""The languages that determined the shares of the packaged models, with every second request of the corpus."""
 MOST_COMMON = 0.45
-"""A phrase that more of the files satisfy tells models apart too little (chosen)."""
+"""A phrase that more of the files satisfy hardly separates models (chosen)."""
 SPOKEN: dict[str, Any] = json.loads(Path(__file__).with_name("phrases.json").read_text(encoding="utf-8"))
 PHRASES: dict[str, dict[str, list[str]]] = SPOKEN["phrases"]
 TAGS = ("intersection", "highway", "lane_change", "merging_lanes", "traffic_jam", "slip_road")
 USERS = ("truck", "motorcycle", "bicycle", "bus")
-"""What the phrases of each language say, in their order."""
+"""The meaning of each language's phrases, in their order."""
 
 
 def phrases(known: Sequence[Known]) -> list[tuple[dict[str, str], frozenset[str]]]:

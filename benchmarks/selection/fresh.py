@@ -22,11 +22,11 @@ from plannerforge.schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAG
 
 _MPS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
 _NEAR_MPS, _NEAR_KMH, _ROUNDING = 2.0, 0.5, 1e-6
-"""What a single speed and a posted limit let pass to either side, by the rules of the corpus."""
+"""Tolerance of a single speed and a posted limit to either side, by the rules of the corpus."""
 _SLOTS = {"location": 0.35, "tags": 0.45, "features": 0.4, "road_net": 0.35, "obstacles": 0.5, "velocity": 0.35}
-"""How often a slot is asked for (chosen)."""
+"""Frequency of each slot (chosen)."""
 _ANCHORED = 0.6
-"""Of the conditions those that are drawn by what one scenario, the same for the whole request, shows (chosen)."""
+"""Share of the conditions drawn from one scenario, the same for the whole request (chosen)."""
 _NOWHERE = ("JPN", "AUS", "NZL")
 
 

@@ -55,7 +55,7 @@ _EGO_AT: dict[str, tuple[str, str, str]] = {
     "lane_change": ("Neuland", "highway", "ego_changes_lane"),
     "u_turn": ("Kreiselheim", "roundabout", "ego_turns_back"),
 }
-"""Built-in maps and types of sites that hold a manoeuvre, and the feature of it."""
+"""Built-in maps and types of sites with a manoeuvre, and its feature."""
 _CLASSES = ("", ":car", ":truck", ":bus", ":motorcycle")
 
 

@@ -13,7 +13,7 @@ from ..harness import ask, call_ms
 
 PAGE = 50
 _VALID = ("ok", "empty")
-"""Requests whose slots are ground truth."""
+"""Requests with slots as ground truth."""
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from plannerforge.schemas.errors import UnknownName
 from ..harness import share
 
 _FIRST = 5
-"""Results that count as seen: as many as the paper's interface shows."""
+"""Number of visible results, as in the paper's interface."""
 SEEDS = 5
 _XML_CHARACTERS = 20_000
-"""Of a file: more than the first few hundred tokens that the model reads."""
+"""Characters of a file: more than the model's first few hundred tokens."""
 Ranked = list[tuple[Request, Sequence[str]]]
 Tell = Callable[[str], None]
 

@@ -25,7 +25,7 @@ from ..harness import call_ms
 from .pages import search_ms
 
 _WARM_TEXTS = 15
-"""How many searches by text are timed; their median counts (chosen)."""
+"""Number of timed text searches; their median counts (chosen)."""
 
 
 @dataclass(frozen=True)

@@ -48,9 +48,9 @@ PARTS: Parts[ServeBench] = Parts(
         "hosts": ("hosts_passed",),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 _NONE = ("bridge_failed", "conformance_failed")
-"""Keys that are a fault unless they are 0."""
+"""Keys that must be 0."""
 _MINUTES = 10.0
 
 

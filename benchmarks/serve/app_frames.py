@@ -26,7 +26,7 @@ _CARS = 300
 _DURATION_S = 20
 _PLAYED_S = 8.0
 _ALL, _FOLLOW = "0", "f"
-"""Keys of the player: everything in view, and the view that follows the ego."""
+"""Keys of the player: show everything, and follow the ego."""
 _VIEWPORT = (1280, 800)
 _WATCH = """
 new Promise(done => {

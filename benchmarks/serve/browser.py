@@ -10,7 +10,7 @@ from playwright import sync_api as playwright
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 _GUARD_S = 120.0
-"""A page that does not answer for so long hangs."""
+"""A page that does not answer for this long hangs."""
 BrowserFault = playwright.Error
 """A script threw, the browser refused a command, it ended, or something did not come true in time."""
 

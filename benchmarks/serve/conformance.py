@@ -31,7 +31,7 @@ _RUNS = {
 _TIMEOUT_S = 900.0
 _SCENARIO = re.compile(r"^[✓✗] ([\w-]+): (\d+) passed, (\d+) failed", re.MULTILINE)
 KNOWN = {"conformance_2026": 195, "conformance_2025": 81, "conformance_all": 230}
-"""Checks that hold in this version of the suite: fewer are a failure, even where none says that it does not hold."""
+"""Passing checks in this version of the suite: fewer are a failure, even without a failed check."""
 REASONS = {
     "server-sse-polling": "no event of a stream is kept to be sent again: the SDK has one store for all sessions, with "
     "streams known by the ids of requests, which clients share; a client whose connection broke asks anew",

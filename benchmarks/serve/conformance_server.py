@@ -164,7 +164,7 @@ async def multi_input(arguments: NoArguments, call: ToolCall) -> Said:
 
 
 _GRACE_S, _LATER_S = 0.1, 0.4
-"""Calls become tasks so soon here, and questions of tasks come after."""
+"""Delay after which calls become tasks here; questions of tasks come later."""
 
 
 @dataclass(frozen=True)

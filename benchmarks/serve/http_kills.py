@@ -29,7 +29,7 @@ from .http_load import LoadClient, Tally, Told, token_settings, tokens_of_client
 _SEED = 20261124
 _CLIENTS = 4
 _EARLIEST_S, _LATEST_S, _LAST_S = 1.0, 12.0, 15.0
-"""From the first call of a server to its kill, and how long the last one works; chosen."""
+"""Range of the time from a server's first call to its kill, and the working time of the last server (chosen)."""
 
 
 @dataclass

@@ -36,11 +36,11 @@ from .bench import ServeBench
 
 _SAMPLE_S = 2.0
 _WARM_UP_SHARE = 1 / 3
-"""Of the time, which does not count for the slope of memory; chosen: caches and worker pools fill in it."""
+"""Share of the time without effect on the slope of memory (chosen), in which caches and worker pools fill."""
 _MOST_TOLD = 10
 _RANDOM_SEED = 21
 _READ_BYTES = 700_000
-"""Largest resource that is read: the SDK's client takes no event of more than 1 MiB (docs/http.md)."""
+"""Largest resource to read: the SDK's client accepts no event of more than 1 MiB (docs/http.md)."""
 
 
 class Told(NamedTuple):
@@ -59,9 +59,9 @@ class Tally:
     slowest_s: float = 0.0
     errors: list[str] = field(default_factory=list)
     memory: list[tuple[float, float]] = field(default_factory=list)
-    """Seconds from the beginning, megabytes of the server's process."""
+    """Seconds since the start, megabytes of the server's process."""
     told: set[Told] = field(default_factory=set)
-    """What clients were told that it is there, by kind and id."""
+    """Artifacts reported to clients, by kind and id."""
 
 
 class LoadClient:

@@ -35,12 +35,12 @@ from .bench import ServeBench
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _VERSIONS = _CHECKOUT / "packaging" / "requirements.txt"
-"""What pip installs beside the wheel: it is published with it."""
+"""A package that pip installs next to the wheel, because it is published with it."""
 _HOST = ("codex", ".codex/config.toml", "mcp_servers")
-"""A host whose settings are one file in the home folder."""
+"""A host with all settings in one file of the home folder."""
 _BYTES = 1024**2
 LEFT_OUT = ("polygon3",)
-"""What nothing imports (docs/install.md)."""
+"""Dependencies that nothing imports (docs/install.md)."""
 
 
 class Taken(NamedTuple):

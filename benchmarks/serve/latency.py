@@ -32,7 +32,7 @@ from ..harness import Figures, ask, call_ms
 from .bench import ServeBench
 
 _STARTS, _BLOCKS, _CALLS, _WARM_UP = 9, 10, 30, 20
-"""Starts, blocks of calls of each kind, calls of a block, and calls before; chosen: the figures are medians."""
+"""Numbers of starts, blocks of each kind, calls per block, and earlier calls (chosen: the figures are medians)."""
 _TOKEN = "latency-" + "t" * 32
 _BARE = "from mcp.server import MCPServer; MCPServer('bare').run()"
 _BARE_HTTP = """

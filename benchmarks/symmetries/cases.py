@@ -112,7 +112,7 @@ def _case(file: str, relation: Relation, frame: Frame, judge: str, before: Answe
 
 
 _SAME_COST: Final = 1e-3
-"""Candidates whose costs differ by less, of their size, are chosen between by rounding (chosen)."""
+"""Relative cost difference below which rounding chooses between candidates (chosen)."""
 _OF_THE_PROBLEM: Final = ("invalid_reason", "first_step", "refused", "raised")
 
 
@@ -150,11 +150,13 @@ def _short(value: Any) -> str:
 
 
 DRIVEN_M: Final = {"moved": 0.05, "turned": 0.05, "rounded": 0.05, "split": 0.05}
-"""How far edited vehicles and planner runs may be off where coordinates are others: SUMO's nets give four decimals, and
-what is simulated step by step adds them up."""
+"""Tolerance of edited vehicles and planner runs if coordinates differ: SUMO's networks have four decimals, and a
+simulation accumulates the rounding.
+"""
 OUTCOME_ALONE: Final = frozenset({"mirrored", "shuffled_ids", "split", "other_format"})
-"""Relations under which an edit has the same outcome, while its vehicles drive somewhat otherwise: SUMO draws the
-random part of driving lane by lane, prefers the right lane, and ends a lane where a lanelet ends."""
+"""Relations under which an edit has the same outcome but its vehicles drive slightly differently: SUMO draws the random
+part of driving by lane, prefers the right lane, and ends a lane at the end of a lanelet.
+"""
 OUTCOME: Final = frozenset({"op", "refused", "raised", "done", "removed"})
 
 
@@ -187,11 +189,11 @@ def alike(one: Any, other: Any, within: float) -> bool:
 
 _OF_FORKS: Final = frozenset({"ego_turns_left", "ego_turns_right", "ego_goes_straight", "intersection"})
 _NO_SUCH_BRANCH: Final[Answer] = {"refused": ("not_possible", "")}
-"""What a reroute is answered that finds no branch of its turn; other refusals have another code or a reason."""
+"""The answer to a reroute without a matching branch; other refusals have another code or a reason."""
 _ONLY_IN_2020A: Final = frozenset(
     ("format_version", "coordinates", "signs_map", "lights_map", "signs", "traffic_light", "participants")
 )
-"""Facts of a file that 2018b has no words for (of its signs, it has speed limits)."""
+"""Facts that a file of 2018b cannot express (among signs it has speed limits)."""
 _OF_SIGNS_AND_JUNCTIONS: Final = re.compile(
     r"\w+ (\w*sign\w*|\w*light\w*|stop_line\w*|phase_without_duration|unknown_colour|implausible_speed_limit"
     r"|\w*incoming\w*|unknown_lanelet_at_intersection|repeated_id) "

@@ -49,17 +49,17 @@ from .relations import RELATIONS, read_root, write_root
 Point = tuple[float, float]
 """Metres east and north of the middle of a map."""
 _SMALLEST_BOX_M, _LARGEST_BOX_M = 500.0, 1_500.0
-"""Sides of a box that is cut out (chosen): a site and its surroundings."""
+"""Sides of a box to cut out (chosen): a site and its surroundings."""
 _METRES_A_DEGREE = 111_200.0
-"""Of latitude, on a sphere of the Earth's mean radius."""
+"""Metres per degree of latitude, on a sphere of the Earth's mean radius."""
 _FEWEST_ROADS = 5
-"""Of a box that is worth being a map (chosen)."""
+"""Least content of a useful box (chosen)."""
 _TRIES = 20
-"""Boxes that are drawn until one has roads (chosen)."""
+"""Draws of a box until one has roads (chosen)."""
 _MOST_CONNECTED = 0.99
-"""Of random networks: netgenerate takes no share of 0.999 or more."""
+"""Upper limit for random networks: netgenerate accepts no share of 0.999 or more."""
 _FARTHEST_LATITUDE = 65.0
-"""Of invented towns (chosen): nobody maps roads farther north and south, and Mercator's projections end at 80."""
+"""Latitudes of invented towns (chosen): few roads are mapped beyond them, and Mercator projections end at 80."""
 
 
 def fresh_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
@@ -430,7 +430,7 @@ MUTATIONS: tuple[Callable[[random.Random, etree._Element], None], ...] = (
     _far_away,
     _moved,
 )
-"""Each changes the tree of an extract at places that it draws."""
+"""Mutations: each changes the tree of an extract at random places."""
 
 
 # Scenarios
@@ -497,17 +497,17 @@ def _written(root: etree._Element, key: str, folder: Path) -> Path:
 
 
 _HOLED = 0.04
-"""Of the recordings, those in which a road user misses steps (chosen)."""
+"""Share of the recordings in which a road user misses time steps (chosen)."""
 _FEWEST_STATES = 25
-"""Of a recording that is cut (chosen): both parts are long enough to be driven."""
+"""Least steps of a cut recording (chosen): both parts are long enough to be driven."""
 _JITTER_M, _JITTER_KEPT = (0.005, 0.03), 0.7
-"""Standard deviation of the jitter, and the share of it that is kept from one step to the next (chosen)."""
+"""Standard deviation of the jitter, and its correlation from one step to the next (chosen)."""
 _ASIDE_M, _WAVE_M, _LATERAL_MPS2 = (0.3, 1.5), (50.0, 150.0), 1.0
-"""Of driving without lanes: how far to either side, within which way, and the most that it adds sideways (chosen)."""
+"""Driving without lanes: amplitude to either side, its wavelength, and the highest added lateral acceleration (chosen)."""
 _APART_M = 2.6
-"""Between the centre of a parked car and those of all that were recorded (chosen)."""
+"""Distance of a parked car's centre from those of all recorded road users (chosen)."""
 _ALONE_S = 10.0
-"""How long pedestrians walk where nothing else moves (chosen)."""
+"""Duration of pedestrians' walks if nothing else moves (chosen)."""
 _PATHS = ("position/point/x", "position/point/y", "orientation/exact", "velocity/exact")
 
 
@@ -722,7 +722,7 @@ DISTURBANCES: tuple[Callable[[random.Random, etree._Element], None], ...] = (
     _parked_row,
     _pedestrians,
 )
-"""Each changes the road users of a scenario's tree, some that it draws."""
+"""Each changes some random road users of a scenario's tree."""
 
 
 if __name__ == "__main__":

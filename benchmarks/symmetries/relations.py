@@ -25,7 +25,7 @@ MOVED_M = 1000.0
 LATER_STEPS = 17
 ROUNDED_DIGITS = 6
 MOST_CUTS = 3
-"""Rows of lanelets that one case cuts (chosen)."""
+"""Number of lanelet rows that one case cuts (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -414,7 +414,7 @@ def _rounded(root: Element, _draw: random.Random) -> Frame:
 # Lanelets cut in two
 
 _LIMITS: Final = frozenset({"274", "274.1", "R2-1", "r301", "3.24", "R15", "C43", "B14", "Ρ-32", "B31"})
-"""Signs that hold on along the road; all others act at its end."""
+"""Signs that apply along the road; all others act at its end."""
 
 
 def _split(root: Element, draw: random.Random) -> Frame:

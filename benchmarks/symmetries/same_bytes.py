@@ -30,9 +30,9 @@ from ..harness import shared_folder
 
 _WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
 _UNSTEADY = ("_ms", "elapsed_s", "wall_s", "computing_s", "created", "run_time_s", "planning_s")
-"""Endings of fields that hold a duration or a moment of this very execution."""
+"""Endings of fields with a duration or time of this execution."""
 _TIMING = "timing.json"
-"""The times that a run took; they differ from execution to execution."""
+"""The durations of a run, which differ between executions."""
 _Arguments = dict[str, Any]
 
 

@@ -48,7 +48,7 @@ PARTS: Parts[TuningBench] = Parts(
         "reference_presets": ("reference_guessed_to_success", "own_guessed_to_success"),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 
 
 def _bench(given: argparse.Namespace, scratch: Path) -> TuningBench:

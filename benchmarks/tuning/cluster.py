@@ -38,18 +38,18 @@ from ..harness import Figures, SeededBench, finished_batch, import_scenarios, sc
 RUNS = 120
 """Runs of a batch (chosen: about a minute on one process)."""
 _WARMING = 8
-"""Runs that are made before time is taken, so that workers have loaded what they need (chosen)."""
+"""Number of runs before the timing, so that workers have loaded everything (chosen)."""
 _KILL_AT = 3
-"""What is killed is killed when one in so many of the runs is there."""
+"""The kill comes once one in this many runs is done."""
 _LOOK_S = 0.05
 UNOBSERVED = {
     "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
     "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
     "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "5s",
 }
-"""Settings by which Dask's processes watch themselves less; see docs/cluster.md."""
+"""Settings that reduce the self-monitoring of Dask's processes; see docs/cluster.md."""
 Rows = dict[str, tuple[bytes, bytes]]
-"""By run id: the record and the steps, as they are stored."""
+"""By run id: the stored record and steps."""
 
 
 @dataclass

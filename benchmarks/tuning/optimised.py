@@ -54,7 +54,7 @@ VARIED = (
     "distance_to_reference_path",
     "longitudinal_jerk",
 )
-"""Weights that are searched (chosen: the three of safety, and what they are weighed against)."""
+"""Searched weights (chosen: the three of safety, and their counterweights)."""
 SPLITS, SCENARIOS, TRIALS, DRAWS = 3, 100, 16, 4000
 """Seeds of the split, scenarios, candidates a search, draws of the bootstrap (chosen: a quarter of an hour)."""
 _Ends = Mapping[str, tuple[bool, bool]]

@@ -29,7 +29,7 @@ FAULTS: Mapping[str, str] = {
     "other_scenario": "ZAM_Elsewhere-1_1_T-1",
     "dies": "signal 11",
 }
-"""Ways to go wrong, and what has to be told of them."""
+"""Kinds of failure, and the required report of each."""
 _DRIVES, _BESIDE = "drives", "frenetix"
 _PROGRAM = Path(__file__).with_name("faulty_program.py")
 _LIMITS = {"time_s": 4, "output_mb": 1, "folder_mb": 8}

@@ -61,17 +61,18 @@ from ..planners.rbfn_training import HELD_OUT, HELD_OUT_SEED
 
 CONFIGS = ("mp_rbfn:Default", "frenetix:Default")
 SITUATIONS, CHECKED = 12, 5
-"""Scenarios whose starts decide which weights act, and on which the contract is checked (chosen)."""
+"""Number of scenarios with a start that tests which weights act and the contract (chosen)."""
 _SECONDS, _SPEEDS_MPS = (1.0, 3.0), (2.0, 20.0)
 _GRID_S = 0.2
-"""Durations whose time is taken are multiples of it: a planner samples few of them, and the network's cost grows with
-their number (chosen)."""
+"""Timed durations are multiples of it: a planner samples few of them, and the network's cost grows with their number
+(chosen).
+"""
 _TIMED, _SOLVED, _STATES = 1000, 100, 31
 _SUBSTEPS = 20
-"""Of the integration, between two nodes."""
+"""Steps of the integration between two nodes."""
 _REPEATS = 20
 _DRAWS = 4000
-"""Of the bootstrap (chosen)."""
+"""Draws of the bootstrap (chosen)."""
 
 
 def measure(bench: SeededBench) -> Figures:

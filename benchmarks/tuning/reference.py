@@ -58,13 +58,14 @@ from ..tracks import ahead_and_left_m
 from .optimised import DEFAULT
 
 SCENARIOS = 64
-"""Drawn of the public ones (chosen; the issue asks for 60)."""
+"""Number of drawn public scenarios (chosen)."""
 LIMIT_S = 600.0
-"""On the clock for one run of the reference, after which it counts as a fault (chosen)."""
+"""Wall time of one reference run after which it counts as a fault (chosen)."""
 Ending = Literal["goal reached", "goal passed", "collision", "infeasible", "time limit", "not attempted"]
-"""How a run ends, in words of both loops. A collision is one with the road's edge too, because the reference does not
-tell them apart; a goal is passed where the ego was in its place at another time, or went by. ``not attempted``: ours
-says that nobody can solve the problem."""
+"""Ends of a run in both loops' terms. A collision may be with the road's edge, because the reference does not
+distinguish them. A goal is passed if the ego was in its place at another time, or went by. ``not attempted``: our loop
+finds the problem unsolvable.
+"""
 OUR_ENDINGS: Mapping[Outcome, Ending] = {
     "goal_reached": "goal reached",
     "goal_refused": "goal reached",
@@ -90,7 +91,9 @@ THEIR_ENDINGS: Mapping[str, Ending] = {
 Cause = Literal["trap", "prediction", "goal_rule", "road_check", "sampling"]
 CAUSES: tuple[Cause, ...] = ("trap", "prediction", "goal_rule", "road_check", "sampling")
 _FORESEEN_M = 0.5
-"""A predicted place nearer than this to the recorded one is foreseen (chosen: a quarter of a car's width and more)."""
+"""Largest distance between a predicted and a recorded place that counts as foreseen (chosen: just over a quarter of a
+car's width).
+"""
 _HORIZON_STEPS = 30
 
 

@@ -24,9 +24,9 @@ from pathlib import Path
 from typing import Any
 
 _LAST_PLANS = 11
-"""Plans whose predictions are handed over: those of the last horizon of 3 s and one more."""
+"""Number of plans with predictions to return: those of the last horizon of 3 s and one more."""
 _CONSTRAINTS = {5: "curvature", 6: "yaw_rate", 7: "curvature_rate", 8: "acceleration"}
-"""Where the planner counts what a constraint rejects, by the index in its list."""
+"""The constraint of each index in the planner's list of rejections."""
 
 
 def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:

@@ -45,9 +45,9 @@ from ..harness import (
 )
 
 _TOLERANCE = 1e-3
-"""Relative, as in the paper."""
+"""Relative tolerance, as in the paper."""
 _FACTOR = {"up": "+0.3", "down": "*0.5"}
-"""What stands for a direction without a value (chosen)."""
+"""The change for a direction without a value (chosen)."""
 Weights = Mapping[str, float]
 
 

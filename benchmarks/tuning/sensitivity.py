@@ -24,7 +24,7 @@ from plannerforge.server.assembly import create_server
 from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
 
 CASES, REAL_CASES, MADE_SCENARIOS, REAL_SCENARIOS = 10, 3, 40, 24
-"""Seeds of made and of real cases, and scenarios of either (chosen: a real case takes minutes)."""
+"""Seeds of synthetic and of real cases, and scenarios of either (chosen: a real case takes minutes)."""
 _NAMES = ("prediction", "velocity_offset", "distance_to_obstacles", "jerk", "responsibility", "path_length")
 
 

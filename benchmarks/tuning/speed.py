@@ -54,9 +54,9 @@ from ..harness import (
 )
 
 RUNS = 72
-"""Enough that the time in which one of two workers has the last run alone hardly counts (chosen)."""
+"""Enough runs that the last one, alone on one of two workers, hardly counts (chosen)."""
 STAGED = 24
-"""Runs whose stages are timed (chosen)."""
+"""Number of runs with timed stages (chosen)."""
 _WARMING = 6
 _LOOK_S = 0.01
 _RUNS, _LOOP = "plannerforge.engine.planners.runs", "plannerforge.engine.planners.simulation"
@@ -70,7 +70,7 @@ STAGES = {
     "judging": (f"{_LOOP}.Judge.before_the_run", f"{_LOOP}.Judge.after_step"),
     "metrics": (f"{_RUNS}.drive_criticality", f"{_RUNS}.run_steps"),
 }
-"""The stages of a run, and the functions of the product that make them up; none calls another one of them."""
+"""The stages of a run, and the product's functions in each, which do not call each other."""
 
 
 def measure(bench: SeededBench) -> Figures:

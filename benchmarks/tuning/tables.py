@@ -33,9 +33,9 @@ from ..harness import (
 )
 
 PRESETS = (50, 100, 500)
-"""Of the scenarios that are there, the first so many of the product's own order (500: all)."""
+"""Sizes of the presets, in the product's own order (500: all)."""
 DRAWS = 4000
-"""Of the bootstrap (chosen)."""
+"""Draws of the bootstrap (chosen)."""
 _HEAD = "| planner | N | reached the goal | collided | points to the first |\n| --- | --- | --- | --- | --- |\n"
 PREDICTIONS: tuple[Prediction, ...] = ("constant_velocity", "ground_truth")
 

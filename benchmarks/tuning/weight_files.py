@@ -19,7 +19,7 @@ from plannerforge.server.assembly import create_server
 from ..harness import Figures, SeededBench, ask, settings_for, share
 
 FILES = 60
-"""Made files (chosen)."""
+"""Number of synthetic files (chosen)."""
 _COMMENTS = ("", "", "  # keep", "   # was 0.3: too jerky", " # ü: \u2192")
 _NUMBERS = ("0", "0.0", "0.20", "1", "5.0", "1e-1", ".5", "2.50", "+3.0")
 

@@ -49,10 +49,10 @@ from .judges import (
 )
 
 KINDS: Mapping[str, bytes] = {".xml": b"<commonRoad", ".xodr": b"OpenDRIVE", ".osm": b"lanelet"}
-"""Endings of files, and what files of the format hold."""
+"""File name endings, and a typical content of each format."""
 NAMES = {".xml": "commonroad", ".xodr": "opendrive", ".osm": "lanelet2"}
 EXPORTED = 60
-"""Scenarios that are exported for ASAM's checker (chosen)."""
+"""Number of scenarios exported for ASAM's checker (chosen)."""
 
 
 @dataclass

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 Line = NDArray[np.float64]
 JOINT_M = 0.01
-"""Lanelets whose bounds end and begin within this of each other follow each other."""
+"""Lanelets follow each other if their bounds meet within this distance."""
 _RULE = re.compile(rb"""\brule\s*=\s*["'](LHT|RHT)["']""")
 _HEADER = ("commonRoad", "location", "scenarioTags")
 _TIME_S = 120
@@ -126,7 +126,7 @@ def net_verdict(net_path: Path, following: Mapping[str, set[str]], rule: str) ->
 
 
 _TINY_M = 0.2
-"""A lane of a road that is no longer need not be drawn (chosen): the one before it then leads to those behind it."""
+"""A shorter lane of a road need not be drawn (chosen): the lane before it then leads to those after it."""
 
 
 def _drawn(lane: Any, following: Mapping[str, set[str]]) -> set[str]:
@@ -169,7 +169,7 @@ def _wrong_side(net: Any, rule: str) -> int:
 
 
 _APART_M, _LEAST_M = 15.0, 0.5
-"""Roads back that lie farther away are roads of their own; nearer ones share a line, and have no side (chosen)."""
+"""Opposite roads farther apart are separate roads; nearer ones share a line, and have no side (chosen)."""
 
 
 def _middle(edge: Any) -> tuple[Line, Line]:

@@ -44,12 +44,13 @@ JPN 60 60 100 | KOR 50 60 100 | CHN 50 70 120 | ZAF 60 100 120 | AUS 50 100 100
 NZL 50 100 100 | ARG 60 110 130 | CHL 50 100 120 | ALB 40 80 110 | BIH 50 80 130
 """
 """By country the limits in km/h in towns, outside and on motorways: "Speed limits by country" of Wikipedia
-(https://en.wikipedia.org/wiki/Speed_limits_by_country), and the traffic law of countries that it gives a range for."""
+(https://en.wikipedia.org/wiki/Speed_limits_by_country), and the traffic law of countries for which it gives a range.
+"""
 _LATITUDE, _LONGITUDE, _STEP_M = 48.1, 11.5, 100.0
 _ARMS = {"west": (-1, 0), "east": (1, 0), "south": (0, -1), "north": (0, 1)}
 _SHOWN = 12
 _ASIDE_M = 0.3
-"""Within which the middle of a road is where its tags put it (chosen: a tenth of a lane)."""
+"""Tolerance for the middle of a road against its tags (chosen: a tenth of a lane)."""
 _NEAREST_HOUSE_M = 60.0
 _TOWN_CLASSES = frozenset({"primary", "secondary", "tertiary", "residential", "unclassified", "living_street"})
 _EXCLUDED_LIMITS = ("maxspeed", "source:maxspeed", "zone:maxspeed", "zone:traffic")

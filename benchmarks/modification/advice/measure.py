@@ -21,7 +21,7 @@ from .wrong_calls import wrong_calls
 from .wrong_edits import edit_of, wrong_edits
 
 _FILES = 8
-"""Scenarios of the folder that calls are drawn on."""
+"""Number of the folder's scenarios for the calls."""
 _MOST_WAITED_S = 600
 
 

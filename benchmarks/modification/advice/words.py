@@ -9,7 +9,7 @@ from .world import World
 
 Arguments = dict[str, Any]
 Draw = Callable[[World, random.Random], Arguments | None]
-"""Draws the arguments of a wrong call; None if what the workspace holds gives none of the kind."""
+"""Draws the arguments of a wrong call; None if the workspace has nothing for this kind."""
 
 
 def misspelt(word: str, rng: random.Random) -> str:

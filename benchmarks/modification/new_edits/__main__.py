@@ -43,7 +43,7 @@ from .scenes import SCENE_KINDS
 
 _KINDS = (*MOTION_KINDS, *SCENE_KINDS)
 _STEPS = 100
-"""Steps of reactive traffic that are looked at."""
+"""Number of examined steps of reactive traffic."""
 
 
 def is_held_out(path: Path, half: str = "odd") -> bool:

@@ -13,7 +13,7 @@ from .red_lights import crossed
 
 Edit = dict[str, Any]
 Judge = Callable[[WrittenFile, WrittenFile, "Told"], str]
-"""Base, new file and what was told → what is wrong, or an empty text."""
+"""Maps base, new file and answer to the fault, or to an empty text."""
 _MOVING_MPS = 3.0
 
 

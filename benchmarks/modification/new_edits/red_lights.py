@@ -8,11 +8,11 @@ import numpy as np
 from ..written_tracks import Lane, Light, RoadUser, WrittenFile
 
 OVER_M = 1.0
-"""A front so far behind the line has crossed it; a nose over the line has not."""
+"""A front this far past the line has crossed it; a nose over the line has not."""
 YELLOW_EXCUSE_MPS2 = 4.5
-"""One who could not have stopped with this much when the light ceased to be green is excused (SUMO's default)."""
+"""A vehicle that cannot stop at this deceleration when the light ceases to be green is excused (SUMO's default)."""
 HARDEST_MPS2 = 8.0
-"""One who begins to be driven so near to the line that it could not stop with this much is excused."""
+"""A vehicle taken over so close to the line that it cannot stop at this deceleration is excused."""
 _TURNS = {
     "left": ("left",),
     "straight": ("straight",),
@@ -24,7 +24,7 @@ _TURNS = {
 }
 _STRAIGHT_RAD = math.radians(30.0)
 _BLURRED_RAD = math.radians(20.0)
-"""A turn so near to the border between two words counts as either."""
+"""A turn this close to the border between two words counts as either."""
 
 
 @dataclass(frozen=True)

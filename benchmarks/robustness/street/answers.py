@@ -38,11 +38,11 @@ from .bench import StreetBench
 
 _SERVICE_SHARE = 0.75
 _RAW_SHARE = 0.1
-"""Of answers that are hardly JSON (chosen): after those the product asks again, with a pause of a second."""
+"""Share of answers that are hardly JSON (chosen): after those the product retries with a pause of a second."""
 _MOST_TOLD = 30
 _LIMIT_S = 100.0
 _LONGEST = 10_000
-"""Characters of a text that a map needs at most: a key or value of OpenStreetMap has 255, an outline is no text."""
+"""Most characters of a text in a map: a key or value of OpenStreetMap has 255, and an outline is no text."""
 _NEAR = (54.63, 5.34)
 _SCENARIO = "ZAM_Landmoor-17_1_T-1"
 
@@ -340,7 +340,7 @@ _QUESTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("analyze_results", {"results": ["latest_run"], "detail": "findings"}),
     ("render", {"ids": ["latest_run"], "kind": "costs"}),
 )
-"""What is asked about a run: after every fifth all of it, after the others the first."""
+"""Calls about a run: all of them after every fifth run, the first after the others."""
 
 
 def sound_plan(request: Mapping[str, Any]) -> dict[str, Any]:

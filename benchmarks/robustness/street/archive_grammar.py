@@ -17,7 +17,7 @@ from ..inputs import INJECTED
 
 _RECORDS, _HEAD, _SUMS = "records.jsonl", "workspace.json", "SHA256SUMS"
 FORGED = f"x\n{INJECTED}"
-"""A text that would be a line of the server's own if it were printed as it is."""
+"""A text that would form a line of the server's own if printed unchanged."""
 _DEEP = 5_000
 _LONG = 100_000
 
@@ -323,4 +323,4 @@ PRODUCTIONS: tuple[Callable[[Draft, random.Random], None], ...] = (
         _file_removed,
     ),
 )
-"""All productions; what passes more easily stands here twice."""
+"""All productions; those that are accepted more easily are listed twice."""

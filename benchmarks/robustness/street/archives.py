@@ -39,10 +39,10 @@ from .bench import StreetBench
 
 _MOST_TOLD = 40
 _RUN_EVERY = 6
-"""Of the archives that were taken in, those after which a planner is run as well (chosen): it takes seconds."""
+"""A planner also runs after one in this many accepted archives (chosen), because it takes seconds."""
 _NAMED = re.compile(r"\[(\w+)\] ")
 _OWN, _OTHERS = "ZAM_Landmoor-31_1_T-1", ("ZAM_Landmoor-17_1_T-1", "ZAM_Landmoor-18_1_T-1")
-"""Starter scenarios: of the own work, and of the archive."""
+"""Starter scenarios of the original work, and of the archive."""
 _LIMIT_S = 60.0
 _MAPS = Path(str(package_files("plannerforge.engine.maps"))) / "library"
 

@@ -30,11 +30,11 @@ from ...harness import Figures
 from .bench import StreetBench
 
 _MOST_KILLS = 6
-"""Of one piece of work, after which it is let end (chosen)."""
+"""Kills of one piece of work after which it may finish (chosen)."""
 _GUARD_S = 600.0
 _PLANNERFORGE = (sys.executable, "-m", "plannerforge")
 _TIMED = {"timing.json", "planner.log"}
-"""Files of a run that differ each time that it is made."""
+"""Files of a run that differ between repetitions."""
 
 
 @dataclass
@@ -181,7 +181,7 @@ def _contents(workspace: Path) -> dict[str, str]:
 
 
 _GROWING = ("plan", "study", "search")
-"""Kinds with a record that is written anew while the work goes on: it has to be there, whatever it says."""
+"""Kinds with a record that changes during the work: it must exist, with any content."""
 
 
 def _digest(content: bytes) -> str:

@@ -17,13 +17,13 @@ from collections import Counter
 from collections.abc import Awaitable, Callable
 
 _HELD = 150
-"""Connections that are kept half open at a time (chosen): a stranger opens a new one whenever one was closed."""
+"""Half-open connections at a time (chosen): a stranger opens a new one for each closed one."""
 _PAUSE_S = 0.02
-"""Between two other requests of a kind (chosen): twelve kinds then make some hundred requests a second."""
+"""Pause between two other requests of a kind (chosen): twelve kinds then make some hundred requests per second."""
 _MEGABYTE = b"x" * 1024**2
 _MOST_MEGABYTES = 8
 _TAKEN_S = 5.0
-"""For which an answer is waited for before the stranger goes on (chosen)."""
+"""Longest wait for a response before the stranger continues (chosen)."""
 
 Knock = Callable[["Stranger"], Awaitable[str]]
 
@@ -159,7 +159,7 @@ KINDS: dict[str, Knock] = {
     "foreign": _foreign,
     "ready": _ready,
 }
-"""What is repeated with a short pause, while half and slow heads are held open."""
+"""Kinds repeated with a short pause, while half and slow heads stay open."""
 
 
 def main() -> None:

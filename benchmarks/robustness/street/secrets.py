@@ -36,9 +36,9 @@ _PROTOCOLS: Mapping[str, Mapping[str, Any]] = {
 
 
 _KINDS = ("token", "reading", "filed", "collector", "cloud", "model")
-"""What the server is given: tokens in a variable and in a file, headers for a collector, keys of other programs."""
+"""The server's secrets: tokens in a variable and in a file, headers for a collector, keys of other programs."""
 _CONTROL, _WAYS = "control", 2
-"""A secret that each program is given openly, so that a look that sees nothing is noticed; by HTTP and by stdio."""
+"""A secret that each program receives openly, so that a blind search is noticed; over HTTP and stdio."""
 
 
 def _secret(name: str) -> str:

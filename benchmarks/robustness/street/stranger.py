@@ -34,13 +34,13 @@ from .bench import StreetBench
 
 _CLIENTS = 4
 _MEMORY_MB = 512
-"""The bound that the server is given (chosen): the smallest is 256."""
+"""The server's limit (chosen): the smallest is 256."""
 _QUIET_SHARE = 0.5
-"""How long the clients work alone, of the time with the stranger (chosen)."""
+"""Time of the clients alone as a share of that with the stranger (chosen)."""
 _PAUSE_S = (0.05, 0.4)
-"""From and to: between two calls of an honest client (chosen), so that it does not fill a core by itself."""
+"""Range of the pause between two calls of an honest client (chosen), so that it does not fill a core."""
 _GONE_WITHIN_S = 90.0
-"""Within which a server has let go of a stranger's connections; an idle one stays open for 75 s (docs/http.md)."""
+"""Time within which a server must release a stranger's connections; an idle one stays open for 75 s (docs/http.md)."""
 _MOST_TOLD = 10
 
 

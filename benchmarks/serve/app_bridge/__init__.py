@@ -51,11 +51,11 @@ _PACKAGES = (
 )
 _RECORDED = "USA_Lanker-1_1_T-1"
 _OTHERS = ("USA_US101-3_3_T-1", "DEU_Lohmar-13_1_T-1")
-"""Public recordings: one that is looked at, two that a board has as well."""
+"""Public recordings: one to view, two more for a board."""
 _WIDTHS, _HEIGHT = (1280, 420), 2600
-"""A window beside which nothing stands and a side bar; so high that all of a page is in view (chosen)."""
+"""A full-width window and a side bar, so high that all of a page is in view (chosen)."""
 _MODES = {"light": "auto", "dark": "legacy"}
-"""How the client of each theme's host finds the revision of the protocol."""
+"""How the client of each theme's host finds the protocol's revision."""
 
 
 @dataclass(frozen=True)

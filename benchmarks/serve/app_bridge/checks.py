@@ -17,7 +17,7 @@ _PLAYER = "document.querySelector('.player:not(.board)').player"
 _BOARD = "document.querySelector('.board').board"
 _SETTLED_MS = 400
 _MOST_SIZES = 8
-"""Sizes that a page may tell until it stands still (chosen): each is a jump of the host's window."""
+"""Most sizes that a page may report before it settles (chosen): each is a jump of the host's window."""
 _DRAWN = (
     "(canvas => new Set(new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)"
     f".data.buffer)).size)({_PLAYER}.panes[0].canvas) > 8"
@@ -399,12 +399,12 @@ _SEEN = (
     "(({ camera, canvas }) => [...camera.toWorld(0, canvas.clientHeight, canvas.clientWidth, canvas.clientHeight),"
     f" ...camera.toWorld(canvas.clientWidth, 0, canvas.clientWidth, canvas.clientHeight)])({_PLAYER}.panes[0])"
 )
-"""What is in view: the lowest x and y, and the highest, in m."""
+"""The visible range: the lowest x and y, and the highest, in m."""
 _COVERS = (
     "((seen, shown) => seen.every(Number.isFinite) && seen[0] <= shown[0] + 0.5 && seen[1] <= shown[1] + 0.5"
     f" && shown[2] - 0.5 <= seen[2] && shown[3] - 0.5 <= seen[3])({_SEEN}, {_PLAYER}.panes[0].scene.shown)"
 )
-"""Whether what is in view has all that matters in it."""
+"""Tests whether the visible range contains everything important."""
 
 
 def _has_theme(view: View, theme: str) -> bool:

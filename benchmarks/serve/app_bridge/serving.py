@@ -17,10 +17,10 @@ POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data:; media-src 'self' data:; connect-src 'none'"
 )
-"""What a page may do that declares nothing (MCP Apps of 2026-01-26)."""
+"""The permissions of a page that declares nothing (MCP Apps of 2026-01-26)."""
 _TYPES = {"html": "text/html; charset=utf-8", "js": "text/javascript; charset=utf-8", "json": "application/json"}
 _OWN = {"connection", "transfer-encoding", "content-length", "host", "origin", "referer", "keep-alive"}
-"""Headers of one connection, which are not passed on, and those that name the page to the server."""
+"""Headers of one connection, which are not forwarded, and those that name the page to the server."""
 _TIMEOUT_S = 120.0
 
 

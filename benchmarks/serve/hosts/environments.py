@@ -21,7 +21,7 @@ from .roster import Host
 
 FOLDER_VARIABLE = "PLANNERFORGE_HOSTS"
 _KEPT = ("PATH", "LANG", "LC_ALL", "TZ", "TMPDIR")
-"""Of the variables of this machine, all that a client sees: neither keys nor settings of its user."""
+"""The machine's variables that a client sees, without keys or settings of its user."""
 
 
 def default_folder() -> Path:

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
 NAME = "story:8b"
-"""By which clients ask for the model where they may choose."""
+"""The model's name, if clients can choose one."""
 _CREATED, _DATE = 1_700_000_000, "2026-11-02T08:00:00.000000Z"
 _PIECE = 24
-"""Characters of a streamed piece; chosen."""
+"""Characters of a streamed piece (chosen)."""
 _USAGE = (1200, 40)
-"""Tokens in and out that an answer claims: clients want figures, and nothing is counted here."""
+"""Claimed input and output tokens: clients require figures, and this server counts none."""
 _STOP_S = 10.0
 _ADDRESSED = ("image", "image_url", "input_image", "file", "input_file", "document")
 Json = Mapping[str, Any]

@@ -32,7 +32,7 @@ from .story import REQUEST, faults_of, goes_on_after_refusals, stored_work, summ
 
 _DRIVERS = Path(__file__).parent / "drivers"
 _TIMEOUT_S = 420.0
-"""How long a client has for the story; chosen: the slowest takes a minute on a quiet machine."""
+"""Time limit of a client's story (chosen): the slowest takes a minute on a quiet machine."""
 _LOG_TAIL = 1500
 
 

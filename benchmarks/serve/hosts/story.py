@@ -19,11 +19,11 @@ REQUEST = (
     "Find a scenario with at least two cars, make one of its cars drive aggressively, run Frenetix with its presets "
     "Default and Safety-Conservative on it, compare the two and draw the scenario."
 )
-"""What the user asks for."""
+"""The user's request."""
 CLOSING = "Both runs are compared and the picture is drawn"
-"""Of the model's last message; who sees it was taken to the end."""
+"""A part of the model's last message, which proves that the story reached its end."""
 STEPS = ("find_scenarios", "modify_scenario", "run_planner", "compare_results", "render")
-"""The tools that must have been carried out, in this order."""
+"""The required tools, in this order."""
 _CONFIGS = ("frenetix:Default", "frenetix:Safety-Conservative")
 _NO_SCENARIO, _NO_VEHICLE = "DEU_Nowhere-1_1_T-1", "999999"
 _SCENARIO = re.compile(r"\b[A-Z]{3}_[A-Za-z]\w*-\d+_\d+_T-\d+")
@@ -32,7 +32,7 @@ _BATCH, _JOB = re.compile(r"\bbatch_[0-9a-f]{8,}"), re.compile(r"\bjob_[0-9a-f]{
 _PNG, _PNG_AS_TEXT = b"\x89PNG\r\n\x1a\n", "iVBORw0KGgo"
 _WRONG_EDITS = 2
 _UNKNOWN = "unknown"
-"""The client's name in a journal where it gave none."""
+"""The client's name in a journal if it gave none."""
 
 
 @dataclass(frozen=True)

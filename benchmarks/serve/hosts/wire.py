@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import IO, Any
 
 _META = "io.modelcontextprotocol/"
-"""What the keys of the revision without sessions begin with."""
+"""Prefix of the keys in the revision without sessions."""
 
 
 @dataclass(frozen=True)
