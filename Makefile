@@ -12,7 +12,7 @@ RECORD ?= same-bytes.json
 MUTANTS ?=
 SEED ?= 1
 
-.PHONY: help notebook demo test coverage check lint types layers bench bench-server bench-selection bench-planners bench-faults bench-reactive \
+.PHONY: help notebook demo test coverage check lint types layers english bench bench-server bench-selection bench-planners bench-faults bench-reactive \
 	bench-responsibility bench-weights bench-routes bench-generation bench-modification bench-manoeuvres bench-edits bench-import-crashes bench-drivable bench-same-bytes \
 	bench-robust bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-osm-tags bench-places bench-analysis bench-tuning bench-serve bench-loop bench-database bench-peers \
 	dist requirements bundle starter house chat-page tutorial-page reference docs train-rbfn format clean
@@ -20,32 +20,32 @@ SEED ?= 1
 help:
 	@echo "make demo    set everything up and take a scenario through every stage (report in demo-output/)"
 	@echo "make test    set everything up and run the tests"
-	@echo "make coverage run the tests and fail where they reach less of the code than the figure in pyproject (developers)"
-	@echo "make check   lint, types and import directions (developers)"
-	@echo "make bench   measure what docs/measured.md states, one bench after the other; takes long (developers)"
+	@echo "make coverage run the tests with coverage; fail below the limit in pyproject.toml (developers)"
+	@echo "make check   lint, types, import directions and English (developers)"
+	@echo "make bench   measure the figures in benchmarks/FIGURES.md; takes long (developers)"
 	@echo "make bench-same-bytes RECORD=after.json BEFORE=before.json"
-	@echo "             record digests of what a fixed list of requests makes; with BEFORE, name what differs (developers)"
-	@echo "make bench-loop  measure whether verdicts on planners can be relied on (developers)"
+	@echo "             record digests of the results of fixed requests; with BEFORE, list the differences (developers)"
+	@echo "make bench-loop  measure how reliable verdicts on planners are (developers)"
 	@echo "make bench-database FOLDER=FOLDER"
 	@echo "             run every scenario of a folder, such as the public CommonRoad database, under every planner (developers)"
 	@echo "make bench-peers FOLDER=FOLDER"
-	@echo "             import foreign CommonRoad, OpenDRIVE and Lanelet2 files and judge what came of them (developers)"
+	@echo "             import foreign CommonRoad, OpenDRIVE and Lanelet2 files and judge the results (developers)"
 	@echo "make bench-places FOLDER=FOLDER"
-	@echo "             find the maps of a folder of OpenStreetMap extracts by other spellings of what they show (developers)"
+	@echo "             find OpenStreetMap extracts of a folder by other spellings of their places (developers)"
 	@echo "make dist    build sdist and wheel into dist/ (developers)"
-	@echo "make requirements choose the versions of packaging/requirements.txt anew; needs uv (developers)"
-	@echo "make bundle  build the bundle that hosts install by a click (.mcpb) into dist/; needs Node (developers)"
-	@echo "make starter re-make the maps and the starter catalogue that ship with the package"
-	@echo "make train-rbfn train the network of the planner MP-RBFN anew; the same weights (developers)"
-	@echo "make house   draw the map of the packages anew (developers)"
-	@echo "make chat-page record docs/chat.md, a chat through five stages, anew (developers)"
-	@echo "make notebook run the notebook of the documentation anew (developers)"
-	@echo "make tutorial-page record docs/tutorial.md and its pictures anew (developers)"
-	@echo "make reference write the pages of docs/reference and docs/settings.md anew from the program (developers)"
-	@echo "make docs    build the documentation as a site into site/ (developers)"
+	@echo "make requirements update the versions in packaging/requirements.txt; needs uv (developers)"
+	@echo "make bundle  build the bundle that hosts install with a click (.mcpb) into dist/; needs Node (developers)"
+	@echo "make starter regenerate the packaged maps and the starter catalogue (developers)"
+	@echo "make train-rbfn train the network of the planner MP-RBFN again, with the same weights (developers)"
+	@echo "make house   draw the diagram of the packages (developers)"
+	@echo "make chat-page record docs/chat.md, a chat through five stages (developers)"
+	@echo "make notebook run the documentation's notebook (developers)"
+	@echo "make tutorial-page record docs/tutorial.md and its pictures (developers)"
+	@echo "make reference generate docs/reference and docs/settings.md from the program (developers)"
+	@echo "make docs    build the documentation into site/ (developers)"
 	@echo "make bench-robust SEEDS=\"1 2 3\""
-	@echo "             all that shows soundness: hostile inputs, growth, symmetries, fresh data of these seeds, kills (developers)"
-	@echo "make clean   remove what was built"
+	@echo "             measure soundness: hostile inputs, growth, symmetries, new data with these seeds, killed servers (developers)"
+	@echo "make clean   remove built files"
 
 demo: $(STAMP)
 	@echo "==> Running the demo: a real MCP client takes a scenario through every stage"
@@ -60,15 +60,15 @@ $(STAMP): pyproject.toml packaging/requirements.txt scripts/setup.sh
 	@touch $@
 
 $(DEV_STAMP): $(STAMP)
-	@echo "==> Installing what the tests need"
+	@echo "==> Installing the tests' dependencies"
 	@bash scripts/setup.sh $(VENV) dev
 	@touch $@
 
 coverage: $(DEV_STAMP)
-	@echo "==> Running the tests on $(WORKERS) processes and measuring which lines and branches they reach"
+	@echo "==> Running the tests with coverage on $(WORKERS) processes"
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --cov --cov-branch --cov-report term $(TESTS)
 
-check: lint types layers
+check: lint types layers english
 
 lint: $(DEV_STAMP)
 	@echo "==> Lint"
@@ -82,6 +82,11 @@ types: $(DEV_STAMP)
 layers: $(DEV_STAMP)
 	@echo "==> Import directions"
 	@$(VENV)/bin/lint-imports
+
+english: $(DEV_STAMP)
+	@echo "==> English"
+	@$(VENV)/bin/codespell README.md CONTRIBUTING.md docs agent cli engine evals library prompts resources schemas server tools workflows scripts
+	@$(PYTHON) scripts/check_english.py
 
 bench: bench-server bench-planners bench-faults bench-reactive bench-responsibility bench-weights bench-modification bench-generation \
 	bench-selection bench-drivable bench-import-crashes bench-hostile bench-symmetries bench-kills bench-mutation bench-growth bench-chain bench-answers bench-agent bench-maps bench-analysis bench-tuning bench-serve bench-loop
@@ -190,9 +195,9 @@ dist: $(DEV_STAMP)
 	@$(PYTHON) -m build --no-isolation --outdir dist
 	@cp packaging/requirements.txt dist/plannerforge_mcp-requirements.txt
 
-# What nothing imports is left out: docs/install.md.
+# Unimported packages are left out: docs/install.md.
 requirements:
-	@echo "==> Choosing the versions of all dependencies anew (uv)"
+	@echo "==> Choosing the versions of all dependencies (uv)"
 	@printf "%s ; python_version < '3'\n" polygon3 | uv pip compile pyproject.toml --quiet \
 		--universal --python-version 3.11 --upgrade --custom-compile-command "make requirements" --no-annotate --overrides /dev/stdin -o packaging/requirements.txt
 

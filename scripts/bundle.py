@@ -1,7 +1,7 @@
-"""Makes ``dist/plannerforge-mcp-VERSION.mcpb``, which a host installs by a click, from the wheel in ``dist``.
+"""Build ``dist/plannerforge-mcp-VERSION.mcpb``, which a host installs with a click, from the wheel in ``dist``.
 
-The manifest is ``packaging/bundle/manifest.json`` with the tools that the server offers. The format's official tool
-(``@anthropic-ai/mcpb``, by npx) validates and packs; ``--stage`` only writes the folder that would be packed.
+The manifest is ``packaging/bundle/manifest.json`` with the server's tools. The format's official tool
+(``@anthropic-ai/mcpb``, with npx) validates and packs it; ``--stage`` only writes the folder.
 """
 
 import argparse
@@ -17,7 +17,7 @@ MCPB = "@anthropic-ai/mcpb@2.1.2"
 
 
 def stage(wheel: Path, folder: Path) -> str:
-    """Write what a bundle holds into a new folder; its version, which is that of the wheel."""
+    """Write the bundle's files into a new folder, and return its version, which is the wheel's."""
     version = wheel.name.split("-")[1]
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -33,7 +33,7 @@ def stage(wheel: Path, folder: Path) -> str:
 
 
 def offered() -> list[dict[str, str]]:
-    """The tools of the server, each with the first sentence of its description."""
+    """Return the server's tools, each with the first sentence of its description."""
     described = (
         json.loads(path.read_text(encoding="utf-8"))
         for path in sorted((CHECKOUT / "server" / "descriptions").glob("*.json"))
@@ -42,7 +42,7 @@ def offered() -> list[dict[str, str]]:
 
 
 def main() -> int:
-    """Read the command line, make the bundle; the status."""
+    """Build the bundle, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--stage", action="store_true", help="write the folder and pack nothing")
     given = parser.parse_args()

@@ -1,13 +1,12 @@
-"""Counts the modules that a generation's request passes, and its returns: ``python scripts/count_modules.py``.
+"""Count the modules that a generation request passes, and its returns: ``python scripts/count_modules.py``.
 
-A module is *passed* if a function of it is handed the request: the arguments of the tool, the ``GenerationSpec`` that
-is read from them, or the ``GenerationRequest`` of a scenario. A *return* is such a call from another module into one
-that was passed before; the same call of the same function counts once, because a loop is read once. Both sides count
-together: the server's, and the worker's, which runs here in the same process. What carries the request and does not
-look into it (``workflows/context.py``) does not count, and neither do ``schemas/``, where the request is defined.
+A request *passes* a module if one of its functions gets the request: the tool's arguments, the ``GenerationSpec`` that
+is read from them, or a scenario's ``GenerationRequest``. A *return* is a call from another module into one that was
+passed before; repeated calls of one function count once. The counts include the worker, which runs in this process.
+They exclude ``schemas/``, which defines the request, and ``workflows/context.py``, which only carries it.
 
-``--all`` counts every call between modules of ``tools/``, ``workflows/`` and ``engine/generation/`` instead, whatever
-is handed on. The last line is one JSON object.
+``--all`` counts every call between modules of ``tools/``, ``workflows/`` and ``engine/generation/`` instead. The last
+line is one JSON object.
 """
 
 import argparse
@@ -32,7 +31,7 @@ from plannerforge.workflows.context import Services
 
 PROJECT = Path(plannerforge.__file__).resolve().parent
 USUAL = {"place": "Musterstadt", "vehicles": ["truck=1"], "duration_s": 5, "seed": 3}
-"""The request that is counted unless another is named: on a map of the package."""
+"""The default request, on a packaged map."""
 REQUEST = GenerateScenariosArguments | GenerationSpec | GenerationRequest
 CARRIERS = ("workflows/context.py",)
 OWN = ("tools/", "workflows/", "engine/generation/")
@@ -41,9 +40,9 @@ _SUSPENDED = CO_COROUTINE | CO_GENERATOR | CO_ASYNC_GENERATOR
 
 @dataclass
 class Way:
-    """The calls from one module into another, in their order; each as (from module, function, into module, function).
+    """The calls between modules, in order; each is (from module, function, to module, function).
 
-    ``all_calls``: count every call in ``OWN``, and not only those that are handed the request.
+    ``all_calls``: count every call in ``OWN``, not only those that get the request.
     """
 
     all_calls: bool = False
@@ -52,7 +51,7 @@ class Way:
     _begun: dict[int, FrameType] = field(default_factory=dict)
 
     def __call__(self, frame: FrameType, event: str, argument: object) -> None:
-        """Note a call; a profile function of the interpreter."""
+        """Record a call; this is the interpreter's profile function."""
         del argument
         code = frame.f_code
         module = self._module(code)
@@ -71,7 +70,7 @@ class Way:
             self.calls[before, name, module, code.co_qualname] = None
 
     def figures(self) -> dict[str, Any]:
-        """Return how many modules were passed, how many returns there were, and the entries by module."""
+        """Return the number of passed modules, of returns, and of entries by module."""
         entered: dict[str, int] = {}
         for _, _, module, _ in self.calls:
             entered[module] = entered.get(module, 0) + 1
@@ -88,7 +87,7 @@ class Way:
         return handed and not module.startswith(("schemas/", "scripts/"))
 
     def _module(self, code: CodeType) -> str:
-        """Return the file below the project, or nothing for other code and for a lambda or a comprehension."""
+        """Return the file relative to the project; empty for other code, lambdas and comprehensions."""
         if code.co_name.startswith("<"):
             return ""
         if code.co_filename not in self._names:
@@ -99,7 +98,7 @@ class Way:
 
 
 class _InProcess:
-    """An executor that carries operations out here, so that the worker's side is counted too."""
+    """An executor that runs operations in this process, so that the worker's calls count too."""
 
     capacity = 1
     notice = ""
@@ -111,10 +110,10 @@ class _InProcess:
 
 
 def count(arguments: GenerateScenariosArguments, folder: Path, *, all_calls: bool = False) -> dict[str, Any]:
-    """Make the scenarios of a call in a workspace of the folder, and count the way of its request.
+    """Generate a call's scenarios in a workspace in the folder, and count its request's modules.
 
     Returns:
-        ``modules``, ``returns``, and ``entered``: by module, how often it was entered.
+        ``modules``, ``returns``, and ``entered``: the number of calls into each module.
     """
     way, unused, workspace = Way(all_calls), cast("Any", None), Workspace(folder)
     services = Services(

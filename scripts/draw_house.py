@@ -1,8 +1,7 @@
-"""Draws ``docs/house.svg``, the map of the packages, from the code: ``make house``.
+"""Draw ``docs/house.svg``, the map of the packages, from the code: ``make house``.
 
-A box is a package with the first sentence of its docstring; a row is a layer of ``pyproject.toml``. An arrow leads to a
-package that is imported. Arrows that others imply are left out (transitive reduction), so that the picture stays
-readable; whatever is below may be imported.
+A box is a package with the first sentence of its docstring; a row is a layer of ``pyproject.toml``. An arrow leads to
+an imported package. A package may import everything below it; transitive reduction removes implied arrows.
 """
 
 import ast
@@ -19,11 +18,11 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 CHECKOUT = Path(__file__).resolve().parent.parent
 WIDTH, BOX_WIDTH, BOX_HEIGHT, ROW_HEIGHT = 15.0, 3.3, 0.86, 1.32
 COLOURS = {"schemas": "#f0e442", "engine": "#cfe8f5", "other": "#f5d9c3"}
-"""Light tints of Okabe and Ito's yellow, sky blue and vermilion: told apart with any colour vision."""
+"""Light tints of Okabe and Ito's yellow, sky blue and vermilion, which suit any colour vision."""
 
 
 def rows() -> list[list[str]]:
-    """The packages by layer, the highest first; those of the engine as ``engine.<name>``."""
+    """Return the packages by layer, the highest first; the engine's as ``engine.<name>``."""
     settings = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
     outer, inner = settings["tool"]["importlinter"]["contracts"][:2]
     layers: list[list[str]] = []
@@ -37,7 +36,7 @@ def rows() -> list[list[str]]:
 
 
 def imports(packages: list[str]) -> nx.DiGraph:
-    """Which package imports which, without what other arrows imply."""
+    """Return the imported packages of each package, without implied ones."""
     graph = grimp.build_graph("plannerforge")
     found = nx.DiGraph()
     found.add_nodes_from(packages)
@@ -55,7 +54,7 @@ def _package_of(module: str, packages: list[str]) -> str:
 
 
 def purpose(package: str) -> str:
-    """The first sentence of a package's docstring."""
+    """Return the first sentence of a package's docstring."""
     path = CHECKOUT / package.replace(".", "/")
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
     text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
@@ -63,7 +62,7 @@ def purpose(package: str) -> str:
 
 
 def draw(target: Path) -> None:
-    """Draw the boxes row by row, and the arrows from one row down to another."""
+    """Draw the boxes row by row, and the arrows between rows."""
     rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "house", "font.family": "sans-serif"})
     layers = rows()
     height = ROW_HEIGHT * len(layers) + 0.4

@@ -1,8 +1,8 @@
-"""Make ``engine/maps/borders.json.gz``: the countries' areas, from Natural Earth 1:10m (public domain).
+"""Write ``engine/maps/borders.json.gz``, the areas of countries, from Natural Earth 1:10m (public domain).
 
     python scripts/make_borders.py countries-10m.json
 
-The input is the TopoJSON of the npm package ``world-atlas`` (2.0.2). It needs ``iso3166``, which commonroad-io brings.
+The input is the TopoJSON of the npm package ``world-atlas`` (2.0.2).
 """
 
 import gzip
@@ -22,7 +22,7 @@ UNITS_PER_DEG = 250
 
 
 def main(source: Path) -> None:
-    """Write the table: for every country its ISO alpha-3 code (empty where none is agreed) and its areas' rings."""
+    """Write each country's ISO alpha-3 code (empty if there is no agreed code) and the rings of its areas."""
     topology = json.loads(source.read_bytes())
     scale, offset = topology["transform"]["scale"], topology["transform"]["translate"]
     arcs = [np.cumsum(np.array(arc), axis=0) * scale + offset for arc in topology["arcs"]]

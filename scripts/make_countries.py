@@ -1,15 +1,14 @@
-"""Make ``engine/maps/naming/country_names.json.gz``: what countries are called in all languages.
+"""Write ``engine/maps/naming/country_names.json.gz``, the names of countries in all languages.
 
     python scripts/make_countries.py NODE_MODULES WORDNET
 
-The names are those of Unicode's Common Locale Data Repository as Babel brings it (the version is written into the
-table). What Babel leaves out comes from ``NODE_MODULES``, which holds the packages ``cldr-localenames-full`` and
-``cldr-subdivisions-full`` of the same repository: short names and variants, and names of the parts of the United
-Kingdom that are called countries. Official names and their translations are those of Debian's iso-codes as
-pycountry brings them. ``WORDNET`` is the folder ``dict`` of WordNet 3: its synonyms of a country's English names.
+The names come from Unicode's Common Locale Data Repository (CLDR) in Babel; the table contains its version.
+``NODE_MODULES`` holds the CLDR's packages ``cldr-localenames-full`` and ``cldr-subdivisions-full``, which add short
+names, variants and the countries of the United Kingdom. Official names and their translations come from Debian's
+iso-codes in pycountry. ``WORDNET`` is the folder ``dict`` of WordNet 3, which adds synonyms of English names.
 
-A name that several countries have is that of the country that more languages call so; one that as many languages give
-to each is left out. WordNet counts only for names that nothing else has.
+If several countries share a name, the one with more languages gets it; equal ones are left out. WordNet counts only for
+names that no other source has.
 """
 
 import gettext
@@ -29,15 +28,15 @@ from plannerforge.engine.maps.naming.places import fold
 
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "naming" / "country_names.json.gz"
 SHORTEST = 3
-"""Letters of a name in ASCII: shorter ones are taken for codes. Short names of other languages have more."""
+"""The fewest letters of an ASCII name; shorter ones could be codes."""
 PARTS = dict.fromkeys(("gbeng", "gbnir", "gbsct", "gbwls", "gbgbn"), "GBR")
 """The countries of the United Kingdom and Great Britain, by their codes of ISO 3166-2 in the CLDR."""
 _NOUN_OF_PLACE = 15
-"""WordNet's file of nouns that are places (lexnames(5WN))."""
+"""WordNet's file of place names (lexnames(5WN))."""
 
 
 def names_of_cldr(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield the names that each language has, with their ISO 3166-1 alpha-3 codes."""
+    """Yield the names of each language, with their ISO 3166-1 alpha-3 codes."""
     for locale in sorted(localedata.locale_identifiers()):
         for territory, name in localedata.load(locale)["territories"].items():
             if territory in countries_by_alpha2 and _is_long(name):
@@ -71,7 +70,7 @@ def names_of_iso() -> Iterator[tuple[str, str]]:
 
 
 def names_of_wordnet(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield the English synonyms of the countries' names, with their ISO 3166-1 alpha-3 codes."""
+    """Yield the English synonyms of country names, with their ISO 3166-1 alpha-3 codes."""
     codes = {fold(name): country.alpha3 for country in countries for name in (country.name, country.apolitical_name)}
     for line in (folder / "data.noun").read_text(encoding="utf-8").splitlines():
         fields = line.split()

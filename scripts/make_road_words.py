@@ -1,13 +1,12 @@
-"""Make ``engine/maps/naming/road_words.json.gz``: how kinds of roads, directions and titles are abbreviated.
+"""Write ``engine/maps/naming/road_words.json.gz``, the abbreviations in road names.
 
     python scripts/make_road_words.py LIBPOSTAL
 
-The input is a checkout of libpostal (MIT License), whose ``resources/dictionaries`` hold them in 60 languages. Of their
-lines the table keeps the words: a first one, and what is written for it; kinds of roads of several words (``state
-route``) as they are. Its ``resources/numex`` hold the numbers of 41
-languages, cardinal and ordinal, and Roman ones; the table keeps those up to 31, the most that dates in names have.
-Its ``resources/addresses`` say, by what they mean, how 36 languages write the cardinal directions and what stands
-between or before the two roads of a crossing.
+The input is a checkout of libpostal (MIT License). From ``resources/dictionaries`` (60 languages), the table takes
+each word with its abbreviations, and road types of several words (``state route``). From ``resources/numex`` (41
+languages), it takes cardinal, ordinal and Roman numbers up to 31, the largest in a date. From
+``resources/addresses`` (36 languages), it takes cardinal directions and the words between or before the two roads of a
+crossing.
 """
 
 import gzip
@@ -24,12 +23,12 @@ from plannerforge.engine.maps.naming.places import latin
 
 TARGET = Path(__file__).parent.parent / "engine" / "maps" / "naming" / "road_words.json.gz"
 KINDS, OTHERS = ("street_types",), ("directionals", "personal_titles")
-"""The dictionaries of kinds of roads, and those of other words that are abbreviated in their names."""
+"""The dictionaries of road types, and of other abbreviated words."""
 LARGEST = 31
 
 
 def words_of(folder: Path, names: tuple[str, ...]) -> dict[str, list[str]]:
-    """Return, by the first word of a line in plain Latin letters, all that is written for it; both sorted."""
+    """Return the abbreviations by the first word of a line, in plain Latin letters; both sorted."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in sorted(path for name in names for path in folder.glob(f"*/{name}.txt") if path.parent.name != "all"):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -42,7 +41,7 @@ def words_of(folder: Path, names: tuple[str, ...]) -> dict[str, list[str]]:
 
 
 def long_kinds_of(folder: Path) -> dict[str, list[str]]:
-    """Return, by a kind of road of several words, all that is written for it, in plain Latin letters; both sorted."""
+    """Return the abbreviations by a road type of several words, in plain Latin letters; both sorted."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in sorted(folder.glob("*/street_types.txt")):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -56,7 +55,7 @@ _RULE = re.compile(r'name: "(?P<name>[^"]+)"\s+value: (?P<value>\d+)')
 
 
 def numbers_of(folder: Path) -> dict[str, list[int]]:
-    """Return, by a number's word in plain Latin letters, the values that languages give it; both sorted."""
+    """Return the values by a number's word, in plain Latin letters; both sorted."""
     found: dict[str, set[int]] = defaultdict(set)
     for path in sorted(folder.glob("*.yaml")):
         for rule in _RULE.finditer(path.read_text(encoding="utf-8")):
@@ -66,16 +65,31 @@ def numbers_of(folder: Path) -> dict[str, list[int]]:
     return {word: sorted(found[word]) for word in sorted(found)}
 
 
+def ordinals_of(folder: Path) -> list[str]:
+    """Return the suffixes of ordinal numbers in digits, in plain Latin letters; sorted.
+
+    Single letters belong to house numbers (``12a``), except ``e``.
+    """
+    found: set[str] = set()
+    for path in sorted(folder.glob("*.yaml")):
+        for group in yaml.safe_load(path.read_text(encoding="utf-8")).get("ordinal_indicators") or []:
+            found.update(latin(ending) for endings in group["suffixes"].values() for ending in endings)
+    return sorted(ending for ending in found if ending.isalpha() and (len(ending) > 1 or ending == "e"))
+
+
 SUFFIXES = "concatenated_suffixes_separable"
 DIRECTIONS = ("north", "south", "east", "west")
-JOINING, CORNERS = ("and", "x", "i", "ve"), ("corner", "corner_of", "at_the_corner_of", "na_uglu", "na_rozi", "ugul_na")
-"""The entries of ``cross_streets`` that stand between two roads, and those that stand before both."""
+JOINING, CORNERS = (
+    ("and", "x", "i", "ve", "con", "amb"),
+    ("corner", "corner_of", "at_the_corner_of", "na_uglu", "na_rozi", "ugul_na"),
+)
+"""The entries of ``cross_streets`` between two roads, and those before both."""
 _MEANS_AT = "a"
-"""Which Czech and Slovak have for "and", and which is "at" in Catalan, French, Italian and Portuguese."""
+"""The Czech and Slovak word for "and", which means "at" in Catalan, French, Italian and Portuguese."""
 
 
 def suffixes_of(folder: Path) -> dict[str, list[str]]:
-    """Return, by a kind of road that languages write as the end of a name, how it is written; both sorted."""
+    """Return the spellings by a road type that is the suffix of a name; both sorted."""
     found: dict[str, set[str]] = defaultdict(set)
     for path in sorted(folder.glob(f"*/{SUFFIXES}.txt")):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -86,7 +100,7 @@ def suffixes_of(folder: Path) -> dict[str, list[str]]:
 
 
 def addresses_of(folder: Path, part: str) -> dict[str, Counter[str]]:
-    """Return, by the name of an entry of a part of the files on addresses, how many languages write it how."""
+    """Return the number of languages per spelling, by entry of a section of the address files."""
     found: dict[str, Counter[str]] = defaultdict(Counter)
     for path in sorted(folder.glob("*.yaml")):
         told: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8")).get(part) or {}
@@ -97,9 +111,9 @@ def addresses_of(folder: Path, part: str) -> dict[str, Counter[str]]:
 
 
 def directions_of(folder: Path) -> dict[str, list[str]]:
-    """Return, by direction, its words in all languages; a word that two directions have means what most say.
+    """Return the words of each direction in all languages; a word of two directions gets the more frequent one.
 
-    A word of three letters counts if several languages have it: the other ones are names and articles elsewhere.
+    Words of three letters need several languages, because others are names and articles elsewhere.
     """
     counted: dict[str, Counter[str]] = defaultdict(Counter)
     for direction, words in addresses_of(folder, "cardinal_directions").items():
@@ -115,7 +129,7 @@ def directions_of(folder: Path) -> dict[str, list[str]]:
 
 
 def crossings_of(folder: Path, entries: tuple[str, ...]) -> list[str]:
-    """Return what languages write for some entries on crossings, sorted."""
+    """Return the spellings of some entries on crossings, sorted."""
     told = addresses_of(folder, "cross_streets")
     return sorted({word for entry in entries for word in told[entry] if any(map(str.isalpha, word))} - {_MEANS_AT})
 
@@ -129,6 +143,7 @@ def main(checkout: Path) -> None:
         "long_kinds": long_kinds_of(folder),
         "others": words_of(folder, OTHERS),
         "numbers": numbers_of(checkout / "resources" / "numex"),
+        "ordinals": ordinals_of(checkout / "resources" / "numex"),
         "suffixes": suffixes_of(folder),
         "directions": directions_of(checkout / "resources" / "addresses"),
         "joining": crossings_of(checkout / "resources" / "addresses", JOINING),

@@ -1,22 +1,20 @@
-"""Make ``engine/vehicles/vehicle_words.json.gz``: the words that languages have for the classes of road users.
+"""Write ``engine/vehicles/vehicle_words.json.gz``, the words for road users' classes in many languages.
 
     python scripts/make_vehicle_words.py CLDR_ANNOTATIONS WORDNET DICTIONARIES
 
 ``CLDR_ANNOTATIONS`` is the folder ``annotations`` of the package ``cldr-annotations-full`` of Unicode's Common Locale
-Data Repository (Unicode License), in which about 150 languages name the pictures of vehicles and give key words for
-them. ``WORDNET`` is the folder ``dict`` of WordNet 3 (WordNet License), whose nouns say in English what is a kind of
-what. ``DICTIONARIES`` is the folder of dictd in which Debian's packages ``dict-freedict-*-*`` put dictionaries; those
-that WikDict makes of Wiktionary (CC BY-SA 3.0) are read (``wikdict.py``). A word has the class that, in this order,
+Data Repository (CLDR, Unicode License) with names and keywords of vehicle pictures in about 150 languages. ``WORDNET``
+is the folder ``dict`` of WordNet 3 (WordNet License) with the hierarchy of English nouns. ``DICTIONARIES`` is the
+folder of dictd with Debian's packages ``dict-freedict-*-*``; ``wikdict.py`` reads WikDict's dictionaries (CC BY-SA
+3.0). A word's class comes from the first source that has one:
 
-1. it has in WordNet, if it has one class there: as a synonym that stands for the class, or if what it means first is a
-   kind of one,
-2. the dictionaries of most languages give to its first two meanings, or to the words that it translates,
-3. most languages give to it as the name of a picture,
-4. most languages give to it as a key word of all pictures of one kind that no picture of anything else has.
+1. WordNet, if the word has one class there: as the class's synonym, or because its first meaning is a kind of it;
+2. the dictionaries of most languages, by its first two meanings or the words that it translates;
+3. the pictures that it names in most languages;
+4. the pictures that it is a keyword of in most languages, if all pictures of one kind have it and no others.
 
-English texts are searched for these words too. So what WordNet has as an English word without a class, and English does
-not give one either, is left out (a bill is a car in Icelandic), and so is what holds no letter.
-Words stand in small letters, without accents, and as letters and digits alone.
+Words also match English texts. An English word without a class is therefore left out (a bill is a car in Icelandic), as
+are words without a letter. Words are in lower case, without accents, with letters and digits only.
 """
 
 import gzip
@@ -45,7 +43,7 @@ PICTURES = {
 """The pictures of each class, those of one kind together; a sequence that begins or ends with one (a woman on a
 bicycle) is of its class too."""
 POLICE = "👮🚨"
-"""Pictures of police, which share its word with the cars."""
+"""Pictures of police, which share the word with police cars."""
 DELIVERY_TRUCK, ARTICULATED_LORRY, PICKUP = "🚚🚛🛻"
 """A word for both of the first two is a truck, and so is one for a pickup; one for the first alone is a delivery van.
 The name of the second is a trailer if the language has a word for both, and otherwise its word for trucks."""
@@ -72,7 +70,7 @@ _NOUN_OF_ARTEFACT, _NOUN_OF_PERSON = 6, 18
 
 
 def words_of_wordnet(folder: Path) -> dict[str, str]:
-    """Return the class of each English word that has one class alone."""
+    """Return the class of each English word with a single class."""
     synsets: dict[str, tuple[list[str], list[str]]] = {}
     for line in (folder / "data.noun").read_text(encoding="utf-8").splitlines():
         fields = line.partition("|")[0].split()
@@ -99,7 +97,7 @@ def words_of_wordnet(folder: Path) -> dict[str, str]:
 
 
 def _first_senses(folder: Path) -> Iterator[tuple[str, str]]:
-    """Yield each noun with the synonyms of its first meaning, which is the most frequent one (wndb(5WN))."""
+    """Yield each noun with the synonyms of its first and most frequent meaning (wndb(5WN))."""
     for line in (folder / "index.noun").read_text(encoding="utf-8").splitlines():
         if not line.startswith(" "):
             fields = line.split()
@@ -115,13 +113,13 @@ def english_words(folder: Path) -> Iterator[str]:
 
 
 def _head(words: Sequence[str], synsets: Mapping[str, tuple[list[str], list[str]]]) -> str:
-    """Return the synonyms that hold the words; of several, which a van has, the ones with the most kinds."""
+    """Return the synonyms that contain the words; if there are several, as for van, those with the most hyponyms."""
     found = [offset for offset, (lemmas, _) in synsets.items() if set(words) <= set(lemmas)]
     return max(found, key=lambda offset: len(synsets[offset][1]))
 
 
 def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the class of each word that names a picture, and of each key word, in languages by a pattern of codes."""
+    """Return the classes of picture names, and of keywords, in the languages that match a pattern of codes."""
     names: dict[str, Counter[str]] = defaultdict(Counter)
     keywords: dict[str, Counter[str]] = defaultdict(Counter)
     told = [dict(_pictures(path)) for path in sorted(folder.glob(f"{languages}/annotations.json"))]
@@ -141,7 +139,7 @@ def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[st
 
 
 def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
-    """Return the words that a language has for a delivery truck and for an articulated lorry."""
+    """Return the words that a language uses for both a delivery truck and an articulated lorry."""
     delivery, articulated = (pictures.get(one, (set(), set()))[1] for one in (DELIVERY_TRUCK, ARTICULATED_LORRY))
     return delivery & articulated
 
@@ -169,7 +167,7 @@ def _class_of(picture: str, truck: bool, articulated: bool) -> str:
 
 
 def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]) -> dict[str, str]:
-    """Return the class of each word of dictionaries between languages, of which the CLDR has the pictures' words."""
+    """Return the class of each word in the dictionaries, starting from the CLDR's words for pictures."""
     dictionaries = Dictionaries.read(folder)
     languages = {
         language: two_letters(language) for language, _ in dictionaries.meanings.keys() | dictionaries.translated

@@ -1,11 +1,10 @@
-"""Make the table of legal speed limits out of the JSON that osm-legal-default-speeds makes of OpenStreetMap's wiki.
+"""Write the table of legal speed limits from osm-legal-default-speeds' JSON of OpenStreetMap's wiki.
 
     python scripts/pack_legal_speeds.py legal_default_speeds.json
 
 The JSON is generated from https://wiki.openstreetmap.org/wiki/Default_speed_limits (content CC BY-SA 2.0) by the
-project https://github.com/westnordost/osm-legal-default-speeds, which publishes it. What is kept: the limits for all
-vehicles (``maxspeed``, and ``maxspeed:advisory`` where there is none), and the kinds of road that they need. The packed
-table carries its source, its date and its licence.
+project https://github.com/westnordost/osm-legal-default-speeds. The table keeps the limits for all vehicles
+(``maxspeed``, or else ``maxspeed:advisory``), their road types, its source, date and licence.
 """
 
 import argparse
@@ -22,7 +21,7 @@ built-up areas."""
 
 
 def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
-    """Return the table: its source, the filters of its kinds of road, and the rules of each country."""
+    """Return the table: its source, the filters of its road types, and the rules of each country."""
     limits: dict[str, list[tuple[str, dict[str, str]]]] = {}
     for code, rules in source["speedLimitsByCountryCode"].items():
         kept = [(rule.get("name", ""), {k: v for k, v in rule["tags"].items() if k in KEPT}) for rule in rules]  # type: ignore[attr-defined]
@@ -44,7 +43,7 @@ def packed(source: dict[str, dict[str, object]]) -> dict[str, object]:
 
 
 def main() -> None:
-    """Read the JSON that the command line names and write the table."""
+    """Read the JSON that the command line gives, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("source", type=Path)
     table = packed(json.loads(parser.parse_args().source.read_text(encoding="utf-8")))

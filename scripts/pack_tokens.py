@@ -1,10 +1,10 @@
-"""Write ``server/o200k_base.json.gz``: the table of OpenAI's encoding o200k_base, by which ``server/tokens.py`` counts.
+"""Write ``server/o200k_base.json.gz``, the table of OpenAI's encoding o200k_base for ``server/tokens.py``.
 
     python scripts/pack_tokens.py
 
-takes the table from tiktoken (MIT), which fetches it from OpenAI's server, or reads it from the folder that
-``TIKTOKEN_CACHE_DIR`` names, and checks its SHA-256. tiktoken's own package does not hold it, and a server without the
-net needs it. The same table gives the same bytes.
+The table comes from tiktoken (MIT), which downloads it from OpenAI's server or reads it from ``TIKTOKEN_CACHE_DIR``,
+and checks its SHA-256. tiktoken's package doesn't contain it, and an offline server needs it. The same table gives the
+same bytes.
 """
 
 import base64
@@ -19,7 +19,7 @@ ABOUT = "OpenAI's encoding o200k_base, as tiktoken (MIT License, Copyright (c) 2
 
 
 def pack(encoding: tiktoken.Encoding, path: Path) -> None:
-    """Write the pattern that splits a text, and the tokens in base64 in the order of their ranks, from 0 on."""
+    """Write the splitting pattern, and the tokens in base64 by rank from 0."""
     tokens = sorted(encoding._mergeable_ranks, key=encoding._mergeable_ranks.__getitem__)
     table = {
         "about": ABOUT,

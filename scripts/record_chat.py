@@ -1,8 +1,8 @@
-"""Record ``docs/chat.md``: a chat through five stages, as it stands in the terminal: ``make chat-page``.
+"""Record ``docs/chat.md``, a chat through five stages: ``make chat-page``.
 
-The program is ``plannerforge chat`` as a user starts it, the tools and their answers are real. The model is a script
-behind the loopback Ollama of the tests, since no model with weights comes with the package: it makes the calls of a
-good model, one of them wrong at first, and repeats what the tools answered.
+The program, the tools and their answers are real. The model is a script behind the tests' local Ollama, because the
+package includes no model. It makes the calls of a good model, one of them wrong at first, and repeats the tools'
+answers.
 """
 
 import os
@@ -24,40 +24,39 @@ SHOWN_WORKSPACE = "~/plannerforge"
 HEAD = """\
 # A chat
 
-`plannerforge chat` through five stages, as it stands in the terminal: generate, look, modify, run, compare. The
-program, the tools and their answers are real. The model is a script behind a loopback server that speaks Ollama's
-protocol, since no model with weights comes with the package: it makes the calls of a good model, one of them wrong at
-first, and repeats what the tools answered. `make chat-page` records it anew (`scripts/record_chat.py`). How to talk to
-a model of your own stands in [agent.md](agent.md).
+This page records `plannerforge chat` through five stages: generate, describe, modify, run, compare. The program, tools
+and answers are real. The model is a script behind a local server that speaks Ollama's protocol, because the package
+includes no model. It makes the calls of a good model, one of them wrong at first, and repeats the tools' answers. `make
+chat-page` records the page again (`scripts/record_chat.py`). [The agent](agent.md) explains how to use your own model.
 
 ```
 $ plannerforge chat --model ollama:big:70b
 """
 
 Answers = Sequence[str]
-"""The answers of the tools in this turn so far."""
+"""The tools' answers in this turn so far."""
 Turn = Callable[[Answers, str], Reply]
-"""The model's next message, from those answers and the ids that are being worked on."""
+"""The model's next message, from those answers and the current ids."""
 
 
 def call(tool: str, **arguments: Any) -> Reply:
-    """A message that makes a call."""
+    """Return a message that makes a call."""
     return Reply(calls=((tool, arguments),))
 
 
 def first_words(text: str, lines: int = 1) -> str:
-    """The first lines of an answer of a tool, as a model repeats them."""
+    """Return the first lines of a tool's answer, as a model repeats them."""
     return "\n".join(line.strip() for line in text.splitlines()[:lines])
 
 
 def refuse(answers: Answers, state: str) -> Reply:
-    """Asked for something else: no call is made."""
+    """Refuse a request that is out of scope."""
     del answers, state
     return Reply("Out of scope: I work on driving scenarios and motion planners.")
 
 
 def generate(answers: Answers, state: str) -> Reply:
-    """Make a scenario; the first try names a place that no map shows."""
+    """Generate a scenario; the first call names a place that no map shows."""
     del state
     if not answers:
         return call("generate_scenarios", place="Springfield", scenario_type="signalised_intersection", duration_s=12)
@@ -68,7 +67,7 @@ def generate(answers: Answers, state: str) -> Reply:
 
 
 def look(answers: Answers, state: str) -> Reply:
-    """Describe the scenario and draw it."""
+    """Describe and render the scenario."""
     scenario = state_of(state, "scenario")
     if not answers:
         return call("describe_scenario", scenario_id=scenario)
@@ -89,7 +88,7 @@ def modify(answers: Answers, state: str) -> Reply:
 
 
 def run(answers: Answers, state: str) -> Reply:
-    """Run two configurations, and wait for the job where it takes long."""
+    """Run two configurations, and wait for the job if there is one."""
     if not answers:
         return call("configure_planner", preset="Safety-Conservative")
     if len(answers) == 1:
@@ -119,10 +118,10 @@ STAGES: Mapping[str, Turn] = {
 
 
 def state_of(line: str, kind: str) -> str:
-    """The id of a kind in the line of what is being worked on.
+    """Return the current id of a kind from the line of current ids.
 
     Raises:
-        LookupError: there is none.
+        LookupError: the line has no id of this kind.
     """
     found = re.search(rf"\b{kind} ([\w.-]+)", line)
     if found is None:
@@ -131,7 +130,7 @@ def state_of(line: str, kind: str) -> str:
 
 
 def script(request: Mapping[str, Any]) -> Reply:
-    """The model: finds the stage by the user's words."""
+    """Return the model's message for the stage that the user's text starts."""
     messages = request["messages"]
     last = max(number for number, message in enumerate(messages) if message["role"] == "user")
     said, _, state = messages[last]["content"].partition("\n\n")
@@ -140,7 +139,7 @@ def script(request: Mapping[str, Any]) -> Reply:
 
 
 def record() -> str:
-    """The session as it stands in the terminal."""
+    """Return the session as the terminal shows it."""
     said = [line for text in STAGES for line in (text, *(["/state"] if text.startswith("Which") else []))]
     with serving("ollama", script) as server, tempfile.TemporaryDirectory() as folder:
         program = "from plannerforge.cli.main import main; main()"

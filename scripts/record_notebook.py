@@ -1,7 +1,6 @@
-"""Writes and executes ``docs/examples/thirty_runs.ipynb``: ``make notebook``.
+"""Write and execute ``docs/examples/thirty_runs.ipynb``: ``make notebook``.
 
-The notebook is run in a workspace of its own, as somebody runs it who has just installed the package, and keeps what
-its cells showed.
+The notebook runs in a new workspace, as after a new installation, and keeps the output of its cells.
 """
 
 import os
@@ -31,7 +30,7 @@ runs.to_pandas()[["scenario_id", "config_name", "outcome"]].pivot(index="scenari
 
 
 def cells() -> list[nbformat.NotebookNode]:
-    """Return the cells without what they show."""
+    """Return the cells without output."""
     text, code = nbformat.v4.new_markdown_cell, nbformat.v4.new_code_cell
     made = [
         text(
@@ -57,7 +56,7 @@ def cells() -> list[nbformat.NotebookNode]:
 
 
 def executed(folder: Path) -> nbformat.NotebookNode:
-    """Return the notebook with what its cells show when they are run in a folder; nothing is installed."""
+    """Return the notebook with the output of its cells, run in a folder without installing anything."""
     notebook = nbformat.v4.new_notebook(cells=cells())
     notebook.metadata["kernelspec"] = {"name": "python3", "display_name": "Python 3", "language": "python"}
     runnable = nbformat.v4.new_notebook(

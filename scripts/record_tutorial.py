@@ -1,7 +1,7 @@
-"""Record what the commands of ``docs/tutorial.md`` answer, and its pictures: ``make tutorial-page``.
+"""Record the answers and pictures of ``docs/tutorial.md``: ``make tutorial-page``.
 
-The page holds the words and the commands; this script makes each call of its ``console`` blocks, in their order, on a
-workspace of its own, and writes the answers below them. As in a shell, every call has a server of its own.
+The page contains the text and the commands. This script makes each call of its ``console`` blocks in order, in a new
+workspace, and writes the answers below them. As in a shell, every call has its own server.
 """
 
 import base64
@@ -33,21 +33,21 @@ PICTURES: Mapping[str, Mapping[str, Any]] = {
     "collision": {"ids": ["latest_run"]},
     "timeline": {"ids": ["previous_run", "latest_run"], "kind": "profile"},
 }
-"""The pictures of the page, and what ``render`` is asked for each, at its place in the page."""
+"""The arguments of ``render`` for each picture, applied at its place in the page."""
 WIDTH = 960
 _BLOCK = re.compile(r"^```console\n(.*?)^```\n|^!\[[^\]]*\]\(tutorial/(\w+)\.webp\)\n", re.DOTALL | re.MULTILINE)
 
 
 @dataclass
 class Recording:
-    """The page with today's answers, and its pictures by name."""
+    """A page with new answers, and its pictures by name."""
 
     page: str
     pictures: dict[str, Image.Image] = field(default_factory=dict)
 
 
 async def recorded(page: str, settings: Settings) -> Recording:
-    """The page, with the answers that its commands get in the workspace of these settings."""
+    """Return the page with the answers that its commands get in these settings' workspace."""
     made = Recording("")
     end = 0
     for block in _BLOCK.finditer(page):
@@ -67,14 +67,14 @@ async def _answers(block: str, settings: Settings) -> str:
     for command in re.findall(r"^\$ (.*)\n", block, re.MULTILINE):
         program, verb, tool, arguments = shlex.split(command)
         if (program, verb) != ("plannerforge", "call"):
-            raise ValueError(f"a console block of the tutorial makes calls only, and not: {command}")
+            raise ValueError(f"a console block of the tutorial makes calls only, not: {command}")
         result = await _call(settings, tool, json.loads(arguments))
         parts.append(f"$ {command}\n{_stable(answer_text(result), settings)}\n")
     return "\n".join(parts)
 
 
 async def _call(settings: Settings, tool: str, arguments: Mapping[str, Any]) -> CallToolResult:
-    """The answer to a call; where a slow machine made it a job, the same answer as without one."""
+    """Return the answer to a call; if it became a job on a slow machine, the answer that it would have without one."""
     async with Client(create_server(settings)) as client:
         result = await client.call_tool(tool, dict(arguments))
         first = result.structured_content or {}
@@ -91,7 +91,7 @@ async def _call(settings: Settings, tool: str, arguments: Mapping[str, Any]) -> 
 
 
 async def _picture(arguments: Mapping[str, Any], settings: Settings) -> Image.Image:
-    """What ``render`` draws, as wide as the page shows it."""
+    """Return the picture that ``render`` draws, as wide as the page shows it."""
     result = await _call(settings, "render", arguments)
     (drawn,) = [block for block in result.content if isinstance(block, ImageContent)]
     image = Image.open(io.BytesIO(base64.b64decode(drawn.data))).convert("RGB")
@@ -99,14 +99,14 @@ async def _picture(arguments: Mapping[str, Any], settings: Settings) -> Image.Im
 
 
 def _stable(text: str, settings: Settings) -> str:
-    """The text with the usual workspace, and without the digests in names of pictures."""
+    """Return the text with the usual workspace and without digests in picture names."""
     text = text.replace("plannerforge://picture/", f"{SHOWN_WORKSPACE}/pictures/")
     text = text.replace(str(settings.workspace), SHOWN_WORKSPACE)
     return re.sub(r"_[0-9a-f]{12}\.png", "_….png", text)
 
 
 def main() -> None:
-    """Write the page and its pictures anew."""
+    """Write the page and its pictures again."""
     os.environ["PLANNERFORGE_MAPS_ONLINE"] = "offline"
     with tempfile.TemporaryDirectory() as folder:
         settings = Settings(workspace=Path(folder) / "workspace", roots=(Path(folder),), warm_up=False)

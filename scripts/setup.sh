@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes the virtual environment and installs PlannerForge into it. Used by the Makefile.
-#   scripts/setup.sh VENV        the package and what it needs
-#   scripts/setup.sh VENV torch  torch alone, into an environment that is there
-#   scripts/setup.sh VENV dev    what developers and tests need besides
+# Create the virtual environment and install PlannerForge into it. The Makefile uses this.
+#   scripts/setup.sh VENV        the package and its dependencies
+#   scripts/setup.sh VENV torch  only torch, into an existing environment
+#   scripts/setup.sh VENV dev    dependencies of developers and tests
 set -euo pipefail
 venv=${1:?the folder of the virtual environment}
 part=${2:-package}
@@ -30,9 +30,9 @@ find_python() {
 install_package() {
     local python lacking
     python=$(find_python)
-    say "Making the environment in $venv with $("$python" --version)"
+    say "Creating the environment in $venv with $("$python" --version)"
     install_pinned "$python" && return
-    say "Some of these versions cannot be had here: pip chooses others"
+    say "Some of these versions are not available: pip chooses others"
     lacking=$(lacks_compiler "$python") && fail "one dependency (Polygon3) needs $lacking"
     say "Installing PlannerForge and its dependencies (two to three minutes)"
     install -e .
@@ -40,13 +40,13 @@ install_package() {
 }
 
 install_pinned() {
-    # The versions that the tests ran with, and none of what nothing imports, so that no compiler is needed (docs/install.md).
+    # The tested versions without unimported packages, so that no compiler is needed (docs/install.md).
     local pinned=(--no-deps -r packaging/requirements.txt -e .)
     if command -v uv >/dev/null 2>&1; then
         say "Installing PlannerForge and its dependencies by uv (half a minute)"
         [ -x "$venv/bin/python" ] || uv venv --quiet --seed --python "$1" "$venv"
         uv pip install --quiet --python "$venv/bin/python" "${pinned[@]}" && return
-        say "uv could not; pip does it"
+        say "uv failed; trying pip"
     fi
     [ -x "$venv/bin/pip" ] || "$1" -m venv "$venv"
     say "Installing PlannerForge and its dependencies by pip (one to two minutes)"
@@ -54,7 +54,7 @@ install_pinned() {
 }
 
 lacks_compiler() {
-    # Says what is missing to build Polygon3, which commonroad-drivability-checker asks for; fails where nothing is.
+    # Print what is missing to build Polygon3, which commonroad-drivability-checker requires; fail if nothing is missing.
     local header
     if ! command -v cc >/dev/null 2>&1 && ! command -v gcc >/dev/null 2>&1 && ! command -v clang >/dev/null 2>&1; then
         echo "a C compiler (sudo apt-get install gcc, or your system's equivalent)"
@@ -66,14 +66,14 @@ lacks_compiler() {
 }
 
 install_torch() {
-    # The usual index has a build for CUDA on Linux, with gigabytes of libraries; PyTorch's own one has one for the CPU.
+    # On Linux, the default index has a build for CUDA with gigabytes of libraries; PyTorch's own index has one for the CPU.
     local version index
     version=$(pinned torch)
     index=${PLANNERFORGE_TORCH_INDEX:-https://download.pytorch.org/whl/cpu}
     say "Installing torch $version for the CPU from $index"
     if [ "$(uname -s)" = Linux ]; then
         PIP_EXTRA_INDEX_URL='' install --no-deps --retries 0 --timeout 10 --index-url "$index" "torch==$version+cpu" 2>/dev/null && return
-        say "It cannot be had there: installing torch $version from the usual index, which may hold the larger build for CUDA"
+        say "It is not available there: installing torch $version from the usual index, which may have the larger build for CUDA"
     fi
     install "torch==$version"
 }
@@ -87,7 +87,7 @@ install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-chec
 install_group() {
     if command -v uv >/dev/null 2>&1; then
         development | xargs uv pip install --quiet --python "$venv/bin/python" && return
-        say "uv could not; pip does it"
+        say "uv failed; trying pip"
     fi
     development | xargs "$venv/bin/python" -m pip install --quiet --disable-pip-version-check
 }
@@ -102,19 +102,19 @@ PYTHON
 }
 
 install_polygon() {
-    # CommonRoad's own checker, which solutions are held against in the tests, draws the road's edge by Polygon3.
+    # CommonRoad's checker, which the tests of solutions use, computes the road boundary with Polygon3.
     local lacking
     has Polygon && return
     if lacking=$(lacks_compiler "$venv/bin/python"); then
-        say "Tests of solutions are skipped: the checker that they are held against (Polygon3) needs $lacking"
+        say "Tests of solutions are skipped: their checker (Polygon3) needs $lacking"
     else
-        say "Building Polygon3, which tests of solutions need"
+        say "Building Polygon3 for the tests of solutions"
         install polygon3==3.0.9.1
     fi
 }
 
 install_development() {
-    # The extra "embeddings", which tests of other embedding models need
+    # The extra "embeddings" for the tests of other embedding models
     if ! has torch || ! has sentence_transformers; then
         install_torch
         install "sentence-transformers==$(pinned sentence-transformers)"

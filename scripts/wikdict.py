@@ -1,8 +1,8 @@
-"""Words for the classes of road users in the dictionaries that WikDict makes of Wiktionary.
+"""Finds words for road users' classes in WikDict's dictionaries, which come from Wiktionary.
 
-The dictionaries are files of dictd (``freedict-deu-fra.dict.dz`` with its ``.index``). Each says what nouns of one
-language are called in another, meaning by meaning. English words and those that the CLDR has for pictures are known at
-first; what the dictionaries say of their translations spreads from language to language until nothing more is found.
+The dictionaries are dictd files (``freedict-deu-fra.dict.dz`` with its ``.index``), each with the translations of one
+language's nouns into another, by meaning. The search starts with English words and the CLDR's words for pictures, and
+follows translations from language to language until it finds no more.
 """
 
 import gzip
@@ -18,30 +18,30 @@ from plannerforge.engine.vehicles.words import plain_word
 
 ENGLISH = "eng"
 LEAST_DICTIONARIES = 2
-"""How many dictionaries, the CLDR among them, have to say what a word means: two sources that agree."""
+"""How many sources, the CLDR included, must agree on a class."""
 SHARE_TO_EXCEED = 1 / 3
 """Of the dictionaries that have a word, more than a third has to say what it means (chosen: with a quarter, wheels are
 bicycles and insurances are police)."""
 MEANINGS = 2
-"""Only the first two meanings of a word count, since the later ones are rarer."""
+"""Only the first two meanings of a word count; later ones are rarer."""
 LEAST_KNOWN = 0.2
 """Of the words that a word translates in one dictionary, at least a fifth has to be known (chosen, as above)."""
 _DIGITS = {
     digit: value for value, digit in enumerate("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/")
 }
-"""The digits in which an index of dictd states where an entry is."""
+"""The digits of positions in a dictd index."""
 _HEAD = re.compile(r"(?P<word>[^/<]+?)(?: /.*/)? <n\b[^>]*>")
-"""The first line of an entry of a noun: the word, how it is spoken, and its part of speech."""
+"""The first line of a noun's entry: the word, its pronunciation and part of speech."""
 
 Word = tuple[str, str]
-"""The code of a language (ISO 639-3) and a plain word of it."""
+"""A language code (ISO 639-3) and a plain word."""
 Classes = Mapping[str, Mapping[str, str]]
 """The class of each word by language."""
 
 
 @dataclass(frozen=True)
 class Dictionaries:
-    """All dictionaries: the meanings of each word by target language, and the words that it translates by theirs."""
+    """All dictionaries: meanings of each word by target language, and words it translates by source language."""
 
     meanings: dict[Word, dict[str, list[list[str]]]] = field(default_factory=lambda: defaultdict(dict))
     translated: dict[Word, dict[str, list[tuple[str, int]]]] = field(
@@ -51,7 +51,7 @@ class Dictionaries:
 
     @classmethod
     def read(cls, folder: Path) -> "Dictionaries":
-        """Return the dictionaries of WikDict in a folder of dictd; those of other makers are left out."""
+        """Return WikDict's dictionaries in a dictd folder, without those of other authors."""
         found = cls()
         for path in sorted(folder.glob("freedict-???-???.dict.dz")):
             text = gzip.decompress(path.read_bytes())
@@ -73,7 +73,7 @@ class Dictionaries:
                 self.translated[target, other][source].append((word, number))
 
     def neighbours(self, known: Classes) -> Iterator[Word]:
-        """Yield the translations of known words, and the words that they translate."""
+        """Yield the translations of known words, and the words they translate."""
         for word in ((language, word) for language, words in known.items() for word in words):
             for target, meanings in self.meanings.get(word, {}).items():
                 yield from ((target, other) for meaning in meanings for other in meaning)
@@ -81,7 +81,7 @@ class Dictionaries:
                 yield from ((source, other) for other, _ in heads)
 
     def says(self, word: Word, known: Classes) -> tuple[Counter[str], int]:
-        """Return how many dictionaries give each class to a word, and how many have the word."""
+        """Return how many dictionaries give a word each class, and how many have the word."""
         votes: Counter[str] = Counter()
         meanings, translated = self.meanings.get(word, {}), self.translated.get(word, {})
         for target, several in meanings.items():
@@ -102,11 +102,11 @@ def words_of_dictionaries(
     cldr: Classes,
     names: Classes,
 ) -> dict[str, dict[str, str]]:
-    """Return the class of each word on which dictionaries agree, by language.
+    """Return the class of each word that dictionaries agree on, by language.
 
-    ``english`` has the class of each English word and ``international`` of those that other languages may use too;
-    ``cldr`` has the class of each word of pictures, and ``names`` of those among them that name one, by language. A
-    word of these counts as said by one dictionary more. Names are believed in any case, the others only at first.
+    ``english`` has the class of each English word, and ``international`` of those that other languages use too. By
+    language, ``cldr`` has the class of each word for pictures, and ``names`` of those that name one. Each of these
+    words counts as one more dictionary. Names are always trusted, other words only at first.
     """
     first = {
         language: {word: name for word, name in international.items() if _has(dictionaries, language, word)}
@@ -132,13 +132,13 @@ def words_of_dictionaries(
 
 
 def most(votes: Counter[str]) -> str | None:
-    """Return what has the most votes; None if two have as many."""
+    """Return the key with the most votes, or None if two are equal."""
     (first, count), (_, other) = [*votes.most_common(2), ("", 0), ("", 0)][:2]
     return first if count > other else None
 
 
 def two_letters(language: str) -> str:
-    """Return the code that the CLDR has for a language by its code of ISO 639-3, or an empty text if it has none."""
+    """Return the CLDR's code of an ISO 639-3 language, or an empty string if it has no code."""
     return str(get_global("language_aliases").get(language, ""))
 
 
@@ -147,7 +147,7 @@ def _has(dictionaries: Dictionaries, language: str, word: str) -> bool:
 
 
 def _entries(text: bytes, index: Path) -> Iterator[list[str]]:
-    """Yield the lines of each entry once, whatever words lead to it."""
+    """Yield the lines of each entry once, even if several words lead to it."""
     places = {tuple(line.split("\t")[1:3]) for line in index.read_text(encoding="utf-8").splitlines()}
     for start, length in sorted((_number(start), _number(length)) for start, length in places):
         yield [line for line in text[start : start + length].decode().splitlines() if line.strip()]
@@ -161,7 +161,7 @@ def _number(digits: str) -> int:
 
 
 def _meanings(lines: list[str]) -> Iterator[list[str]]:
-    """Yield the translations of each meaning; their explanations, which stand below them, are left out."""
+    """Yield the translations of each meaning, without the explanations below them."""
     if lines and not lines[0].startswith("1. "):
         yield _translations(lines[0])
         return
@@ -173,5 +173,5 @@ def _meanings(lines: list[str]) -> Iterator[list[str]]:
 
 
 def _translations(line: str) -> list[str]:
-    """Return the plain words of a line; the number at its end belongs to the next explanation."""
+    """Return the plain words of a line; a number at its end belongs to the next explanation."""
     return [word for part in re.sub(r" \d+\.$", "", line).split(",") if (word := plain_word(part))]

@@ -1,7 +1,7 @@
-"""Write the reference of ``docs/``: ``make reference``. A test holds the pages to what this script makes today.
+"""Write the reference pages in ``docs/``: ``make reference``. A test compares the pages with this script's output.
 
-Read are the descriptions that the server sends, the models' docstrings, the settings and the command line; examples and
-refusals come from the pages that tests record (``docs/answers.md``, ``docs/refusals.md``).
+The sources are the server's descriptions, the models' docstrings, the settings and the command line. Examples and
+refusals come from recorded pages (``docs/answers.md``, ``docs/refusals.md``).
 """
 
 import ast
@@ -37,12 +37,12 @@ from plannerforge.tools.registry import TOOLS, ToolSpec  # noqa: E402
 DOCS = CHECKOUT / "docs"
 REFERENCE = DOCS / "reference"
 MARK = "<!-- from here on written by scripts/write_reference.py -->\n"
-MADE = "*This page is made from the program by `make reference`.*"
+MADE = "*`make reference` generates this page from the program.*"
 Schema = Mapping[str, Any]
 
 
 def pages() -> dict[Path, str]:
-    """Every page of the reference as it should be, by its file."""
+    """Return the text of every reference page by its file."""
     tools = {REFERENCE / "tools" / f"{spec.name}.md": tool_page(spec) for spec in TOOLS}
     head, mark, _ = (DOCS / "settings.md").read_text(encoding="utf-8").partition(MARK)
     return tools | {
@@ -55,7 +55,7 @@ def pages() -> dict[Path, str]:
 
 
 def table(heading: str, rows: Iterator[tuple[str, ...]] | list[tuple[str, ...]]) -> str:
-    """A table in Markdown; ``heading``: the cells of its first line, separated by ``|``."""
+    """Return a Markdown table; ``heading``: the cells of its first line, separated by ``|``."""
     names = heading.split("|")
     lines = [names, ["---"] * len(names), *([_cell(cell) for cell in row] for row in rows)]
     return "\n".join(f"| {' | '.join(line)} |".replace("|  |", "| |") for line in lines)
@@ -69,22 +69,21 @@ def _cell(text: str) -> str:
 
 
 def tools_page() -> str:
-    """All tools at a glance."""
+    """Return the overview of all tools."""
     rows = [
         (f"[`{spec.name}`]({spec.name}.md)", _described(spec).description or "", _effect(spec), _set_of(spec))
         for spec in TOOLS
     ]
     return (
-        f"# Tools\n\n{MADE}\n\n{table('tool|what the model reads of it|effect|sets', rows)}\n\n"
-        "No tool deletes anything. `essential` is the small set for small models.\n"
-        "Arguments are refused by name where they are unknown, and a refusal says what is valid\n"
-        "([errors](../../errors.md)). The schemas themselves are the resources `plannerforge://schema/{tool}`\n"
+        f"# Tools\n\n{MADE}\n\n{table('tool|description for the model|effect|sets', rows)}\n\n"
+        "No tool deletes anything. `essential` is the set for small models. Unknown arguments are refused by name\n"
+        "([errors](../../errors.md)). The JSON schemas are the resources `plannerforge://schema/{tool}`\n"
         "([resources](../../resources.md)).\n"
     )
 
 
 def tool_page(spec: ToolSpec) -> str:
-    """One tool: arguments, answer, an example, refusals."""
+    """Return a tool's page: arguments, answer, an example, refusals."""
     described = _described(spec)
     parts = [
         f"# {spec.name}\n\n{MADE}",
@@ -98,12 +97,12 @@ def tool_page(spec: ToolSpec) -> str:
             for name, kind in EDITS.items()
         ]
         parts.append(
-            f"### An edit\n\n{_arguments(Edit, schema)}\n\nWhich arguments belong to which `op`; what they do stands "
-            f"in [edits](../../edits.md).\n\n{table('`op`|letter|arguments', kinds)}"
+            f"### An edit\n\n{_arguments(Edit, schema)}\n\nThe table shows the arguments of each `op` "
+            f"([what they do](../../edits.md)).\n\n{table('`op`|letter|arguments', kinds)}"
         )
     parts += [f"## Answer\n\n{_answer(spec)}", f"## Example\n\n{_recorded('answers.md', spec.name)}"]
     parts.append(
-        f"## Refusals\n\nSome of them, as they are told; all codes stand in [errors](../../errors.md).\n\n"
+        f"## Refusals\n\nThese are examples; [errors](../../errors.md) lists all codes.\n\n"
         f"{_recorded('refusals.md', spec.name)}"
     )
     return "\n\n".join(parts) + "\n"
@@ -115,10 +114,10 @@ def _described(spec: ToolSpec) -> Any:
 
 
 def _effect(spec: ToolSpec) -> str:
-    reads = "Makes nothing" if spec.read_only and not spec.making else "Makes artifacts"
+    reads = "Creates nothing" if spec.read_only and not spec.making else "Creates artifacts"
     if spec.read_only and spec.making:
-        reads = f"Makes nothing without {', '.join(f'`{name}`' for name in spec.making)}"
-    return reads + ("; may ask services on the net" if spec.open_world else "")
+        reads = f"Creates nothing without {', '.join(f'`{name}`' for name in spec.making)}"
+    return reads + ("; may call online services" if spec.open_world else "")
 
 
 def _set_of(spec: ToolSpec) -> str:
@@ -129,10 +128,10 @@ def _arguments(model: type[BaseModel], schema: Schema) -> str:
     meanings, required = field_docstrings(model), schema.get("required", [])
     rows = []
     for name, part in schema["properties"].items():
-        default = "needed" if name in required else _default(part)
+        default = "required" if name in required else _default(part)
         meaning = meanings.get(name) or part.get("description", "")
         rows.append((f"`{name}`", _type(part), default, meaning))
-    return table("argument|type|default|meaning", rows) if rows else "None."
+    return table("argument|type|default|meaning", rows) if rows else "It takes no arguments."
 
 
 def _default(schema: Schema) -> str:
@@ -141,7 +140,7 @@ def _default(schema: Schema) -> str:
 
 
 def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
-    """What the strings below the fields of a model say, by field."""
+    """Return the strings below a model's fields, by field."""
     found: dict[str, str] = {}
     for base in reversed(model.__mro__):
         if issubclass(base, BaseModel) and base.__module__.startswith("plannerforge"):
@@ -157,7 +156,7 @@ def _is_text(node: ast.stmt) -> bool:
 
 
 def _type(schema: Schema) -> str:
-    """The type in words, with its bounds."""
+    """Return the type as text, with its bounds."""
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         return "any JSON" if name == "JsonValue" else f"[{name}](TYPES#{name.lower()})"
@@ -194,22 +193,22 @@ def _bounds(schema: Schema) -> str:
 def _answer(spec: ToolSpec) -> str:
     model = spec.result_type
     if model is None:
-        return "The pictures themselves, a sentence on each, and a link to each; no structured content."
+        return "The pictures, with a sentence and a link for each; no structured content."
     fields = _fields(model, output_schema(model)).replace("TYPES", "../types.md")
-    return f"{_doc(model)}\n\n{fields}\n\nThe text of the answer says the same ([how](../../answers.md))."
+    return f"{_doc(model)}\n\n{fields}\n\nThe answer's text says the same ([how](../../answers.md))."
 
 
 def _fields(model: type[BaseModel], schema: Schema) -> str:
-    """The fields of a model with their types and meanings."""
+    """Return the table of a model's fields with types and meanings."""
     meanings = meanings_of(model)
     rows = [(f"`{name}`", _type(part), meanings[name]) for name, part in schema.get("properties", {}).items()]
     return table("field|type|meaning", rows)
 
 
 def meanings_of(model: type[BaseModel]) -> dict[str, str]:
-    """What each field of an answer means, with its unit; empty where nothing says it.
+    """Return the meaning and unit of each field of an answer, empty if unknown.
 
-    It stands in the field's description, in the model's docstring as ``name``: meaning, or is the same in all answers.
+    The sources are the field's description, the model's docstring (``name``: meaning) and the fields of all answers.
     """
     said = dict(re.findall(r"`(\w+)`: ([^;.]+)", " ".join(_doc(model).split())))
     return {
@@ -230,7 +229,7 @@ UNITS = {
     "m": "m",
     "km": "km",
 }
-"""The units in the names of fields, as they are written."""
+"""The spelling of units in field names."""
 
 
 def _with_unit(name: str, meaning: str) -> str:
@@ -243,7 +242,7 @@ def _doc(model: type[BaseModel]) -> str:
 
 
 def _recorded(page: str, tool: str) -> str:
-    """What a recorded page shows of a tool, without its heading."""
+    """Return a tool's section of a recorded page, without its heading."""
     text = (DOCS / page).read_text(encoding="utf-8")
     found = re.search(rf"^### {tool}\n\n(.*?)(?=^### |\Z)", text, re.DOTALL | re.MULTILINE)
     if found is None:
@@ -254,7 +253,7 @@ def _recorded(page: str, tool: str) -> str:
 
 
 def types_page() -> str:
-    """The models that answers are made of."""
+    """Return the page of the models in answers."""
     definitions: dict[str, Schema] = {}
     models: dict[str, type[BaseModel]] = {}
     for spec in TOOLS:
@@ -266,13 +265,13 @@ def types_page() -> str:
         for name in sorted(models.keys() & definitions.keys())
     ]
     return (
-        f"# Types of answers\n\n{MADE}\n\nWhat structured answers of the [tools](tools/index.md) are made of.\n\n"
+        f"# Types of answers\n\n{MADE}\n\nThe [tools](tools/index.md)' structured answers contain these types.\n\n"
         + ("\n\n".join(parts) + "\n")
     )
 
 
 def models_below(model: type[BaseModel], seen: set[type[BaseModel]]) -> set[type[BaseModel]]:
-    """The models that a model holds, itself included."""
+    """Return a model and all models that it contains."""
     if model not in seen:
         seen.add(model)
         for field in model.model_fields.values():
@@ -292,7 +291,7 @@ def _types_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def settings_table() -> str:
-    """Every setting of the server."""
+    """Return the table of the server's settings."""
     schema = Settings.model_json_schema()
     rows = []
     for name, field in Settings.model_fields.items():
@@ -321,12 +320,12 @@ def _setting_default(name: str, value: Any) -> str:
 
 @cache
 def _program() -> Any:
-    """The command line as click has it; which click that is, is typer's affair."""
+    """Return the command line as a click group of typer's."""
     return typer.main.get_command(application)
 
 
 def command_line_page() -> str:
-    """Every command with its arguments and options."""
+    """Return the page of all commands."""
     parts = [_command_part(path, command) for path, command in commands(_program(), ("plannerforge",))]
     return f"# Command line\n\n{MADE}\n\n`plannerforge --help` and `plannerforge COMMAND --help` say the same.\n\n" + (
         "\n\n".join(parts) + "\n"
@@ -334,7 +333,7 @@ def command_line_page() -> str:
 
 
 def commands(group: Any, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """All commands below a group, with the words that call them."""
+    """Yield all commands below a group, with their paths."""
     for name, command in group.commands.items():
         if hasattr(command, "commands"):
             yield from commands(command, (*path, name))
@@ -365,7 +364,7 @@ def _as_called(part: Any) -> str:
 
 
 _DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
-"""How the help of a flag names the default that a setting has."""
+"""How a flag's help states a setting's default."""
 
 
 def _shown(part: Any) -> str:
@@ -382,7 +381,7 @@ def _help(part: Any) -> str:
 
 
 def configurations_page() -> str:
-    """What can stand in files of the user, and in configurations of planners."""
+    """Return the page of planner configurations and user files."""
     settings = [
         (
             f"`{setting.name}`",
@@ -393,19 +392,19 @@ def configurations_page() -> str:
     ]
     parts = [
         f"# Configurations\n\n{MADE}",
-        "What a configuration of a planner holds, and what may stand in files of your own.",
+        "This page lists weights, presets and settings of planners, and the keys of suites, programs and the agent.",
         *(_planner_part(name, tuning) for name, tuning in TUNINGS.items()),
         f"## Settings of all planners\n\n{table('setting|range|meaning', settings)}",
-        "What is idle in which planner stands in [planners](../planners.md).",
-        "## A suite\n\nThe file of `plannerforge test` ([how it is written](../gate.md)).",
+        "[Planners](../planners.md) lists the settings that a planner ignores.",
+        "## A suite\n\nThese are the keys of the file of `plannerforge test` ([how to write it](../gate.md)).",
         _model_table(SuiteFile),
         "## A planner that is a program",
-        "A section `[planners.NAME]` of the settings file ([how](../own_planner.md#a-program)).",
+        "These are the keys of a section `[planners.NAME]` in the settings file ([how](../own_planner.md#a-program)).",
         _model_table(CommandPlanner),
         f"A weight:\n\n{_model_table(DeclaredWeight)}\n\nA preset:\n\n{_model_table(DeclaredPreset)}",
-        "## The agent\n\nVariables `PLANNERFORGE_AGENT_…` of `plannerforge agent` and `chat` ([how](../agent.md)).",
+        "## The agent\n\nSet these as `PLANNERFORGE_AGENT_…` for `plannerforge agent` and `chat` ([how](../agent.md)).",
         _model_table(AgentSettings),
-        f"## Errors\n\n{_errors_table()}\n\nWhen each comes stands in [errors](../errors.md).",
+        f"## Errors\n\n{_errors_table()}\n\n[Errors](../errors.md) says when each occurs.",
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -439,7 +438,7 @@ def _model_table(model: type[BaseModel]) -> str:
         (
             f"`{name}`",
             _type(schema["properties"][name]).replace("TYPES", ""),
-            "needed" if field.is_required() else _default(schema["properties"][name]),
+            "required" if field.is_required() else _default(schema["properties"][name]),
             documented.get(name) or field.description or "",
         )
         for name, field in model.model_fields.items()
@@ -459,7 +458,7 @@ def _base(error: type[PlannerForgeError]) -> str:
 
 
 def main() -> None:
-    """Write the pages that differ, and say which."""
+    """Write the pages that differ, and print their names."""
     for file, text in pages().items():
         file.parent.mkdir(parents=True, exist_ok=True)
         if not file.is_file() or file.read_text(encoding="utf-8") != text:

@@ -51,13 +51,40 @@ def test_links_of_pages_beside_the_docs_lead_somewhere(page: str) -> None:
         assert (CHECKOUT / target).exists(), target
 
 
-def test_what_was_measured_stands_in_one_table_with_its_commands() -> None:
-    lines = (CHECKOUT / "docs" / "measured.md").read_text(encoding="utf-8").splitlines()
-    rows = [line for line in lines if line.startswith("|")]
+def test_paths_on_the_page_on_architecture_exist() -> None:
+    page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    paths = re.findall(r"`([\w.]+/[\w./]+)`", page)
+    assert len(paths) > 70
+    assert [path for path in paths if not (CHECKOUT / path).exists()] == []
+
+
+@pytest.mark.parametrize("title", ["a metric stored with every run", "an edit"])
+def test_worked_examples_name_what_the_code_has(title: str) -> None:
+    page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    section = re.split(r"\n##", page.split(f"### Example: {title}\n")[1])[0]
+    quoted = re.findall(r"`([^`]+)`", section)
+    folders = {(CHECKOUT / path).parent for path in quoted if path.endswith(".py") and "/" in path}
+    code = "".join(file.read_text(encoding="utf-8") for folder in folders for file in folder.glob("*.py"))
+    words = {word for text in quoted if not re.search(r"[/.]\w*$", text) for word in re.findall(r"[A-Za-z_]{4,}", text)}
+    assert len(words) > 5
+    assert words - set(re.findall(r"\w+", code)) <= {"stop_at"}
+
+
+def _rows(text: str) -> list[str]:
+    """The rows of a table of figures, with a command in the last cell of each."""
+    rows = [line for line in text.splitlines() if line.startswith("|")]
     assert rows[:2] == ["| what | figure | command |", "| --- | --- | --- |"]
-    assert len(rows) > 50
-    assert [row for row in rows[2:] if len(re.split(r" \| ", row.strip("| "))) != 3] == []
-    assert [row for row in rows[2:] if not re.search(r"`[^`]+`|\[reference\]", row.split(" | ")[-1])] == []
+    assert [row for row in rows[2:] if len(row.strip("| ").split(" | ")) != 3] == []
+    assert [row for row in rows[2:] if not re.search(r"`[^`]+`", row.split(" | ")[-1])] == []
+    return rows[2:]
+
+
+def test_every_measured_figure_has_its_command() -> None:
+    figures = (CHECKOUT / "benchmarks" / "FIGURES.md").read_text(encoding="utf-8")
+    section = re.search(r"^## [^\n]*\(docs/measured\.md\)\n(.*?)(?=^## |\Z)", figures, re.DOTALL | re.MULTILINE)
+    assert section is not None
+    assert len(_rows(section[1])) > 50
+    assert len(_rows((CHECKOUT / "docs" / "measured.md").read_text(encoding="utf-8"))) == 12
 
 
 GLOSSARY_EXCEPTIONS = {

@@ -9,7 +9,8 @@ ALSO_CALLED = {"pytorch": "torch"}
 
 
 def test_every_package_of_the_page_is_installed() -> None:
-    rows = [line.split("|")[1] for line in PAGE.splitlines() if line.startswith("|")][2:]
+    packages = PAGE.partition("## Packages")[2].partition("## ")[0]
+    rows = [line.split("|")[1] for line in packages.splitlines() if line.startswith("|")][2:]
     named = {re.sub(r"\(.*", "", name).strip().casefold() for row in rows for name in row.split(",")}
     pinned = (CHECKOUT / "packaging" / "requirements.txt").read_text(encoding="utf-8")
     asked = pinned + (CHECKOUT / "pyproject.toml").read_text(encoding="utf-8")
@@ -22,7 +23,7 @@ def test_every_table_of_others_data_names_its_source() -> None:
     sources = {"borders.json.gz": "Natural Earth", "country_names.json.gz": "Common Locale Data Repository"}
     sources["road_words.json.gz"] = "libpostal"
     sources["regions.json.gz"] = "GeoNames"
-    sources["settlements.json.gz"] = "settlements with their names in all languages, from [GeoNames]"
+    sources["settlements.json.gz"] = "settlements with their names in all languages | [GeoNames]"
     sources["vehicle_words.json.gz"] = "[WordNet](https://wordnet.princeton.edu)"
     sources["legal_speeds.json.gz"] = "OpenStreetMap Wiki"
     assert tables == set(sources)
@@ -30,7 +31,7 @@ def test_every_table_of_others_data_names_its_source() -> None:
 
 
 def test_a_table_under_a_licence_of_its_own_says_so() -> None:
-    assert "`engine/vehicles/vehicle_words.json.gz`) also come from" in PAGE
+    assert "`engine/vehicles/vehicle_words.json.gz`" in PAGE
     assert "creativecommons.org/licenses/by-sa/3.0" in PAGE
 
 

@@ -139,7 +139,7 @@ def test_pip_goes_on_where_uv_could_not_and_chooses_where_versions_are_gone(
     told = set_up_by_uv(tmp_path / "venv", stand_in_uv(tmp_path / "bin", 2, new_environment))
     steps = [
         "by uv",
-        "uv could not; pip does it",
+        "uv failed; trying pip",
         "by pip",
         "pip chooses others",
         "Installing PlannerForge and its dependencies (two",

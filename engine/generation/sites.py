@@ -7,6 +7,7 @@ on the net, before traffic is made for it. Distances in m.
 
 import random
 from collections.abc import Callable, Mapping, Set
+from dataclasses import replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -23,6 +24,7 @@ from ..execution import ProgressReporter
 from ..geometry import Points
 from ..maps import (
     ALL_ROADS,
+    EXPRESSWAY_KMH,
     FAST_ROADS,
     LINKS,
     RAMP_LINKS,
@@ -194,6 +196,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         where += f" in the part that was asked for ({south:.4f} to {north:.4f}° N, {west:.4f} to {east:.4f}° E)"
     wish = "site of any type" if wanted == "any" else f"{wanted} site"
     elsewhere = f"place={request.map_id} to look in the whole map" if request.bbox is not None else "another place"
+    if wanted == "highway" and not request.road_classes:
+        where += (
+            "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road or is "
+            f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
+        )
     next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
     if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(finder, request)
@@ -260,12 +267,38 @@ def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | N
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """The sites that carry all the streets of a request and lie in its box."""
+    """The sites that carry all the streets of a request and lie in its box, the nearest to the box's middle first."""
     if request.streets:
         sites = [
             finder.narrowed(site, partial(_lies_on, request.streets)) for site in sites if _passes_by(site, request)
         ]
-    return [site for site in sites if _is_in_box(site, request)]
+        sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
+    if request.bbox is None:
+        return sites
+    south, west, north, east = request.bbox
+    middle = (south + north) / 2, (west + east) / 2
+    inside = (site for site in sites if _is_in_box(site, request))
+    return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
+
+
+def _requested_first(site: Site, request: GenerationRequest) -> Site:
+    """Return the site with the requested streets ahead of the others that it is called after."""
+    requested = [name for name in site.streets if any(_carries((name,), names) for names in request.streets)]
+    return replace(site, streets=tuple(dict.fromkeys((*requested, *site.streets))))
+
+
+def _ramps_of(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
+    """Return the ramps whose main road is one of the requested streets, without their other parts.
+
+    A ramp is also called after the roads that its links lead to, which may be a kilometre away.
+    """
+
+    def is_of_street(part: SitePart) -> bool:
+        main = finder.main_streets(part)
+        return any(_carries(main, names) for names in request.streets)
+
+    ramps = (site for site in sites if site.kind == "ramp" and any(map(is_of_street, site.parts)))
+    return [finder.narrowed(site, is_of_street) for site in ramps]
 
 
 def _is_in_box(site: Site, request: GenerationRequest) -> bool:

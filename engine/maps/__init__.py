@@ -42,6 +42,7 @@
 ``fold``: A text in lower case, without accents, and only letters and digits.
 ``place_keys``: All keys of a spelling of a place; two spellings mean the same place where they share one.
 ``ALL_ROADS``: OSM's road classes that vehicles use, links included.
+``EXPRESSWAY_KMH``: The least limit of a one-way trunk road that counts as an expressway.
 ``FAST_ROADS``: OSM's road classes of motorways and what drives like one.
 ``LINKS``: OSM's road classes of slip roads.
 ``RAMP_LINKS``: OSM's road classes of the links of fast roads.
@@ -99,7 +100,7 @@ if TYPE_CHECKING:
     from .site_roads.jurisdictions import jurisdiction_of
     from .site_roads.pavements import Pavements, find_pavements
     from .site_roads.road_reader import RoadReader
-    from .site_search.finder import Site, SiteFinder, SitePart
+    from .site_search.finder import EXPRESSWAY_KMH, Site, SiteFinder, SitePart
     from .site_search.nearness import Gathering
     from .unpacking import (
         MAP_ENDINGS,

@@ -27,6 +27,7 @@ from .naming.spellings import (
     MOST_KEPT,
     distinctive,
     kinds_of_road,
+    names_a_street,
     road_keys,
     road_readings,
     route_number,
@@ -118,6 +119,8 @@ _PLACE_FRAME = re.compile(
 _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
+_WORDS_BEFORE = 3
+"""Words of a phrase before the first of two roads (chosen): a preposition, a noun and its preposition."""
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
 """What stands between a road and its place: those of libpostal's stopwords that say where."""
 _EARTH_RADIUS_M = 6_371_008.8
@@ -445,7 +448,7 @@ def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
     joining, corners = words_for_crossings()
     phrases = sorted({*map(re.escape, corners), *_BEFORE_BOTH}, key=lambda phrase: (-len(phrase), phrase))
     words = "|".join([*map(re.escape, (*joining, *_JOINING)), *phrases])
-    between = rf"\s*[/&+×@、]\s*|\s+(?:{words})\s+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
+    between = rf"\s*[/&+×@、]\s*|\s+(?:(?:{words})\.?\s+)+|\s+(?:と|和|与)\s+|(?<=[路街道])[与和](?=[\u4e00-\u9fff])"
     around = rf"^(?:{'|'.join(phrases)})\s+|\s*(?:路口|交叉口|交差点)$"
     return re.compile(between, re.IGNORECASE), re.compile(around, re.IGNORECASE)
 
@@ -598,6 +601,7 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 or _read_part(part, facts, closeness, settled=settled)
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
+                or _read_roads_in_a_phrase(part, facts)
             )
             if found is None and country_code(part) not in (None, facts.country) and len(part) > 3:
                 return None
@@ -772,14 +776,20 @@ def _nearest_spot(settlement: Settlement, facts: MapFacts) -> Box:
 
 
 def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], bool]) -> _Reading | None:
-    """The words as a place of the map that is like them in the given way."""
+    """The words as a place of the map that is like them in the given way.
+
+    Words that say that they are a street are no part of a town that is called alike (``玄武大道``: ``玄武区``).
+    """
+    is_street = names_a_street(part)
     for area in facts.areas:
+        if is_street and area.kind not in ROAD_PLACES and not kinds_of_road(area.name):
+            continue
         if any(is_like(part, name) for name in (area.name, *area.other_names)):
             found = _read_whole(area.name, facts)
             taken = cited(area.name) if found is not None and found.streets else _area_text(area)
             return None if found is None else replace(found, understood=(f"{part!r} is taken as {taken}",))
     for name in facts.places:
-        if is_like(part, name):
+        if is_like(part, name) and not (is_street and not kinds_of_road(name)):
             return _Reading(named=True, understood=(f"{part!r} is taken as {cited(name)}",))
     return None
 
@@ -1001,6 +1011,31 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
     return None
 
 
+def _read_roads_in_a_phrase(text: str, facts: MapFacts) -> _Reading | None:
+    """The words as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
+
+    Both roads need their whole names. Up to three words may stand before them and one between them, as long as these
+    are not written like names: a first word, or one without a capital letter.
+    """
+    words = text.split()
+    if not 3 <= len(words) <= _MOST_WORDS:
+        return None
+    for begin in range(min(_WORDS_BEFORE, len(words) - 2) + 1):
+        if begin > 1 and not all(map(_is_no_name, words[1:begin])):
+            break
+        for end in range(begin + 1, len(words) - 1):
+            first = _read_road(" ".join(words[begin:end]), facts, whole=True)
+            if first is None or not _is_no_name(words[end]):
+                continue
+            if (second := _read_road(" ".join(words[end + 1 :]), facts, whole=True)) is not None:
+                return first + second
+    return None
+
+
+def _is_no_name(word: str) -> bool:
+    return not any(map(str.isupper, word)) and any(map(str.islower, word))
+
+
 def _splits(text: str) -> Iterator[tuple[str, str]]:
     """All ways to part a text in two: between words, or between letters where there are no spaces as in Chinese."""
     words = text.split()
@@ -1063,7 +1098,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     keys = road_keys(part)
-    same = {name for key in keys for name in (*index.by_key.get(key, ()), *index.by_whole.get(key, ()))}
+    called = {name for key in keys for name in index.by_key.get(key, ())}
+    if any(fold(name) == fold(part) for name in called):
+        # ``6. Sokak`` shares a reading with ``6. Cadde``, and is another road if the map has both.
+        called = {name for name in called if _is_spelling(part, name)}
+    same = called.union(name for key in keys for name in index.by_whole.get(key, ()))
     if not same and (number := route_number(part)) is not None:
         same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
     if not same and not whole:
@@ -1075,6 +1114,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
             if enough and any(words <= held for words in asked for held in _held(spellings))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
+
+
+def _is_spelling(typed: str, name: str) -> bool:
+    """Return True if a name is the typed one, shortens it, or is shortened by it."""
+    return fold(name) == fold(typed) or is_abbreviated(typed, name) or is_abbreviated(name, typed)
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:

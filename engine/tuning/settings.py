@@ -4,6 +4,7 @@ An assignment reads ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jer
 """
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -46,7 +47,7 @@ def apply_assignments(
         with faults.collecting():
             if text.strip() in result:
                 raise _without_value(text, result[text.strip()])
-            change = parse_assignment(text)
+            change = _parse(text, result, limits)
             name = _known(change.name, result, kind, elsewhere)
             before = result[name]
             if change.copied_from is not None:
@@ -55,7 +56,7 @@ def apply_assignments(
                 after = _value(change, before, text)
             lowest, highest = limits.get(name, (0.0, LARGEST_WEIGHT))
             if not math.isfinite(after) or not lowest <= after <= highest:
-                most = f"{name} from {lowest:g} to {highest:g}" if name in limits else f"a weight from 0 to {highest:g}"
+                most = _range_text(name, limits)
                 nearest = lowest if not after > lowest else highest
                 raise InvalidRequest(
                     f"'{text}' would set {name} to {after:g}",
@@ -69,6 +70,28 @@ def apply_assignments(
                 notes.append(f"'{text}' leaves {name} at {before:g}{zero}")
     faults.raise_all()
     return _ChangedValues(result, tuple(notes))
+
+
+def _parse(text: str, names: Iterable[str], limits: Mapping[str, tuple[float, float]]) -> Assignment:
+    """Return the assignment that a text makes.
+
+    Raises:
+        InvalidRequest: the text is no assignment; the range is among the valid values if the text begins with a name.
+    """
+    try:
+        return parse_assignment(text)
+    except InvalidRequest as refusal:
+        begins = re.match(r"\s*(\w+)", text)
+        if begins is None or begins[1] not in names:
+            raise
+        raise refusal.with_valid(_range_text(begins[1], limits)) from refusal
+
+
+def _range_text(name: str, limits: Mapping[str, tuple[float, float]]) -> str:
+    if name not in limits:
+        return f"a weight from 0 to {LARGEST_WEIGHT:g}"
+    lowest, highest = limits[name]
+    return f"{name} from {lowest:g} to {highest:g}"
 
 
 def _without_value(text: str, before: float) -> InvalidRequest:

@@ -64,7 +64,7 @@ class PlaceArea(Model):
     radius_m: float
 
 
-MAP_FACTS_VERSION = 4
+MAP_FACTS_VERSION = 5
 """Raised when more is read of a map than before, or its sites are counted otherwise: what a workspace keeps of a map is
 then read anew."""
 

@@ -558,10 +558,10 @@ def test_the_table_tells_help_failures_and_what_is_left_out(tmp_path: Path) -> N
     record = HostRecord(MADE, "1", (BAD, helped, replace(BAD, transport="http")))
     told = table_of([record, HostRecord(MADE, left_out="no such package")])
     assert told.startswith("0 of 2 clients pass.")
-    assert "| stdio, http (fails) | text | shown | not shown | shown | goes on; without the setting below" in told
+    assert "| stdio, http (fails) | text | shown | not shown | shown | continues; ends without the setting below" in told
     unrefused = HostRecord(MADE, "1", (replace(BAD, goes_on=None), helped))
     assert "without the setting" not in table_of([unrefused])
-    assert "by itself does not get to the end (not carried out: render); with `retries=3` it does." in told
+    assert "only with `retries=3`. Without it: not carried out: render." in told
     assert "Made Client is left out: no such package" in told
     page = tmp_path / "hosts.md"
     page.write_text(f"# Hosts\n\n{MARK}\n\nold")

@@ -20,8 +20,9 @@ def crossing(
     nodes: Mapping[str, Mapping[str, str]] | None = None,
     houses: bool = False,
     attributes: Mapping[str, Mapping[str, str]] | None = None,
+    segments: int = 4,
 ) -> Path:
-    """Write a crossing at 48.1° N, 11.5° E with four arms of four segments each.
+    """Write a crossing at 48.1° N, 11.5° E with four arms of some segments each (at most nine).
 
     Args:
         target: the file.
@@ -36,7 +37,7 @@ def crossing(
     append_node(root, OsmNode(1, 48.1, 11.5, named.get("middle", {})))
     ways = []
     for number, (arm, (north, east)) in enumerate(ARMS.items(), start=1):
-        keys = [number * 10 + step for step in range(1, 5)]
+        keys = [number * 10 + step for step in range(1, segments + 1)]
         for step, key in enumerate(keys, start=1):
             place = 48.1 + north * step * _STEP_DEG, 11.5 + east * step * _STEP_DEG * 1.5
             append_node(root, OsmNode(key, *place, named.get(f"{arm}{step}", {})))

@@ -151,3 +151,17 @@ def test_too_many_vehicles_are_refused_with_as_many_as_may_be(vehicles: list[str
     with pytest.raises(InvalidRequest) as caught:
         read(vehicles=vehicles)
     assert [dict(remedy.changes[0].words) for remedy in caught.value.remedies] == [instead]
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "instead"),
+    [(["truck=60%", "bus=70%"], ["truck=46%", "bus=53%"]), (["truck=2", "bus=1", "truck=5"], ["truck=7", "bus=1"])],
+)
+def test_shares_over_the_whole_and_classes_named_twice_propose_a_call_that_is_valid(
+    vehicles: list[str], instead: list[str]
+) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        read(vehicles=vehicles)
+    proposed = refusal.value.remedies[0].changes[0].values["vehicles"]
+    assert proposed == instead
+    read(vehicles=proposed)

@@ -4,6 +4,7 @@ That is the door: what stands behind it gets typed values and reads no words. Co
 ``weather=snow``) make some of them: a density, classes of vehicles, counted flows.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -412,15 +413,39 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
             f"vehicles {texts} share out {shared:.0%} of the traffic",
             valid=["shares of at most 100% in all; cars are the rest"],
             next_step="lower the shares, or give numbers, such as taxi=3",
+            remedies=[with_values(vehicles=_with_lower_shares(texts, demands, shared))],
         )
     often = sorted(name for name, times in Counter(d.vehicle_class for d in demands).items() if times > 1)
     if often:
         raise InvalidRequest(
             f"vehicles {texts} name {' and '.join(often)} more than once",
-            valid=["truck", "truck=2", "car=4..4", "bicycle=0"],
+            valid=["each class once"],
             next_step="name every class once, with the number of all its vehicles",
+            remedies=[with_values(vehicles=_with_each_class_once(texts, demands))],
         )
     return demands
+
+
+def _with_lower_shares(texts: Sequence[str], demands: Sequence[VehicleDemand], shared: float) -> list[str]:
+    """Return the demands with shares that are in the same proportion and sum to at most 100 %."""
+    return [
+        text if demand.share is None else f"{demand.vehicle_class}={math.floor(100 * demand.share / shared)}%"
+        for text, demand in zip(texts, demands, strict=True)
+    ]
+
+
+def _with_each_class_once(texts: Sequence[str], demands: Sequence[VehicleDemand]) -> list[str]:
+    """Return the demands with the sum of the numbers of each class that is named more than once."""
+    named = Counter(demand.vehicle_class for demand in demands)
+    numbers: Counter[str] = Counter()
+    for demand in demands:
+        numbers[demand.vehicle_class] += demand.needed
+    once = {
+        demand.vehicle_class: text if named[demand.vehicle_class] == 1 else f"{demand.vehicle_class}={number}"
+        for text, demand in zip(texts, demands, strict=True)
+        if (number := numbers[demand.vehicle_class]) or named[demand.vehicle_class] == 1
+    }
+    return list(once.values())
 
 
 def _with_fewer(texts: Sequence[str], demands: Sequence[VehicleDemand]) -> list[Remedy]:

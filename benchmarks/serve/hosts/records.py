@@ -138,18 +138,18 @@ def _cells(record: HostRecord) -> list[str]:
 
 def _progress(run: StoryRun) -> str:
     if not run.asks_progress:
-        return "not asked for"
+        return "not requested"
     if run.progress_shown is None:
-        return "asked for"
-    return "shown" if run.progress_shown else "asked for, not shown"
+        return "requested"
+    return "shown" if run.progress_shown else "requested, not shown"
 
 
 def _after_refusals(record: HostRecord, run: StoryRun) -> str:
     first = next(one for one in record.runs if one.transport == "stdio")
-    words = ", the model reads why" if run.shown and run.shown.refusals else ""
+    words = ", with the reason" if run.shown and run.shown.refusals else ""
     if not run.goes_on:
         return f"ends{words}"
-    return f"goes on{words}{'; without the setting below it ends' if first.goes_on is False else ''}"
+    return f"continues{words}{'; ends without the setting below' if first.goes_on is False else ''}"
 
 
 def _notes(record: HostRecord) -> list[str]:
@@ -160,7 +160,7 @@ def _notes(record: HostRecord) -> list[str]:
     if any(run.helped for run in record.runs):
         plain = next(run for run in record.runs if not run.helped and run.faults)
         notes.append(
-            f"- {title} by itself does not get to the end ({plain.faults[0]}); with `{record.host.help}` it does."
+            f"- {title} finishes the story only with `{record.host.help}`. Without it: {plain.faults[0]}."
         )
     for transport in record.host.transports:
         run = record.last_by(transport)

@@ -42,7 +42,7 @@ HOSTS = (
         "langchain_driver.py",
         help="PLANNERFORGE_LINKS=false",
         help_settings=(("PLANNERFORGE_LINKS", "false"),),
-        note="`client.get_tools()` starts a server for each call; the tools of one `client.session(…)` share one.",
+        note="`client.get_tools()` starts a server for each call; the tools of a `client.session(…)` share one.",
     ),
     Host(
         "pydantic_ai",
@@ -83,7 +83,7 @@ HOSTS = (
         "pip",
         ("smolagents[mcp]==1.26.0", "mcp[ws]==1.30.0"),
         "smolagents_driver.py",
-        note="it needs `mcp[ws]` below 2, and of an answer it keeps the structured content or the first item alone.",
+        note="it needs `mcp[ws]` below 2, and keeps only an answer's structured content or first item.",
     ),
     Host(
         "inspector",
@@ -99,7 +99,7 @@ HOSTS = (
         "npm",
         ("@anthropic-ai/claude-code@2.1.331",),
         "claude_code_driver.py",
-        note="its model has to look for tools; it is told all of them with `ENABLE_TOOL_SEARCH=false`, as it is here.",
+        note="its model searches for tools; with `ENABLE_TOOL_SEARCH=false`, as here, it gets all of them.",
     ),
     Host(
         "codex",
@@ -107,7 +107,7 @@ HOSTS = (
         "npm",
         ("@openai/codex@0.169.0",),
         "codex_driver.py",
-        note="the first request of `codex exec` waits for the server with `required = true` in its section, as here.",
+        note="with `required = true` in its section, as here, the first request of `codex exec` waits for the server.",
     ),
 )
 

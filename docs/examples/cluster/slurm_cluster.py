@@ -1,8 +1,8 @@
-"""A Dask cluster of Slurm jobs; run it where jobs may be submitted, and leave it running.
+"""Start a Dask cluster of Slurm jobs. Run this on a node that may submit jobs, and leave it running.
 
     python slurm_cluster.py /shared/folder/scheduler.json
 
-It writes the scheduler's address into that file, which the setting ``cluster`` names.
+It writes the scheduler's address into this file; set ``cluster`` to its path.
 """
 
 import sys
@@ -13,7 +13,7 @@ from dask_jobqueue import SLURMCluster
 if __name__ == "__main__":
     cluster = SLURMCluster(
         cores=8,
-        processes=1,  # one Dask worker a job; it starts a process of its own for each of its 8 threads
+        processes=1,  # one Dask worker per job, with a process for each of its 8 threads
         memory="32GB",
         walltime="04:00:00",
         job_script_prologue=["source /shared/folder/venv/bin/activate"],

@@ -1,6 +1,6 @@
-"""The CommonRoad reactive planner (TUM) as a planner that is a program, run by the Python of an environment of its own.
+"""The CommonRoad reactive planner (TUM) as a planner program with its own Python environment.
 
-It plans in a loop of its own over the whole run, on the traffic as it was recorded, and answers what it drove.
+It plans a whole run on recorded traffic in its own loop, and answers with the driven trajectory.
 """
 
 import json
@@ -9,7 +9,7 @@ import sys
 
 sys.stdout.flush()
 ANSWERS = os.fdopen(os.dup(1), "w")
-os.dup2(2, 1)  # whatever the libraries print goes to the log
+os.dup2(2, 1)  # the libraries' output goes to the log
 
 import numpy as np  # noqa: E402
 from commonroad.common.file_reader import CommonRoadFileReader  # noqa: E402
@@ -22,7 +22,7 @@ from commonroad_rp.utility.utils_coordinate_system import CoordinateSystem  # no
 
 
 def prepared(request):
-    """The planner with its route, vehicle and weights."""
+    """Return the planner with its route, vehicle and weights."""
     scenario, problems = CommonRoadFileReader(request["scenario_file"]).open()
     problem = problems.planning_problem_dict[request["problem_id"]]
     for name in ("acceleration", "yaw_rate", "slip_angle"):
@@ -44,7 +44,7 @@ def prepared(request):
 
 
 def drive(planner, request):
-    """The states of the rear axle, one a step, the costs of the plans, and what ended it early."""
+    """Return the rear axle's states, one per time step, the plans' costs, and the reason for an early end."""
     states, costs, rejected, plan, index = [planner.x_0], [], {}, None, 0
     last_step = request["last_step"] + round(2.0 / request["step_s"])
     planner.record_state_and_input(planner.x_0)
@@ -71,7 +71,7 @@ def drive(planner, request):
 
 
 def answer(request):
-    """The answer to a request, as the published schema has it."""
+    """Return the answer to a request by the published schema."""
     planner = prepared(request)
     states, costs, rejected = drive(planner, request)
     centers = [ReactivePlannerState.shift_state_to_center(s, planner.vehicle_params.wb_rear_axle) for s in states]
@@ -93,4 +93,4 @@ def answer(request):
 
 for line in sys.stdin:
     print(json.dumps(answer(json.loads(line))), file=ANSWERS, flush=True)
-os._exit(0)  # the libraries' objects complain when they are taken apart
+os._exit(0)  # the libraries' objects print errors when they are destroyed

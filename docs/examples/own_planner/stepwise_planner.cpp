@@ -1,4 +1,4 @@
-// A stepwise planner: it follows its route, keeps its distance and stops at red lights. C++17, standard library alone.
+// A stepwise planner that follows its route, keeps its distance and stops at red lights. C++17, standard library only.
 // Build it with: g++ -O2 -std=c++17 -o stepwise_planner stepwise_planner.cpp
 #include <algorithm>
 #include <cmath>
@@ -21,8 +21,8 @@ struct Json {  // a value; true is the number 1, false and null are 0; an object
     operator Numbers() const { return Numbers(items.begin(), items.end()); }
 };
 
-const char* next(const char* at) { return at + std::strspn(at, " ,:"); }  // these say no more than the brackets do
-Json read(const char*& at) {  // one value of valid JSON; \n and \u in texts stay as written, this planner needs neither
+const char* next(const char* at) { return at + std::strspn(at, " ,:"); }  // the brackets say as much
+Json read(const char*& at) {  // one value of valid JSON; \n and \u in strings stay escaped
     Json made;
     const char* begin = at;
     if (*at == '{' || *at == '[') {
@@ -48,14 +48,14 @@ std::string list(const Numbers& values) {
 
 struct Planner {
     Json task;
-    Numbers path_x, path_y;  // the reference path, a point about every metre
+    Numbers path_x, path_y;  // the reference path, about one point per metre
     int nearest(double x, double y) const {
         int best = 0;
         for (int i = 0; i < (int)path_x.size(); ++i)
             if (std::hypot(path_x[i] - x, path_y[i] - y) < std::hypot(path_x[best] - x, path_y[best] - y)) best = i;
         return best;
     }
-    // Free metres to others that are on the path within the next second, and to lights that are red; and what is there.
+    // The free metres to the first road user on the path within 1 s or red light, and its name.
     std::pair<double, std::string> gap(const Json& step) const {
         double length = task["vehicle"]["length_m"], least = 1000;
         std::string why = "free";

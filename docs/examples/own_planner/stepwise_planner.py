@@ -1,4 +1,4 @@
-"""A stepwise planner: it follows its route, keeps its distance and stops at red lights. Standard library alone."""
+"""A stepwise planner in plain Python that follows its route, keeps its distance and stops at red lights."""
 
 import json
 import math
@@ -6,12 +6,12 @@ import sys
 
 
 def nearest(path, x, y):
-    """The index of the point of the path that is nearest to a place."""
+    """Return the index of the path's nearest point."""
     return min(range(len(path)), key=lambda i: math.hypot(path[i][0] - x, path[i][1] - y))
 
 
 def gap(task, path, step):
-    """Free metres to others that are on the path within the next second, and to red lights; and what is there."""
+    """Return the free metres to the first road user on the path within 1 s or red light, and its name."""
     here, length = nearest(path, step["ego"]["x_m"], step["ego"]["y_m"]), task["vehicle"]["length_m"]
     found = [(1000.0, "free")]
     for other in step["others"]:
@@ -25,7 +25,7 @@ def gap(task, path, step):
 
 
 def plan(task, path, step):
-    """Three seconds ahead: steer to a point of the path ahead, at a speed that keeps the gap."""
+    """Plan three seconds: steer to a point of the path ahead, at a speed that keeps the gap."""
     ego, vehicle, step_s = step["ego"], task["vehicle"], task["step_s"]
     behind, wheelbase = vehicle["rear_axle_behind_center_m"], vehicle["wheelbase_m"]
     turn = vehicle["maximum_steering_rate_radps"] * step_s

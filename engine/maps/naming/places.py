@@ -103,11 +103,18 @@ _SHORTEST_NAME, _MOST_MISSPELT = 4, 2
 
 
 def country_name(code: str) -> str:
-    """The English name of a country by its ISO 3166-1 alpha-3 code; the code itself where there is none."""
-    from iso3166 import countries_by_alpha3
+    """Return the English name of a country by its ISO 3166-1 alpha-3 code, or the code itself if no country has it.
+
+    The ISO's inverted names (``Moldova, Republic of``) are shortened unless two countries share the beginning.
+    """
+    from iso3166 import countries, countries_by_alpha3
 
     country = countries_by_alpha3.get(code)
-    return code if country is None else country.apolitical_name
+    if country is None:
+        return code
+    short, _, rest = country.apolitical_name.partition(", ")
+    is_shared = sum(one.apolitical_name.partition(", ")[0] == short for one in countries) > 1
+    return short if rest.endswith((" of", " of the")) and not is_shared else country.apolitical_name
 
 
 def _without_digraphs(spelling: str) -> str:

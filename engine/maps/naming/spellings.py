@@ -99,6 +99,7 @@ _KINDS = frozenset(
         "bridge",
     ]
 )
+_OPEN_PLACES = frozenset(["square", "place"])
 _DIRECTIONS = frozenset(
     ["north", "south", "east", "west", "northeast", "northwest", "southeast", "southwest", "middle"]
 )
@@ -171,6 +172,9 @@ _ELIDED = re.compile(r"\b(?:d|l|s|dell|dall|all|nell|sull)['’](?=\w)", re.IGNO
 libpostal's elisions without those of pronouns and without ``sant'``, and the Italian prepositions that it lacks."""
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
+_ORDINAL = re.compile(r"(?P<number>\d{1,4})(?P<end>[a-z]{1,3})")
+_ORDINAL_MARK = re.compile(r"(?<=\d)(?:\s*\.?[ºª°]|-[\u0400-\u04ff]{1,3}\b)")
+"""What stands behind the digits of an ordinal in Romance languages and, with a hyphen, in Cyrillic (``1-я``)."""
 _MOST_READINGS = 32
 """Readings of one name that are compared: ``St`` has two, and a name has few such words (chosen)."""
 MOST_KEPT = 50_000
@@ -291,6 +295,14 @@ def always_says_kind(name: str) -> bool:
     return all(reading & _KINDS for reading in road_readings(name))
 
 
+def names_a_street(name: str) -> bool:
+    """Return True if a name says in every reading that it is a road; squares and places may be parts of a town."""
+    if _CHINESE_ROAD.fullmatch(name.strip()):
+        return True
+    readings = road_readings(name)
+    return bool(readings) and all(reading & (_KINDS - _OPEN_PLACES) for reading in readings)
+
+
 def words_of_name(name: str) -> tuple[str, ...]:
     """The words of a name in their order, in Latin letters without accents."""
     return tuple(word for word in map(latin, _split(_ELIDED.sub("", name))) if word)
@@ -302,15 +314,16 @@ def without_particles(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def _split(name: str) -> list[str]:
+    name = _ORDINAL_MARK.sub(" ", name)
     plain = re.sub(r"['’ʼ`´]", "", _CONTRACTED.sub(r"\1\2", name.casefold())).replace("&", " and ")
     return [word for word in re.split(r"[\W_]+", plain) if word]
 
 
 def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
     """The readings of a word in plain Latin letters; one that ends in a kind of road becomes two words."""
-    ordinal = re.fullmatch(r"(\d+)(?:st|nd|rd|th|ya|e|er)", word)
-    if ordinal:
-        return ((ordinal[1],),)
+    ordinal = _ORDINAL.fullmatch(word)
+    if ordinal and _is_ordinal(ordinal["number"], ordinal["end"]):
+        return ((ordinal["number"],),)
     known = _meanings().get(word)
     if known is not None:
         return tuple((meaning,) for meaning in known)
@@ -318,6 +331,19 @@ def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
         if word.endswith(end) and len(word) > len(end) + 2:
             return ((word.removesuffix(end), kind),)
     return ((word,),)
+
+
+def _is_ordinal(number: str, end: str) -> bool:
+    """Return True if letters behind a number make it an ordinal.
+
+    They are an ending that libpostal lists (``1st``, ``2nd``), or the end of the number's own word, as people write
+    ordinals in many languages (``4ta``: cuarta; ``7mo``: séptimo).
+    """
+    if end in _table()["ordinals"]:
+        return True
+    values = {int(number), int(number[-1])}
+    words = (word for word, meant in _table()["numbers"].items() if not values.isdisjoint(meant))
+    return len(end) > 1 and any(word.endswith(end) for word in words)
 
 
 def _chinese(name: str) -> tuple[tuple[str, ...], ...]:

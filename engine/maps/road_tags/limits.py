@@ -51,7 +51,10 @@ fast they are driven (``osmNetconvert.typ.xml``)."""
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit in km/h; ``source``: ``tag``, ``code`` (a tag names a kind of road), ``law`` or ``usual`` (no law known).
+    """A limit in km/h and its source.
+
+    ``source``: ``tag``, ``code`` (a tag names a kind of road), ``law``, ``usual`` (the country's law is not known), or
+    ``driven`` (the usual speed on a slip road, drive or track, which is below what the law allows).
 
     ``unread``: a tag that no limit could be read of, as ``key=value``; ``legal``: what the law says, if it was asked.
     """
@@ -187,4 +190,6 @@ def _legal(tags: Tags, where: Jurisdiction, *, urban: bool, source: str, capped:
     if legal is None:
         legal, source = table.anywhere(plain, urban=urban), "usual"
     most = _LINK_KMH.get(tags.get("highway", ""), _FASTEST_KMH) if capped else _FASTEST_KMH
-    return Limit(min(legal.kmh, most), source, legal=legal, urban=urban)
+    if most < legal.kmh:
+        return Limit(most, "driven" if source != "code" else source, legal=legal, urban=urban)
+    return Limit(legal.kmh, source, legal=legal, urban=urban)

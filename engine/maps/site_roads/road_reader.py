@@ -47,9 +47,11 @@ _ALWAYS = ("emergency", "authority", "army")
 _NO_MOTOR = ("bicycle", "pedestrian")
 _TOWN_ROADS = frozenset({"residential", "living_street"})
 _FAST = frozenset({"motorway", "motorway_link"})
-_HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.5
+_HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.2
 """A road lies in a town where a house or a built-up area lies within this of it, looked at every so many metres, on
-this share of its length (see ``docs/generation.md`` for what was measured)."""
+this share of its length. Of 785 roads of 68 maps with a signed limit and no tag that tells of a town, 599 have at most
+60 km/h: by half of their length, 93 % of these count as roads of a town; by a fifth and the cores of settlements, 96 %.
+"""
 _SIDES = ("yes", "both", "left", "right", "separate")
 
 
@@ -149,7 +151,7 @@ class RoadReader:
     def _remember(self, limit: Limit, way: OsmWay, name: str) -> None:
         if limit.unread:
             self._told.add("unread", f"{name} ({limit.unread})")
-        if limit.source in ("law", "usual"):
+        if limit.source in ("law", "usual", "driven"):
             kind = "on motorways" if way.road_class in _FAST else "in town" if limit.urban else "outside towns"
             self._limits.setdefault(limit.source, {}).setdefault((limit.kmh, kind), []).append(name)
             if limit.legal is not None and limit.legal.states > 1 and limit.source == "law":
@@ -168,7 +170,7 @@ class RoadReader:
             return self._built_up.is_dense
         points = _along(nodes)
         inside = sum(self._built_up.within(point, _HOUSES_WITHIN_M) for point in points)
-        return inside >= _BUILT_UP_SHARE * len(points)
+        return inside >= _BUILT_UP_SHARE * len(points) or self._built_up.is_in_settlement(points[len(points) // 2])
 
     def _type_tags(self, way: OsmWay, users: frozenset[RoadUser], name: str) -> dict[str, str]:
         """What gives a road a type of its own, where not every vehicle may use it or some have a limit of their own."""
@@ -195,12 +197,19 @@ class RoadReader:
         return notes + [self._limit_note(source, limits) for source, limits in sorted(self._limits.items())]
 
     def _limit_note(self, source: str, limits: Mapping[tuple[float, str], Sequence[str]]) -> str:
+        parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
+        if source == "driven":
+            return (
+                f"slip roads, drives and tracks without a signed speed limit have their usual speed: {'; '.join(parts)}"
+            )
         law = f"the legal default of {self._where.name}"
         if source == "usual":
-            law = "the median of all countries' legal defaults, because that of the country is not known"
+            unknown = "the country is not known"
+            if self._where.name:
+                unknown = f"the law of {self._where.name} is not known for this kind of road"
+            law = f"the median of all countries' legal defaults, because {unknown}"
         elif self._states:
             law = f"the most frequent of the legal defaults of {max(self._states)} states of {self._where.name}"
-        parts = [f"{kmh:g} km/h {kind} ({in_words(names)})" for (kmh, kind), names in sorted(limits.items())]
         return f"roads without a signed speed limit have {law}: {'; '.join(parts)}"
 
 

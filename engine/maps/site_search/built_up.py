@@ -4,6 +4,8 @@ import math
 from collections import Counter
 from functools import cached_property
 
+from ....schemas.generation import PlaceArea
+from ..naming.shown import areas_shown
 from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, ground_distance_m, length_m
 from .nearness import Surroundings
 
@@ -11,6 +13,8 @@ BUILT_UP_ROADS = frozenset({"residential", "living_street"})
 BUILT_UP_LANDUSE = frozenset({"residential", "commercial", "retail", "industrial"})
 SETTLEMENTS = frozenset({"city", "town", "village", "suburb", "borough", "quarter", "neighbourhood"})
 """OSM's values of ``place`` for built-up settlements and their parts."""
+_CORE_SHARE = 0.5
+"""Of the reach of a settlement: nearer to its middle, a road lies in it (measured: ``site_roads/road_reader.py``)."""
 TOWN_JUNCTIONS_PER_KM = 5.0
 """More junctions on a kilometre of road make the map of a town (chosen)."""
 
@@ -47,6 +51,17 @@ class BuiltUp:
         length_km = sum(length_m(self._osm, way) for way in roads) / 1000
         named = any(node.tags.get("place") in SETTLEMENTS for node in self._osm.nodes.values() if node.tags)
         return named or junctions > TOWN_JUNCTIONS_PER_KM * length_km
+
+    def is_in_settlement(self, node: OsmNode) -> bool:
+        """Return True if a node lies in the core of a settlement that the map marks, or of a part of one."""
+        return any(
+            ground_distance_m(node.position, (area.latitude, area.longitude)) <= _CORE_SHARE * area.radius_m
+            for area in self._settlements
+        )
+
+    @cached_property
+    def _settlements(self) -> tuple[PlaceArea, ...]:
+        return tuple(area for area in areas_shown(self._osm) if area.kind in SETTLEMENTS)
 
     @cached_property
     def _shapes(self) -> Surroundings:

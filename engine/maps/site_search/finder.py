@@ -201,6 +201,11 @@ class SiteFinder:
             return replace(site, only_passed=True)
         return replace(narrow, by_links=site.by_links)
 
+    def main_streets(self, part: SitePart) -> tuple[str, ...]:
+        """Return the names and numbers of the roads at the node of a ramp that are not links."""
+        roads = (way for way in self._with_links.ways_at(part.mark) if way.road_class not in LINKS)
+        return tuple(name for way in roads for key in ("name", "ref") if (name := way.tags.get(key)))
+
     def kinds(self) -> dict[SiteType, int]:
         """How many sites of each kind the map holds; kinds that it lacks are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}
@@ -395,11 +400,31 @@ class SiteFinder:
 
     def _motorways(self) -> list[_Spot]:
         fast = [way for way in self._roads if way.road_class == self._fast]
-        fast = [way for way in fast if self._fast == "motorway" or _is_expressway(way)]
+        fast = [way for way in fast if self._fast == "motorway" or self._is_expressway(way)]
         ways = [way for way in fast if length_m(self.osm, way) > SHORTEST_STRETCH_M]
         return [
             self._spot("highway", point, [way], way.way_id) for way in ways for point in _spaced_points(self.osm, way)
         ]
+
+    def _is_expressway(self, way: OsmWay) -> bool:
+        """Return True for a trunk road that drives like a motorway.
+
+        It is signed as one, or it is a one-way carriageway with a high limit, or without a signed limit and without a
+        street that meets it.
+        """
+        if way.tags.get("motorroad") == "yes":
+            return True
+        if way.tags.get("oneway") != "yes":
+            return False
+        if way.maxspeed_kmh is None:
+            return self._street_nodes.isdisjoint(way.node_ids)
+        return way.maxspeed_kmh >= EXPRESSWAY_KMH
+
+    @cached_property
+    def _street_nodes(self) -> frozenset[int]:
+        """The nodes of all roads other than motorways, trunk roads and links."""
+        fast = frozenset((*FAST_ROADS, *LINKS))
+        return frozenset(key for way in self._roads if way.road_class not in fast for key in way.node_ids)
 
     def _rural(self) -> list[_Spot]:
         """Stretches of main roads away from houses; pavements, and limits below 60 km/h, tell of a town."""
@@ -459,12 +484,6 @@ _SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {
     "urban": SiteFinder._urban,
 }
 """What looks for the spots of each kind; not kept in a finder, which would be garbage for the collector then."""
-
-
-def _is_expressway(way: OsmWay) -> bool:
-    """A trunk road that drives like a motorway: one-way carriageway, or signed as one."""
-    fast = (way.maxspeed_kmh or 0) >= EXPRESSWAY_KMH and way.tags.get("oneway") == "yes"
-    return fast or way.tags.get("motorroad") == "yes"
 
 
 def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:

@@ -13,6 +13,10 @@ from ..road_tags.lanes import oneway_of
 
 LONGEST_RING_M = 1_000.0
 """Around a ring (chosen): what is cut out around a site holds no longer one."""
+LEAST_RING_M = 23.5
+"""Around the smallest ring that a car can drive. Of usual cars the outer front wheel turns on a circle of 10 m or more;
+with a wheelbase of 2.6 m and a track of 1.5 m, the car's centre is then 3.75 m from the middle. Smaller circles, such as
+those that calm traffic at crossings of streets, are driven as crossings."""
 LEAST_ENTRIES = 2
 """Roads that lead into a roundabout (chosen)."""
 MOST_NODES = 1_000
@@ -41,15 +45,15 @@ class Rings:
     def around(self, way: OsmWay) -> tuple[int, ...]:
         """The nodes of the ring that a tagged way is part of, its beginning at the end again.
 
-        Nothing where the way is open in both directions or does not close over one-way roads, where the ring is longer
-        than ``LONGEST_RING_M``, or where fewer than two roads lead into it.
+        It is empty if the way is open in both directions or does not close over one-way roads, if the ring is longer
+        than ``LONGEST_RING_M`` or shorter than ``LEAST_RING_M``, or if fewer than two roads lead into it.
         """
         if not (direction := direction_of(way)):
             return ()
         line = way.node_ids[::-1] if direction < 0 else way.node_ids
         ring = line if line[0] == line[-1] else (*line, *self._shortest(line))
         inside = frozenset(ring)
-        if ring[0] != ring[-1] or len(inside) < 3 or self._length_m(ring) > LONGEST_RING_M:
+        if ring[0] != ring[-1] or len(inside) < 3 or not LEAST_RING_M <= self._length_m(ring) <= LONGEST_RING_M:
             return ()
         entries = (before for key in ring[1:] for before in self._before.get(key, ()) if before not in inside)
         return ring if len(list(islice(entries, LEAST_ENTRIES))) == LEAST_ENTRIES else ()

@@ -4,6 +4,7 @@ import pytest
 from support.streets import crossing
 
 from plannerforge.engine.generation.site_network import convert_map
+from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.engine.maps.road_classes import ROADS
 from plannerforge.engine.maps.road_tags.access import barrier_of, is_for_access_only, users_of
@@ -110,6 +111,13 @@ def test_limits_are_read_as_openstreetmap_documents_them(tags: dict[str, str], k
 def test_a_limit_that_cannot_be_read_is_told() -> None:
     limit = limit_of({"highway": "secondary", "maxspeed": "signals"}, GERMANY, urban=True)
     assert (limit.kmh, limit.source, limit.unread) == (50.0, "law", "maxspeed=signals")
+
+
+def test_a_usual_speed_below_the_law_is_not_called_law() -> None:
+    drive = limit_of({"highway": "service"}, GERMANY, urban=True)
+    ramp = limit_of({"highway": "secondary_link", "maxspeed": "DE:rural"}, GERMANY, urban=False)
+    assert (drive.kmh, drive.source) == (20.0, "driven")
+    assert (ramp.kmh, ramp.source) == (100.0, "code")
 
 
 def test_without_a_tag_the_law_of_country_and_kind_of_road_holds() -> None:
@@ -223,13 +231,25 @@ def test_deleted_and_invisible_objects_are_not_there(tmp_path: Path) -> None:
 
 def test_no_road_in_a_town_has_the_limit_of_a_country_road(tmp_path: Path) -> None:
     tags = {"all": {"maxspeed": ""}}
-    town, told = cut(read_osm(crossing(tmp_path / "town.osm", tags, houses=True)), tmp_path)
+    town, told = cut(read_osm(crossing(tmp_path / "town.osm", tags, houses=True, segments=9)), tmp_path)
     limits = {way.tags["name"]: way.tags["maxspeed"] for way in town.ways}
     assert limits == {"Aaweg": "50", "Beweg": "100"}
     assert any("Germany" in note and "50 km/h in town (Aaweg)" in note for note in told)
     unknown, told = cut(read_osm(tmp_path / "town.osm"), tmp_path, None)
     assert {way.tags["maxspeed"] for way in unknown.ways} == {"50", "90"}
     assert any("median" in note for note in told)
+
+
+def test_a_road_in_the_core_of_a_marked_settlement_is_in_town_even_without_houses_along_it(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "secondary", "Main Road")
+    sketch.road([(4000, 0), (4500, 0), (5000, 0)], "secondary", "Far Road")
+    sketch.road([(9000, 0), (9100, 0)], "residential", "Side Road")
+    sketch.write(tmp_path / "map.osm")
+    osm = read_osm(tmp_path / "map.osm")
+    reader = RoadReader(BuiltUp(osm), GERMANY, lefthand=False)
+    urban = {way.tags["name"]: reader.is_urban(way, [osm.nodes[key] for key in way.node_ids]) for way in osm.ways}
+    assert (urban["Main Road"], urban["Far Road"]) == (True, False)
 
 
 def test_each_limit_is_told_with_the_law_that_it_has(tmp_path: Path) -> None:

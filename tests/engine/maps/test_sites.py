@@ -93,6 +93,14 @@ def test_a_trunk_road_makes_a_highway_and_a_ramp_only_where_no_motorway_lies(tmp
     assert not {"highway", "ramp"} & set(finder(tmp_path, sketch).kinds())
 
 
+def test_without_a_signed_limit_a_trunk_road_is_a_highway_if_no_street_meets_it(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-500, 0), (0, 0), (500, 0)], "trunk", "", oneway="yes")
+    assert "highway" in finder(tmp_path, sketch).kinds()
+    sketch.road([(0, 0), (0, 300)], "residential", "Side Road")
+    assert "highway" not in finder(tmp_path, sketch).kinds()
+
+
 def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
     assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
     both = crossing("service")
@@ -113,10 +121,12 @@ def test_a_fast_road_among_houses_is_not_rural(tmp_path: Path) -> None:
     assert "rural" not in finder(tmp_path, sketch).kinds()
 
 
-def ring(*parts: tuple[int, int], arms: int = 3, kind: str = "secondary", **tags: str) -> Sketch:
-    """A ring of 12 corners and 20 m radius, drawn in parts (from, to corner), with roads outwards at every third."""
+def ring(
+    *parts: tuple[int, int], arms: int = 3, kind: str = "secondary", radius_m: float = 20.0, **tags: str
+) -> Sketch:
+    """A ring of 12 corners, drawn in parts (from, to corner), with roads outwards at every third."""
     sketch = Sketch("Town", 50.0, 8.0)
-    corners = [(20 * math.cos(k * math.pi / 6), 20 * math.sin(k * math.pi / 6)) for k in range(12)]
+    corners = [(radius_m * math.cos(k * math.pi / 6), radius_m * math.sin(k * math.pi / 6)) for k in range(12)]
     for begin, end in parts:
         line = [corners[k % 12] for k in range(begin, end + 1)]
         sketch.road(line, kind, "", **{"junction": "roundabout", **tags})
@@ -150,6 +160,11 @@ def test_a_ring_drawn_against_its_direction_is_one(tmp_path: Path) -> None:
 )
 def test_what_no_network_closes_to_a_roundabout_is_none(tmp_path: Path, sketch: Sketch) -> None:
     assert "roundabout" not in finder(tmp_path, sketch).kinds()
+
+
+def test_a_circle_that_no_car_can_drive_is_no_roundabout(tmp_path: Path) -> None:
+    assert "roundabout" in finder(tmp_path, ring((0, 12), radius_m=5.0)).kinds()
+    assert "roundabout" not in finder(tmp_path, ring((0, 12), radius_m=2.7)).kinds()
 
 
 def test_a_ring_as_long_as_a_town_is_no_roundabout(tmp_path: Path) -> None:

@@ -82,6 +82,16 @@ def test_what_is_no_setting_is_refused_with_what_is(text: str, says: str) -> Non
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize("value", ["nan", "inf", "1e999"])
+def test_a_value_that_is_no_number_is_refused_with_the_range_of_its_name(value: str) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        changed(f"horizon_s={value}")
+    assert refusal.value.valid[0] == "horizon_s from 1.5 to 6"
+    with pytest.raises(InvalidRequest) as refusal:
+        changed_configuration(base(), None, [f"jerk={value}"])
+    assert refusal.value.valid[0] == "a weight from 0 to 1e+06"
+
+
 def test_weights_of_the_other_planner_and_settings_among_weights_are_named() -> None:
     for planner, text, says in (
         ("idm", "jerk=1", "it is a weight of frenetix, not of idm"),

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from plannerforge.engine.maps.naming.gazetteer import names_elsewhere
-from plannerforge.engine.maps.naming.places import country_code, place_keys
+from plannerforge.engine.maps.naming.places import country_code, country_name, place_keys
 
 STORED = ["Munich", "Nuremberg", "Moelln", "Carcarana", "SantBoideLlobregat", "Bilderstoeckchen", "Beijing", "US101"]
 
@@ -74,3 +74,11 @@ def test_countries_by_code_or_name(typed: str, code: str) -> None:
 @pytest.mark.parametrize("typed", ["", "Atlantis", "12", "D3U", "van", "XQZ"])
 def test_no_country(typed: str) -> None:
     assert country_code(typed) is None
+
+
+@pytest.mark.parametrize(
+    ("code", "name"),
+    [("VEN", "Venezuela"), ("MDA", "Moldova"), ("KOR", "Korea, Republic of"), ("DEU", "Germany"), ("XYZ", "XYZ")],
+)
+def test_a_country_has_its_usual_name(code: str, name: str) -> None:
+    assert country_name(code) == name

@@ -30,6 +30,11 @@ SAME = [
     ("Elephant & Castle", "Elephant and Castle"),
     ("Kerkstr.", "Kerkstraat"),
     ("Kuzey Caddesi", "North Street"),
+    ("3ra Avenida", "3° Avenida"),
+    ("4ta Transversal", "4.ª Transversal"),
+    ("2do Pasaje", "Segundo Pasaje"),
+    ("1-я Тверская улица", "Первая Тверская улица"),
+    ("2ème Rue", "2e Rue"),
 ]
 OTHER = [
     ("Main St", "High St"),
@@ -40,6 +45,8 @@ OTHER = [
     ("Rua", "C Street"),
     ("Via del C", "D Street"),
     ("Calle de L", "R Street"),
+    ("12a Main Street", "12 Main Street"),
+    ("3ra Avenida", "4ta Avenida"),
 ]
 
 
@@ -65,6 +72,11 @@ def test_other_roads_are_not_mistaken(one: str, other: str) -> None:
     assert not same_street(one, other)
 
 
+def test_an_exact_name_is_not_a_road_of_another_kind_and_stays_its_abbreviation() -> None:
+    assert roads(a_map("6. Cadde", "6. Sokak"), "6. Cadde") == [("6. Cadde",)]
+    assert roads(a_map("Main Street", "Main St"), "Main Street") == [("Main Street", "Main St")]
+
+
 def test_a_road_means_its_numbered_sections_and_a_section_itself() -> None:
     entry = a_map("中山北一路", "中山北二路", "四平路")
     assert roads(entry, "中山北路") == [("中山北一路", "中山北二路")]
@@ -83,10 +95,32 @@ def test_a_crossing_is_understood_as_people_write_it(words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "words", ["Długa i Krótka", "na rogu Długa i Krótka", "Długa és Krótka", "Długa un Krótka", "Długa Ecke Krótka"]
+    "words",
+    [
+        "Długa i Krótka",
+        "na rogu Długa i Krótka",
+        "Długa és Krótka",
+        "Długa un Krótka",
+        "Długa Ecke Krótka",
+        "Długa con Krótka",
+        "Długa com Krótka",
+        "Długa esquina con Krótka",
+        "Długa esq. Krótka",
+        "cruce de Długa y Krótka",
+        "róg Długa z Krótka",
+        "Długa ile Krótka",
+        "hoek Długa met Krótka",
+        "incrocio tra Długa e Krótka",
+    ],
 )
 def test_the_words_for_a_crossing_are_those_of_any_language(words: str) -> None:
     assert roads(a_map("Długa", "Krótka"), words) == [("Długa",), ("Krótka",)]
+
+
+@pytest.mark.parametrize("words", ["Długa Nowa Krótka", "stara Długa ile Krótka Nowa", "Długa ile Nowa"])
+def test_a_phrase_that_holds_another_name_is_no_crossing_of_two_roads(words: str) -> None:
+    with pytest.raises(UnknownName):
+        roads(a_map("Długa", "Krótka"), words)
 
 
 @pytest.mark.parametrize(
@@ -114,6 +148,22 @@ def test_a_part_of_a_map_means_its_own_area_and_the_answer_says_so() -> None:
     assert match.understood == (
         "'Altstadt' is taken as quarter “Old Town”, 0.3 km around its centre (54.6000, 5.2500)",
     )
+
+
+@pytest.mark.parametrize("words", ["玄武大道, Seattle", "Xuanwu Road, Seattle", "Xuanwu Road"])
+def test_a_street_that_no_map_names_is_not_the_district_of_its_name(words: str) -> None:
+    district = PlaceArea(
+        name="玄武区", kind="quarter", other_names=("Xuanwu", "玄武"), latitude=54.6, longitude=5.25, radius_m=300
+    )
+    entry = a_map("中山路", areas=(district,))
+    assert find_maps([entry], place="玄武, Seattle")[0].area == district
+    with pytest.raises(UnknownName):
+        find_maps([entry], place=words)
+
+
+def test_a_square_may_be_the_quarter_of_its_name() -> None:
+    quarter = PlaceArea(name="Taksim", kind="square", other_names=(), latitude=54.6, longitude=5.25, radius_m=300)
+    assert find_maps([a_map("Pine Street", areas=(quarter,))], place="Taksim Square, Seattle")[0].area == quarter
 
 
 def test_the_largest_place_of_a_map_is_the_map() -> None:
