@@ -104,7 +104,7 @@ class _Clock:
 
 
 async def _table(client: Client, cars: int, seed: int) -> Times:
-    """Seconds of every call on one scenario of some cars."""
+    """Return the seconds of every call on one scenario with some cars."""
     clock = _Clock(client, {})
     scenario = await _generated(clock, cars, seed)
     await clock.call("describe", "describe_scenario", scenario_id=scenario)
@@ -118,7 +118,7 @@ async def _table(client: Client, cars: int, seed: int) -> Times:
 
 
 async def _chain(client: Client, cars: int, seed: int) -> Times:
-    """Seconds of the calls of a user's chain."""
+    """Return seconds of the calls of a user's chain."""
     clock = _Clock(client, {})
     scenario = await _generated(clock, cars, seed)
     await clock.call("describe", "describe_scenario", scenario_id=scenario)
@@ -181,7 +181,7 @@ async def _measure(repeats: int, cars: Sequence[int], files: int, imports: int, 
 
 
 async def _small_runs(workspace: Path, files: int) -> list[float]:
-    """Seconds of a run of each of some public files."""
+    """Return seconds of a run of each of some public files."""
     chosen, seconds = scenario_files(shared_scenarios(), files), list[float]()
     async with _warm_server(workspace) as client:
         await import_scenarios(client, chosen)
@@ -193,7 +193,7 @@ async def _small_runs(workspace: Path, files: int) -> list[float]:
 
 
 def _read_ratios(files: int, generated: Sequence[Path], store: RecordingStore) -> tuple[list[float], list[float]]:
-    """commonroad-io's processor time over ours for public files and the generated ones: known on disk, and new."""
+    """Return commonroad-io's processor time over ours for public and generated files, cached on disk and new."""
     known, new = [], []
     for path in [*scenario_files(shared_scenarios(), files), *generated]:
         by_commonroad_io_s = _cpu_s(_read_by_commonroad_io, path)
@@ -228,7 +228,7 @@ def _read_by_commonroad_io(path: Path) -> None:
 
 
 def _cpu_s(read: Callable[[Path], object], path: Path) -> float:
-    """The better of two processor times."""
+    """Return the better of two processor times."""
     times = []
     for _ in range(2):
         gc.collect()
@@ -239,7 +239,7 @@ def _cpu_s(read: Callable[[Path], object], path: Path) -> float:
 
 
 def _demo_s(folder: Path) -> float:
-    """Seconds of all calls of the demo, as it tells them itself."""
+    """Return the seconds of all calls of the demo, by its own report."""
     plannerforge = Path(sys.executable).parent / "plannerforge"
     told = subprocess.run([plannerforge, "demo", "--folder", folder], capture_output=True, text=True, check=True)
     taken = re.search(r"calls took ([\d.]+) s", told.stdout)
@@ -282,7 +282,7 @@ async def _volume(folder: Path, imports: int, entries: int) -> Figures:
 
 
 def _copies(folder: Path, count: int) -> list[Path]:
-    """Folders of scenario files with ids of their own, copied from the smaller half of the public files."""
+    """Return folders of scenario files with unique ids, copied from the smaller half of the public files."""
     by_size = sorted(scenario_files(shared_scenarios(), None), key=lambda path: path.stat().st_size)
     contents = [path.read_bytes() for path in by_size[: len(by_size) // 2]]
     folders = [folder / f"{number:03d}" for number in range(math.ceil(count / _A_FOLDER))]
@@ -297,7 +297,7 @@ def _copies(folder: Path, count: int) -> list[Path]:
 
 @asynccontextmanager
 async def _server_process(workspace: Path, root: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
-    """A client of a server in a process of its own, and that process."""
+    """Open a client of a server in its own process, and return that process too."""
     arguments = ["-m", "plannerforge", "serve", "--workspace", str(workspace), "--roots", str(root)]
     settings = {"STARTER": "false", "WARM_UP": "false", "WORKERS": str(WORKERS)}
     environment = {**os.environ, **{f"PLANNERFORGE_{name}": value for name, value in settings.items()}}

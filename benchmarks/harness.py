@@ -68,19 +68,19 @@ def as_measured(figures: Mapping[str, float | int | str | None]) -> Figures:
 
 
 def spread(values: Sequence[float], unit: str, digits: int = 2) -> str:
-    """Median with minimum and maximum, in words."""
+    """Return the median with minimum and maximum as text."""
     middle = statistics.median(values)
     return f"{middle:.{digits}f} {unit} (min {min(values):.{digits}f}, max {max(values):.{digits}f}, n {len(values)})"
 
 
 def share(values: Iterable[object]) -> float:
-    """The share of true values, rounded to four digits; 0 without any value."""
+    """Return the share of true values, rounded to four digits; 0 without any value."""
     verdicts = [bool(value) for value in values]
     return round(sum(verdicts) / len(verdicts), 4) if verdicts else 0.0
 
 
 def percentile_95(values: Iterable[float]) -> float:
-    """The value that 95 of 100 do not exceed, one of those given."""
+    """Return the smallest of the values that 95 of 100 do not exceed."""
     ordered = sorted(values)
     return ordered[int(0.95 * len(ordered))]
 
@@ -92,7 +92,7 @@ def shared_folder() -> Path:
 
 
 def shared_scenarios() -> Path:
-    """The folder of public CommonRoad scenarios in the shared folder."""
+    """Return the folder of public CommonRoad scenarios in the shared folder."""
     return shared_folder() / "data" / "commonroad"
 
 
@@ -106,7 +106,7 @@ def existing(folder: Path) -> Path:
 def scenario_arguments(
     text: str | None, option: str = "--limit", default: int | None = None
 ) -> tuple[Path, int | None]:
-    """The command line of a benchmark over a folder of scenarios: the folder, and how many of its files it takes."""
+    """Read the command line of a benchmark over a folder of scenarios: the folder and the number of its files."""
     parser = ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument(option, dest="limit", type=int, default=default, help="only a sample of this many files")
@@ -115,12 +115,12 @@ def scenario_arguments(
 
 
 def drawn(names: Iterable[str], limit: int | None) -> list[str]:
-    """At most ``limit`` of the names, always the same ones and in the same order; all of them without a limit."""
+    """Return at most ``limit`` of the names, always the same ones in the same order; all without a limit."""
     return sorted(names, key=lambda name: hashlib.sha256(name.encode()).hexdigest())[:limit]
 
 
 def scenario_files(folder: Path, limit: int | None) -> list[Path]:
-    """The scenario files of a folder; with a limit, always the same sample."""
+    """Return the scenario files of a folder; with a limit, always the same sample."""
     files = {path.name: path for path in sorted(folder.rglob("*.xml")) if not path.name.endswith(".net.xml")}
     return [files[name] for name in (sorted(files) if limit is None else drawn(files, limit))]
 
@@ -153,7 +153,7 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
 
 
 def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
-    """A server on the benchmark's own workspace."""
+    """Return settings for a server on the benchmark's workspace."""
     return Settings(
         workspace=workspace,
         roots=(folder,),
@@ -166,14 +166,14 @@ def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
 
 
 async def call_ms(client: Client, tool: str, **arguments: Any) -> float:
-    """Milliseconds from a call of a tool to its answer, as the client waits for it."""
+    """Return the milliseconds from a tool call to its answer at the client."""
     started = time.perf_counter()
     await client.call_tool(tool, arguments)
     return (time.perf_counter() - started) * 1000
 
 
 async def ask(client: Client, tool: str, **arguments: Any) -> Any:
-    """The structured answer of a tool.
+    """Return the structured answer of a tool.
 
     Raises:
         RuntimeError: the tool refused.
@@ -185,10 +185,10 @@ async def ask(client: Client, tool: str, **arguments: Any) -> Any:
 
 
 async def ask_to_the_end(client: Client, tool: str, **arguments: Any) -> Any:
-    """The structured answer of a tool; of one that makes a job of it, the job when it is done.
+    """Return the structured answer of a tool, or the finished job if the call becomes one.
 
     Raises:
-        RuntimeError: the tool refused, or the job could not be carried out.
+        RuntimeError: the tool refused, or the job failed.
     """
     answer = await ask(client, tool, **arguments)
     while answer["state"] == "running":
@@ -218,7 +218,7 @@ async def finished_batch(client: Client, **arguments: Any) -> str:
 
 
 def attempted_runs(folder: Path, batch_id: str) -> list[RunRecord]:
-    """The runs of a batch in the workspace of a folder, without those that could not be attempted."""
+    """Return the runs of a batch in the workspace of a folder, without those that could not be attempted."""
     workspace = Workspace(folder)
     batch = workspace.get(batch_id, "batch").read(BatchRecord)
     records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
@@ -227,7 +227,7 @@ def attempted_runs(folder: Path, batch_id: str) -> list[RunRecord]:
 
 
 def read_run_file(workspace: Workspace, run_id: str, name: str, model: type[Content]) -> Content:
-    """A file that is kept with a run, such as ``steps.json``."""
+    """Return a file stored with a run, such as ``steps.json``."""
     return model.model_validate_json(workspace.file("run", run_id, name).read_bytes())
 
 
@@ -238,7 +238,7 @@ class _InProcess:
     notice = ""
 
     async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
-        """The operation's response."""
+        """Return the operation's response."""
         del options
         return operation.load()(request, silent)
 

@@ -15,12 +15,12 @@ _LEAST_SIZE_M = 0.01
 
 
 def directions(headings_rad: Values) -> Points:
-    """Unit vectors (n, 2) along headings."""
+    """Return unit vectors (n, 2) along headings."""
     return np.column_stack([np.cos(headings_rad), np.sin(headings_rad)])
 
 
 def fronts(track: Track) -> Points:
-    """The front bumper at every step, (n, 2) in m."""
+    """Return the front bumper at every step, (n, 2) in m."""
     return np.asarray(track.positions + track.length_m / 2 * directions(track.headings_rad))
 
 
@@ -32,7 +32,7 @@ def ahead_and_left_m(point: Points, position: Points, heading_rad: float) -> tup
 
 
 def bodies(track: Track, indices: NDArray[np.int_], larger_m: float = 0.0) -> NDArray[np.object_]:
-    """The rectangles (shapely) of a road user at indices of its track, larger by a distance on every side."""
+    """Return the rectangles (shapely) of a road user at indices of its track, larger by a distance on every side."""
     length_m, width_m = (max(size + 2 * larger_m, _LEAST_SIZE_M) for size in (track.length_m, track.width_m))
     centers, headings_rad = track.positions[indices], track.headings_rad[indices]
     ahead, left = directions(headings_rad) * length_m / 2, directions(headings_rad + np.pi / 2) * width_m / 2

@@ -5,15 +5,15 @@ its keys and judges with code that shares nothing with the product. The main key
 
 - ``causes``: ``class_right`` (share of synthetic collisions reported with the right kind), ``fault_right`` (share
   reported correctly as preventable or not), and both for recorded collisions.
-- ``rules``: ``rules_right`` (share of synthetic drives whose traffic rule is reported correctly).
+- ``rules``: ``rules_right`` (share of synthetic drives with their traffic rule reported correctly).
 - ``nulls``: ``false_findings_rate`` (share of batches without a difference in which a comparison states one),
   ``interval_coverage`` (share of 95 % intervals that contain the truth).
 - ``planted``: ``planted_found`` (share of batches with one planted cause of failure in which a finding names it).
 - ``trivial``: ``trivial_marked`` (share of reached goals marked correctly as requiring driving or not).
 - ``advice``: ``advice_helped`` (share of the weight changes reported to help that help on other roads).
 - ``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows reproduce).
-- ``solutions``: ``solutions_valid`` (share of successful runs reported as drivable whose exported solution CommonRoad's
-  checker accepts).
+- ``solutions``: ``solutions_valid`` (share of successful runs reported as drivable for which CommonRoad's checker
+  accepts the exported solution).
 - ``measures``: ``measures_agree`` (share of measured values that closed forms, or CriMe on recorded traffic, confirm).
   CriMe runs in its own environment, which the part creates if it is missing.
 - ``questions``: ``questions_answered`` (share of the corpora's questions about results that one call answers).

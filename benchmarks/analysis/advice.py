@@ -85,13 +85,13 @@ def road_of(scenario_id: str) -> str:
 
 
 def halves(scenarios: Sequence[str], choice: random.Random) -> tuple[list[str], list[str]]:
-    """Two sets of scenarios that share no place, at most :data:`HALF` of each."""
+    """Return two sets of scenarios without a common place, at most :data:`HALF` of each."""
     first, second = (sorted(choice.sample(side, min(HALF, len(side)))) for side in sides(scenarios, choice))
     return first, second
 
 
 def sides(scenarios: Iterable[str], choice: random.Random) -> tuple[list[str], list[str]]:
-    """All scenarios on two sides of about the same size that share no place."""
+    """Divide all scenarios into two sides of about the same size without a common place."""
     roads: dict[str, list[str]] = {}
     for name in sorted(scenarios):
         roads.setdefault(road_of(name), []).append(name)
@@ -104,7 +104,7 @@ def sides(scenarios: Iterable[str], choice: random.Random) -> tuple[list[str], l
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many spoiled configurations."""
+    """Measure the keys above; a limit restricts the number of spoiled configurations."""
     return anyio.run(_measured, bench)
 
 

@@ -69,13 +69,13 @@ class Made:
 
 
 def straight(x: float, y: float, heading: float, speed: float) -> Body:
-    """Straight on at an even speed."""
+    """Return a straight motion at constant speed."""
     along, across = math.cos(heading), math.sin(heading)
     return Body(lambda t: (x + speed * t * along, y + speed * t * across, heading), lambda _: speed)
 
 
 def braking(x: float, speed: float, begins: float, by: float) -> Body:
-    """Straight on along the x axis, and from a time on braking to a stop."""
+    """Return a motion along the x axis that brakes to a stop from a time on."""
 
     def place(t: float) -> Pose:
         after = min(max(t - begins, 0.0), speed / by)
@@ -132,7 +132,7 @@ def _corners(pose: Pose, more_m: float) -> list[tuple[float, float]]:
 
 
 def first_touch_s(made: Made, step_s: float = STEP_S) -> float | None:
-    """When the ego, driving evenly, first overlaps the other at a step; None: it does not, or it began so."""
+    """Return when the ego at constant speed first overlaps the other at a step; None if never, or from the start."""
     for step in range(round(HORIZON_S / step_s)):
         t = step * step_s
         if overlap((made.ego_mps * t, 0.0, 0.0), made.other.pose(t)):
@@ -257,7 +257,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 def _of_recorded(hits: Sequence[Hit], contacts: Mapping[str, Mapping[str, Any] | None]) -> dict[str, float]:
-    """The figures of collisions on public scenarios."""
+    """Return the figures of collisions on public scenarios."""
     classes, faults, unclear = list[bool](), list[bool](), 0
     for hit in hits:
         contact, kind = contacts[hit.record.run_id], kind_of(hit)

@@ -45,7 +45,7 @@ def _work(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(obstacle: Any) -> Any:
-    """The obstacle with states of position, heading and speed only."""
+    """Return the obstacle with states of position, heading and speed only."""
     from commonroad.prediction.prediction import TrajectoryPrediction
     from commonroad.scenario.state import CustomState
     from commonroad.scenario.trajectory import Trajectory
@@ -57,7 +57,7 @@ def _plain(obstacle: Any) -> Any:
 
 
 def _worst(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
-    """The worst time to collision, unrounded, of bodies so short that all discs of a body are one."""
+    """Return the worst time to collision, unrounded, for bodies so short that all discs of a body coincide."""
     import numpy as np
     from commonroad.geometry.shape import Rectangle
     from commonroad_crime.utility import general, solver
@@ -73,7 +73,7 @@ def _worst(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _closest(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
-    """The distance of closest encounter over the recording."""
+    """Return the distance of closest encounter over the recording."""
     from commonroad_crime.data_structure.configuration import CriMeConfiguration
     from commonroad_crime.measure.distance.dce import DCE
 
@@ -168,7 +168,7 @@ def _lanelet(scenario: Any, state: Any) -> int:
 
 
 def _heading(lanelet: Any, position: Any) -> float:
-    """The direction of a lanelet's centre line at the segment nearest to a place."""
+    """Return the direction of a lanelet's centre line at the segment nearest to a place."""
     import numpy as np
 
     vertices = lanelet.center_vertices

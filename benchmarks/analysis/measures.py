@@ -145,7 +145,7 @@ class Moving:
     key: int = 7
 
     def moved(self, x: float, y: float, turn: float) -> "Moving":
-        """Turned about the origin, then moved."""
+        """Return the motion turned about the origin, then moved."""
         cosine, sine = math.cos(turn), math.sin(turn)
         poses = tuple(
             (x + px * cosine - py * sine, y + px * sine + py * cosine, heading + turn, speed)
@@ -172,7 +172,7 @@ class Made:
 
 
 def straight(x: float, y: float, heading: float, speed: float, steps: int, **changes: Any) -> Moving:
-    """Straight on at an even speed."""
+    """Return a straight motion at constant speed."""
     along = math.cos(heading), math.sin(heading)
     times = [step * STEP_S for step in range(steps)]
     return Moving(tuple((x + speed * t * along[0], y + speed * t * along[1], heading, speed) for t in times), **changes)
@@ -260,7 +260,7 @@ _NOTHING_STORED = RunMetrics.model_construct(**_NOTHING)
 
 
 def _following(choice: random.Random) -> Made:
-    """A slower leader at even speeds: all is decided at the last step, when the gap is least."""
+    """Return a slower leader at constant speeds, where the last step with the smallest gap decides."""
     steps, ego, slower = 11, choice.uniform(8, 30), choice.uniform(2, 6)
     aside, first = choice.uniform(-0.7, 0.7), choice.uniform(20, 45)
     length, width = choice.uniform(3.5, 12), choice.uniform(1.5, 2.4)
@@ -306,7 +306,7 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _braking_leader(choice: random.Random) -> Made:
-    """A leader that brakes from as fast as the ego: exposure by adding up, and the largest threat of all steps."""
+    """Return a leader that brakes from the ego's speed, with exposure summed and the largest threat over all steps."""
     steps, speed, by, gap = 21, choice.uniform(8, 25), choice.uniform(1, 6), choice.uniform(12, 30)
     times = [step * STEP_S for step in range(steps)]
     places = [(speed * min(t, speed / by) - by * min(t, speed / by) ** 2 / 2, max(speed - by * t, 0.0)) for t in times]
@@ -363,7 +363,7 @@ def _needed(gap: float, ego: float, leader: float, slope: float) -> float:
 
 
 def _crossing(choice: random.Random) -> Made:
-    """Paths that cross at an angle; each is in the band of the other for as long as its corners are."""
+    """Return paths that cross at an angle; each is in the other's band as long as its corners are."""
     angle = choice.uniform(math.radians(55), math.radians(125)) * choice.choice((-1, 1))
     ego, other = choice.uniform(5, 15), choice.uniform(5, 15)
     length, width = choice.uniform(3.5, 8), choice.uniform(1.5, 2.4)
@@ -444,7 +444,7 @@ _MANOEUVRES = {"brake": _brakes, "accelerate": _accelerates, "left": _swerves(1.
 
 
 def _crash(choice: random.Random) -> Made:
-    """A collision at any angle: the ego takes up the share of the other's mass of the difference of velocities."""
+    """Return a collision at any angle; the ego absorbs the velocity difference by the other's share of the mass."""
     kind, mass = choice.choice((("car", 1500.0), ("truck", 12_000.0), ("motorcycle", 250.0), ("pedestrian", 75.0)))
     ego, speed, heading = choice.uniform(3, 20), choice.uniform(0, 15), choice.uniform(-math.pi, math.pi)
     steps = 11
@@ -497,7 +497,7 @@ def _spiral(choice: random.Random) -> Made:
 
 
 def _jolting(choice: random.Random) -> Made:
-    """Return an ego on a straight line whose acceleration is a cosine over full periods, so its jerk is a sine."""
+    """Return an ego on a straight line with a cosine over full periods as acceleration, so its jerk is a sine."""
     steps, most, speed = 61, choice.uniform(0.5, 3.0), choice.uniform(10, 25)
     last = (steps - 1) * STEP_S
     turning = 2 * math.pi / last
@@ -590,7 +590,7 @@ _Recorded = tuple[Moving, float, list[tuple[int, Moving]]]
 
 
 def _recorded(path: Path) -> Iterator[_Recorded]:
-    """Recorded vehicles in the place of the ego, always the same ones; the last state is left out, as CriMe does."""
+    """Return recorded vehicles in place of the ego, always the same; the last state is left out, as in CriMe."""
     scenario, _ = CommonRoadFileReader(str(path)).open(lanelet_assignment=False)
     moving: dict[int, tuple[int, Moving]] = {}
     for one in scenario.dynamic_obstacles:
@@ -622,7 +622,7 @@ _OF_LEADER = {
 
 
 def _compare(path: Path, recorded: _Recorded, crime: _Crime, tally: Tally, folder: Path) -> None:
-    """The values that the product tells of a recorded vehicle, each held against CriMe's."""
+    """Compare the product's values for a recorded vehicle with CriMe's."""
     ego, step_s, others = recorded
     where = f"{path.stem}, {ego.key}"
 

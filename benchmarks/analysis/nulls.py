@@ -47,13 +47,13 @@ class _Batch:
 
 
 def _population(gain: float) -> float:
-    """The true success over all scenarios and predictions that could be drawn."""
+    """Return the true success over all scenarios and predictions that could be drawn."""
     effects = np.random.default_rng(1).normal(0.0, math.hypot(_SCENARIO, _PREDICTION), 400_000)
     return float((1 / (1 + np.exp(-(_LOGIT + gain + effects)))).mean())
 
 
 def drawn(seed: int, count: int, gain: float) -> Iterator[_Batch]:
-    """So many batches; ``gain``: of the second configuration on the logit scale."""
+    """Draw a number of batches; ``gain``: of the second configuration on the logit scale."""
     truth = (_population(0.0), _population(gain))
     for number in range(count):
         yield _batch(np.random.default_rng((seed, number, round(100 * gain))), gain, truth)
@@ -147,7 +147,7 @@ def _states_a_difference(result: CompareResultsResult) -> bool:
 
 
 def _naive_p(result: CompareResultsResult) -> float:
-    """McNemar's exact p, each pair by itself."""
+    """Return McNemar's exact p with independent pairs."""
     test = result.comparisons[0].success
     flips, fewer = test.only_before + test.only_after, min(test.only_before, test.only_after)
     return float(min(1.0, 2 * sum(math.comb(flips, k) for k in range(fewer + 1)) / 2**flips))
@@ -159,7 +159,7 @@ def _naive_covers(rate: Rate, truth: float) -> bool:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; 1,000 null and 300 planted batches, or the bench's limit of each."""
+    """Measure the keys above on 1,000 null and 300 planted batches, or the bench's limit of each."""
     stated: dict[float, list[bool]] = {0.0: [], _GAIN: []}
     naive_stated: list[bool] = []
     correlated: list[bool] = []

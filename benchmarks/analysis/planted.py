@@ -64,7 +64,7 @@ class _Run:
 
 
 def _drawn(cause: Cause, choice: random.Random) -> Iterator[_Run]:
-    """The runs of a batch."""
+    """Yield the runs of a batch."""
     for number in range(SCENARIOS):
         run = _Run(speed_mps=choice.uniform(8, 13), classes={"car": choice.randint(1, 12)})
         if choice.random() < 0.35:
@@ -99,7 +99,7 @@ def _plant(run: _Run, cause: Cause, number: int, choice: random.Random) -> None:
 
 
 def _into_a_slower_one(run: _Run, choice: random.Random) -> None:
-    """The ego drives on into one ahead that it sees all the time."""
+    """Return a drive into a slower leader that the ego sees all the time."""
     slow, touch = run.speed_mps * choice.uniform(0.2, 0.4), choice.uniform(3.0, 5.0)
     ahead = (run.speed_mps - slow) * touch + _LENGTH_M
     run.outcome, run.touch_s = "collision", _next_step_s(touch)
@@ -167,7 +167,7 @@ def _steps_of(run: _Run, weights: Mapping[str, float], choice: random.Random) ->
 
 
 def _write_scenario(path: Path, scenario_id: str, run: _Run) -> None:
-    """A straight road with the ego's task on it, by commonroad-io."""
+    """Write a straight road with the ego's planning problem, by commonroad-io."""
     from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile
     from commonroad.common.util import Interval
     from commonroad.geometry.shape import Rectangle
@@ -274,7 +274,7 @@ _CAUSES = ("weight prediction", "weight velocity_offset", "blind", "class truck"
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; six batches of each cause, or the bench's limit."""
+    """Measure the keys above on six batches of each cause, or the bench's limit."""
     choice = random.Random(bench.seed)  # noqa: S311 - reproducible, not secret
     each = bench.limit or EACH
     causes = [cause for cause in ("weight", *_CAUSES[2:]) for _ in range(each)]

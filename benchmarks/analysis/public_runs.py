@@ -22,12 +22,12 @@ _FOLDER, _DONE = "public", "imported"
 
 
 def public_folder(bench: SeededBench) -> Path:
-    """The workspace of the runs, which all parts share."""
+    """Return the workspace of the runs, which all parts share."""
     return bench.scratch / _FOLDER
 
 
 def public_server(bench: SeededBench) -> Client:
-    """A client of a server with one worker, which may write into the scratch; all parts have the same workspace."""
+    """Open a client of a server with one worker that may write into the scratch; all parts share the workspace."""
     settings = settings_for(public_folder(bench), bench.shared, 1)
     return Client(create_server(settings.model_copy(update={"roots": (bench.shared, bench.scratch)})))
 
@@ -41,13 +41,13 @@ async def import_public(bench: SeededBench, client: Client, limit: int | None = 
 
 
 async def public_batch(bench: SeededBench, client: Client) -> str:
-    """The batch of Frenetix' default on every public scenario, or on as many as the bench's limit."""
+    """Return the batch of Frenetix' default on every public scenario, or on as many as the bench's limit."""
     await import_public(bench, client, bench.limit)
     return await finished_batch(client, scenarios=["preset:500"], configs=[DEFAULT], prediction=PREDICTION)
 
 
 async def compared_batch(bench: SeededBench, client: Client, batch_id: str) -> str:
-    """Two configurations on forty of the scenarios of a batch, drawn by the bench's seed."""
+    """Run two configurations on forty of a batch's scenarios, drawn by the bench's seed."""
     names = raw_runs(bench, batch_id).batch.scenarios
     chosen = random.Random(bench.seed).sample(sorted(names), min(COMPARED, len(names)))  # noqa: S311 - no secret
     return await finished_batch(client, scenarios=sorted(chosen), configs=[DEFAULT, SAFETY], prediction=PREDICTION)

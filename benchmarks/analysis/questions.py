@@ -97,7 +97,7 @@ class Question:
 
 
 def questions(corpora: Path) -> tuple[Question, ...]:
-    """All questions about results of both files."""
+    """Return all questions about results of both files."""
     chained = [json.loads(line) for line in (corpora / "e2e.jsonl").read_text(encoding="utf-8").splitlines()]
     routed = [json.loads(line) for line in (corpora / "routing.jsonl").read_text(encoding="utf-8").splitlines()]
     found = [question for line in chained for question in _of_chain(line)]
@@ -129,7 +129,7 @@ def _compared(text: str) -> tuple[str, ...]:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over forty public scenarios or the bench's limit."""
+    """Return the keys above, over forty public scenarios or the bench's limit."""
     asked, faults = anyio.run(_measured, bench)
     for fault in faults:
         sys.stderr.write(f"{fault}\n")
@@ -186,7 +186,7 @@ class Situations:
         self._pairs = Pairs(raw, (self._first, second))
 
     def of(self, question: Question) -> list[_Situation]:
-        """The calls by which a client asks the question."""
+        """Return the calls by which a client asks the question."""
         if question.about == "pair":
             return [self._pair(before, after) for before, after in self._chosen_pairs()]
         if question.about == "batches":
@@ -198,14 +198,14 @@ class Situations:
         return [self._run(record, detail) for record in self._chosen_runs(question.about)]
 
     def _chosen_runs(self, about: str) -> list[RunRecord]:
-        """The first run of each outcome, or of the one that is asked about."""
+        """Return the first run of each outcome, or of the requested one."""
         first: dict[str, RunRecord] = {}
         for record in self._raw.valid:
             first.setdefault(record.outcome, record)
         return [record for outcome, record in first.items() if about in ("run", outcome)]
 
     def _chosen_pairs(self) -> list[tuple[RunRecord, RunRecord]]:
-        """The first pair of each combination of outcomes."""
+        """Return the first pair of each combination of outcomes."""
         first: dict[tuple[str, str], tuple[RunRecord, RunRecord]] = {}
         for before, after in self._pairs.pairs:
             first.setdefault((before.outcome, after.outcome), (before, after))

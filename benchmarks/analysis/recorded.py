@@ -79,7 +79,7 @@ def size_of(obstacle: Any) -> Array:
 
 
 def corners(pose: Array, size: Array, more_m: float = 0.0) -> Array:
-    """The corners of a rectangle, larger by so much on every side."""
+    """Return the corners of a rectangle enlarged by a margin on every side."""
     half = size / 2 + more_m
     signs = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -112,7 +112,7 @@ def side_of(pose: Array, size: Array, others: Array) -> str:
 
 
 def kind_of(hit: Hit) -> str:
-    """The kind of a contact by the table of ``docs/runs.md``: the first row that holds."""
+    """Return the kind of a contact by the table of ``docs/runs.md``: the first row that holds."""
     index = max(hit.at - 1, 0)
     own, other = hit.own(index), hit.other(index)
     if other is None:
@@ -173,7 +173,7 @@ async def public_hits(bench: SeededBench) -> tuple[list[Hit], Mapping[str, Any]]
 
 
 def raw_scenarios(bench: SeededBench, batch_id: str) -> list[str]:
-    """The scenarios of a batch."""
+    """Return the scenarios of a batch."""
     return list(raw_runs(bench, batch_id).batch.scenarios)
 
 

@@ -7,7 +7,7 @@ nothing with the product.
 
 Keys:
 
-- ``rules_right``: share of drives whose rule is reported correctly: broken or kept, by how much (within 0.02 of its
+- ``rules_right``: share of drives with their rule reported correctly: broken or kept, by how much (within 0.02 of its
   unit) and from which state on.
 - ``rules_silent``: share of drives with no other rule reported as broken.
 - ``rule_cases``: number of drives.
@@ -149,7 +149,7 @@ def crossing(case: Case) -> LaneletNetwork:
 
 
 def moving(start: float, speeds: Sequence[float], place: Callable[[float], tuple[float, float, float]]) -> Motion:
-    """Along a way from a station on, with a speed at every state; a place is x, y and heading at a station."""
+    """Return a motion along a path from an arc length on, with a speed at every state; a place is x, y and heading."""
     stations = [start]
     for before, after in pairwise(speeds):
         stations.append(stations[-1] + (before + after) / 2 * STEP_S)
@@ -158,27 +158,29 @@ def moving(start: float, speeds: Sequence[float], place: Callable[[float], tuple
 
 
 def eastward(station: float) -> tuple[float, float, float]:
-    """On the ego's way, across the origin at station 0."""
+    """Return a place on the ego's path, which crosses the origin at arc length 0."""
     return station, -LANE_M / 2, 0.0
 
 
 def northward(station: float) -> tuple[float, float, float]:
-    """From the right."""
+    """Return a place on the path of traffic from the right."""
     return LANE_M / 2, station, math.pi / 2
 
 
 def westward(station: float) -> tuple[float, float, float]:
-    """Oncoming."""
+    """Return a place on the path of oncoming traffic."""
     return -station, LANE_M / 2, math.pi
 
 
 def southward(station: float) -> tuple[float, float, float]:
-    """From the left."""
+    """Return a place on the path of traffic from the left."""
     return -LANE_M / 2, -station, -math.pi / 2
 
 
 def turning_left(station: float) -> tuple[float, float, float]:
-    """On the ego's way until 10 m before the origin, then by a quarter of a circle to the left, then on."""
+    """Return a place on the ego's path until 10 m before the origin, then a quarter circle to the left, then
+    straight.
+    """
     radius = 10 + LANE_M / 2
     if station <= -10:
         return eastward(station)
@@ -189,12 +191,12 @@ def turning_left(station: float) -> tuple[float, float, float]:
 
 
 def even(speed: float, seconds: float) -> list[float]:
-    """The same speed for a time."""
+    """Return the same speed for a time."""
     return [speed] * (round(seconds / STEP_S) + 1)
 
 
 def slowing(speed: float, seconds: float, begins: float, by: float) -> list[float]:
-    """Braking evenly from a time on, to a stop at most."""
+    """Return speeds that decrease evenly from a time on, down to a stop at most."""
     return [max(speed - by * max(step * STEP_S - begins, 0.0), 0.0) for step in range(round(seconds / STEP_S) + 1)]
 
 
@@ -319,7 +321,7 @@ def _ways(choice: random.Random) -> Iterator[Case]:
 
 
 def _kept_clear(ego: Motion, other: Motion, area: tuple[float, float, float, float]) -> list[float]:
-    """Seconds kept clear beyond those demanded, at the states in which the ego is in a rectangle."""
+    """Return the clear seconds beyond the required ones, at the states with the ego in a rectangle."""
     return _clear(
         [_in_box(ego, i, area) for i in range(len(ego.x))], [_in_box(other, i, area) for i in range(len(other.x))]
     )
@@ -399,7 +401,7 @@ _BESIDE = ("R_G3", "R_L1", "R_IN1", "R_IN2", "R_IN3", "R_IN4", "R_IN5")
 
 
 def compared(seed: int, each: int) -> Figures:
-    """So many drives of each kind."""
+    """Compare the given number of drives of each kind."""
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
     told = [told_of(case) for _ in range(each) for case in drawn(choice)]
     return {
@@ -410,5 +412,5 @@ def compared(seed: int, each: int) -> Figures:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; 12 drives of each kind, or the bench's limit."""
+    """Measure the keys above on 12 drives of each kind, or the bench's limit."""
     return compared(bench.seed, bench.limit or 12)

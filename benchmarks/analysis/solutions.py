@@ -12,7 +12,7 @@ does not compare the angles with each other.
 
 Keys:
 
-- ``solutions_valid``: share of successful runs reported as drivable whose solution is accepted; ``solutions_judged``:
+- ``solutions_valid``: share of successful runs reported as drivable with an accepted solution; ``solutions_judged``:
   their number.
 - ``motions_feasible``: share of the other runs reported as drivable in which each step is feasible; ``motions_judged``:
   their number.
@@ -71,7 +71,7 @@ class Judged:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many scenarios."""
+    """Measure the keys above; a limit restricts the number of scenarios."""
     judged = anyio.run(_judged, bench)
     drivable = [one for one in judged if not one.is_told]
     reached = [one for one in drivable if one.record.outcome == "goal_reached"]
@@ -109,7 +109,7 @@ async def _judged(bench: SeededBench) -> list[Judged]:
 
 
 def _known(bench: SeededBench) -> set[str]:
-    """The scenarios that were not refused."""
+    """Return the scenarios that were not refused."""
     workspace = Workspace(public_folder(bench))
     names = {artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000)}
     workspace.close()
@@ -117,7 +117,7 @@ def _known(bench: SeededBench) -> set[str]:
 
 
 async def _exported(client: Client, run_ids: list[str], folder: Path) -> Mapping[str, Path]:
-    """The solution files of runs, by run id."""
+    """Return the solution files of runs, by run id."""
     for begin in range(0, len(run_ids), 50):
         some = run_ids[begin : begin + 50]
         await ask(client, "export_artifacts", ids=some, formats=["solution"], folder=str(folder))
@@ -151,7 +151,7 @@ def _verdict(record: RunRecord, scenario: Scenario, problems: PlanningProblemSet
 
 
 def _edge(scenario: Scenario) -> Any:
-    """The edge of the road by the checker's own rectangles."""
+    """Return the edge of the road by the checker's own rectangles."""
     checker = pycrcc.CollisionChecker()
     _, rectangles = create_road_boundary_obstacle(scenario, method="obb_rectangles")
     checker.add_collision_object(rectangles)

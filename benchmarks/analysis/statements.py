@@ -57,7 +57,7 @@ class OnRuns:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over all public scenarios or the bench's limit."""
+    """Return the keys above, over all public scenarios or the bench's limit."""
     told = anyio.run(collected, bench)
     tally, (in_text, unknown) = judged(told), in_texts(told)
     for fault in (*tally.wrong, *(f"not recomputed: {place}" for place in tally.unread), *unknown):
@@ -138,7 +138,7 @@ _DETAILS = ("summary", "findings", "costs", "rows")
 
 
 def _weights(bench: SeededBench, raw: RawRuns) -> dict[str, dict[str, float]]:
-    """The weights of the configurations of a batch by id, and those of Frenetix' first preset as ``default``."""
+    """Return the weights of the configurations of a batch by id, and those of Frenetix' first preset as ``default``."""
     found = {"default": built_in(DEFAULT).weights}
     workspace = Workspace(bench.scratch / "public")
     for config_id in raw.batch.configs:
@@ -149,7 +149,7 @@ def _weights(bench: SeededBench, raw: RawRuns) -> dict[str, dict[str, float]]:
 
 
 async def _reviews(client: Client, raw: RawRuns) -> dict[str, Any]:
-    """The moments of the runs that failed or came near, each as the answer on that run alone has them."""
+    """Return the events of runs that failed or came close, each as the answer on that run alone has them."""
     near = [one for one in raw.valid if not goal(one) or is_close(one)]
     return {one.run_id: (await ask(client, "analyze_results", results=[one.run_id]))["review"] for one in near}
 

@@ -69,13 +69,13 @@ def _met_by_waiting(problem: PlanningProblem) -> bool:
 
 
 def problem_of(file: Path, record: RunRecord) -> PlanningProblem:
-    """The planning problem of a run, read anew."""
+    """Return the planning problem of a run, read anew."""
     _, problems = CommonRoadFileReader(str(file)).open()
     return problems.planning_problem_dict[record.problem_id]
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over all public scenarios or the bench's limit."""
+    """Return the keys above, over all public scenarios or the bench's limit."""
     return anyio.run(_measured, bench)
 
 

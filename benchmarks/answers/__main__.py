@@ -8,12 +8,12 @@ Keys:
 - ``figures_unknown``: figures of a text that no field holds.
 - ``unanswered``: fields that an answer had to fill and show, and did not.
 - ``places_understood``: share of the place spellings understood; the lower of the tuned and the held-out set.
-- ``faults_told``: share of the calls with several faults whose refusal mentions each one.
+- ``faults_told``: share of the calls with several faults that are refused with a mention of each one.
 - ``answer_tokens_median``, ``answer_tokens_p95``: tokens of the answers to the calls of the dev corpora; ``*_before``
   and ``tokens_ratio`` compare with the recording of an earlier version.
 
-``--record FILE`` only records answers of the corpora, with the code of ``--checkout`` if given, whose server then runs
-in its own process. ``--before FILE`` compares with such a recording.
+``--record FILE`` only records answers of the corpora, with the code of ``--checkout`` if given (its server then runs in
+its own process). ``--before FILE`` compares with such a recording.
 """
 
 import argparse
@@ -52,7 +52,9 @@ async def _measure(scenarios: int, every: int, before: Path | None, places: bool
 
 
 async def _told(scenarios: int) -> tuple[Figures, int]:
-    """Figures of the judge over all cases, and how much was not answered; each miss is written to standard error."""
+    """Return the judge's figures over all cases and the number of unanswered ones; print each miss to standard
+    error.
+    """
     files = drawn([path.stem for path in scenario_files(shared_scenarios(), None)], scenarios)
     compared = false = excluded = unknown = missing = count = 0
     with tempfile.TemporaryDirectory() as name:
@@ -151,7 +153,7 @@ if __name__ == "__main__":
     parser.add_argument("--every", type=int, default=1, help="of the corpora's lines, only every so many")
     parser.add_argument("--before", type=Path, default=None, help="a recording of an earlier version")
     parser.add_argument("--record", type=Path, default=None, help="write a recording, and measure nothing else")
-    parser.add_argument("--checkout", type=Path, default=None, help="the checkout whose server is recorded")
+    parser.add_argument("--checkout", type=Path, default=None, help="the checkout with the recorded server")
     parser.add_argument("--no-places", action="store_true")
     given = parser.parse_args()
     if given.record is not None:

@@ -218,7 +218,7 @@ def sheet_of_catalogue() -> list[Case]:
 
 
 def faulty_calls() -> list[FaultyCall]:
-    """Calls with two to four faults each, in the order of the data file."""
+    """Return calls with two to four faults each, in the order of the data file."""
     with _FAULTS.open(encoding="utf-8", newline="") as stream:
         rows = csv.DictReader(stream, delimiter="\t", quoting=csv.QUOTE_NONE)
         return [FaultyCall(row["tool"], json.loads(row["arguments"]), tuple(row["words"].split("|"))) for row in rows]

@@ -165,7 +165,7 @@ def _point(x: float, y: float) -> Any:
 
 
 def _vehicle(told: Fields, scene: SceneFile, ego: Body, middle: Body | None, verdict: Verdict) -> None:
-    """Class, distance, speed, gap and lanelet of a vehicle when the ego starts."""
+    """Check class, distance, speed, gap and lanelet of a vehicle when the ego starts."""
     key, user = told["vehicle_id"], scene.users.get(told["vehicle_id"])
     verdict.holds(f"{key} is a {told['kind']}", user is not None and user.kind == told["kind"], user and user.kind)
     start = scene.problems[0].start.step
@@ -379,7 +379,7 @@ def _gaps(run: StoredRun, world: World) -> Iterator[float]:
 
 
 def _figures(fields: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
-    """The distance that a single run drove, and its moments one by one."""
+    """Check the driven distance of a single run, and its events one by one."""
     steps = list(zip(run.series("x_m"), run.series("y_m"), strict=True))
     driven = sum(math.dist(one, other) for one, other in itertools.pairwise(steps))
     for metric in fields.get("metrics", ()):
@@ -440,7 +440,7 @@ def _search(told: Told, world: World, verdict: Verdict) -> None:
 
 
 def _plain(kind: str) -> str:
-    """A class as it is compared: without case and blanks."""
+    """Return a class in comparable form, without case and blanks."""
     plain = re.sub(r"[^a-z]", "", kind.lower())
     return {"person": "pedestrian"}.get(plain, plain)
 

@@ -47,7 +47,7 @@ class _Element:
 
 
 def place_cases() -> list[PlaceCase]:
-    """All cases of the data file, in its order."""
+    """Return all cases of the data file, in its order."""
     with _CASES.open(encoding="utf-8", newline="") as stream:
         return [
             PlaceCase(
@@ -58,7 +58,7 @@ def place_cases() -> list[PlaceCase]:
 
 
 def measure_places() -> tuple[float, float, int]:
-    """The share of spellings understood among those worked with and among those kept aside, and their number."""
+    """Return the share of spellings understood in the tuned and the held-out set, and their numbers."""
     faults = place_faults(place_cases())
     shares = [
         sum(not fault for case, fault in faults if case.aside is aside)
@@ -119,7 +119,7 @@ def wrong_there(expected: str, match: MapMatch) -> str:
 
 @cache
 def _elements(path: Path) -> dict[str, _Element]:
-    """Elements with tags by ``node 1`` or ``way 1``; the middle of a way is that of its first and last node."""
+    """Return elements with tags by ``node 1`` or ``way 1``; a way's middle is that of its first and last node."""
     import osmium
 
     found = {}
@@ -138,7 +138,7 @@ def _elements(path: Path) -> dict[str, _Element]:
 
 @cache
 def _bounds(path: Path) -> tuple[float, float, float, float]:
-    """The box around the roads of the file: south, west, north, east in degrees."""
+    """Return the box around the roads of the file: south, west, north, east in degrees."""
     import osmium
 
     points = [

@@ -123,7 +123,7 @@ def opened(
 
 
 async def answer_to(client: Client, call: Call) -> Answer:
-    """The answer of a call; of work that becomes a job the answer of ``get_job`` when it has ended."""
+    """Return the answer of a call; for work that becomes a job, the answer of ``get_job`` after its end."""
     result = await client.call_tool(call.tool, dict(call.arguments))
     while _is_running(result):
         job = str((result.structured_content or {})["job_id"])
@@ -139,7 +139,7 @@ def _is_running(result: CallToolResult) -> bool:
 async def record(
     workspace: Path, corpora: Collection[str] = CORPORA, checkout: Path | None = None, every: int = 1
 ) -> AsyncIterator[Recorded]:
-    """Answers to all calls of the corpora, or to those of every so many lines of each, as they come."""
+    """Yield answers to all calls of the corpora, or to those of every n-th line of each, as they come."""
     scenarios, maps = shared_scenarios(), shared_folder() / "data" / "osm"
     async with opened(workspace, (scenarios, maps), checkout) as client:
         imported = await answer_to(client, Call("import_files", {"path": str(scenarios)}))
@@ -166,7 +166,7 @@ def _rows(name: str) -> list[dict[str, Any]]:
 
 
 def _single_calls(corpus: str) -> Iterator[tuple[str, Call]]:
-    """The line and the call of each request of a corpus of single requests."""
+    """Yield the line and the call of each request of a corpus of single requests."""
     if corpus == "selection":
         yield from ((row["id"], call) for row in _rows("selection") if (call := _selection_call(row)))
     elif corpus == "tuning":
@@ -243,7 +243,7 @@ def _modification_call(row: Mapping[str, Any]) -> Call | None:
 
 
 def _tuning(row: Mapping[str, Any]) -> Arguments:
-    """Arguments of configure_planner for a line of the tuning corpus, on the configuration of its context."""
+    """Return arguments of configure_planner for a line of the tuning corpus, on the configuration of its context."""
     truth, context = row["truth"], row["context"]
     if row["expect"] == "refuse":
         return _refused_tuning(row)
@@ -279,7 +279,7 @@ class _Conversation:
         self._runs: dict[int, list[str]] = {}
 
     async def held(self, row: Mapping[str, Any]) -> AsyncIterator[Recorded]:
-        """The answers of its turns; a turn that builds on one which was refused calls nothing."""
+        """Yield the answers of its turns; a turn that depends on a refused one calls nothing."""
         for turn in row["turns"]:
             for action in str(turn["action"]).split("+"):
                 call = self._call(action, turn)
@@ -379,7 +379,7 @@ class _Conversation:
 
 
 def summary_of(answers: Sequence[Recorded], of: str, command: str) -> Summary:
-    """Median and 95th percentile of the tokens of all answers, and counts with medians by tool and by corpus."""
+    """Return median and 95th percentile of the tokens of all answers, and counts and medians by tool and by corpus."""
     tokens = [answer.tokens for answer in answers]
 
     def by(name: str) -> dict[str, tuple[int, float]]:
@@ -392,10 +392,10 @@ def summary_of(answers: Sequence[Recorded], of: str, command: str) -> Summary:
 
 
 def written(value: Summary | Recorded) -> str:
-    """A summary or an answer as one line of JSON."""
+    """Return a summary or an answer as one line of JSON."""
     return json.dumps(asdict(value), ensure_ascii=False)
 
 
 def read_recording(path: Path) -> list[Recorded]:
-    """The answers that ``written`` wrote, one a line."""
+    """Return the answers that ``written`` wrote, one per line."""
     return [Recorded(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]

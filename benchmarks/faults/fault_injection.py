@@ -23,7 +23,7 @@ _HANG_LIMIT_S = 4.0
 
 
 def hang(request: RunRequest, report: ProgressReporter) -> RunResponse:
-    """Never answer."""
+    """Hang forever."""
     report(0.1, request.scenario_id)
     while True:
         time.sleep(1.0)

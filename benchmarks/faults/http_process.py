@@ -33,10 +33,10 @@ def http_process(
     arguments: Sequence[str] = ("-m", "plannerforge", "serve", "--http"),
     settings: Mapping[str, str] | None = None,
 ) -> Iterator[HttpProcess]:
-    """A server of its own in a folder, on a free port; ended by a signal, as an operator ends it.
+    """Run a server in a folder on a free port, and end it by a signal, as an operator does.
 
     Raises:
-        RuntimeError: it did not begin to listen, or did not end well.
+        RuntimeError: it did not start to listen, or did not end well.
     """
     environment = {**os.environ, **QUIET, "PLANNERFORGE_WORKSPACE": str(folder / "workspace"), **(settings or {})}
     log = folder / "server.log"
@@ -98,7 +98,7 @@ class _Outliving(httpx2.AsyncHTTPTransport):
 
 @asynccontextmanager
 async def http_client(url: str, token: str = "", mode: str = "auto") -> AsyncIterator[Client]:
-    """A client of a server by HTTP, which outlives it: its calls are errors then."""
+    """Open a client of an HTTP server that outlives the server: its later calls are errors."""
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     async with (
         httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(_TIMEOUT_S), transport=_Outliving()) as http,

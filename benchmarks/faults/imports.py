@@ -143,7 +143,7 @@ def _index_faults(index: Path, texts: dict[str, str]) -> list[str]:
 
 
 def _hash_vectors(texts: Sequence[str]) -> Vectors:
-    """Unit vectors that depend on nothing but the texts, shape (n, 384)."""
+    """Return unit vectors that depend only on the texts, shape (n, 384)."""
     made = [
         np.random.default_rng(int(hashlib.sha256(text.encode()).hexdigest(), 16)).standard_normal(384) for text in texts
     ]

@@ -93,7 +93,7 @@ class _Server:
             return []
 
     def left(self) -> list[psutil.Process]:
-        """Processes with its mark that still run, but for the server itself."""
+        """Return running processes with its mark, except the server itself."""
         return marked(self.mark, self.process.pid)
 
 
@@ -166,7 +166,7 @@ def _end(server: _Server, tally: _Tally) -> None:
 
 
 def broken(root: Path) -> list[str]:
-    """Return the inconsistencies of a workspace whose servers were killed, even while another one works on it."""
+    """Return the inconsistencies of a workspace after kills of its servers, even while another one works on it."""
     if not (root / "workspace.sqlite").is_file():
         return []
     workspace = Workspace(root)
@@ -216,7 +216,7 @@ def _is_served(workspace: Workspace, job_id: str) -> bool:
 
 
 async def _carry_out(root: Path, folder: Path, number: int) -> None:
-    """The load of this number: an import, edits, a grid of runs and a generation, all at once."""
+    """Carry out the load with this number: an import, edits, a grid of runs and a generation, all at once."""
     files = sorted((folder / "bases").glob("*.xml"))
     own = _copies(files, folder / f"load{number}", number)
     async with Client(create_server(settings_for(root, folder, 2), start_folder=folder)) as client:
@@ -256,7 +256,7 @@ async def _done(client: Client, tool: str, arguments: dict[str, Any]) -> Any:
 
 
 def _copies(bases: list[Path], folder: Path, number: int) -> Path:
-    """A folder with copies of scenarios under ids that no other load has."""
+    """Return a folder with copies of scenarios under ids that no other load uses."""
     folder.mkdir(exist_ok=True)
     for base in bases:
         text = base.read_text(encoding="utf-8")

@@ -140,7 +140,7 @@ def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
 
 
 def _strike(process: subprocess.Popen[str], chance: random.Random, tally: _Tally, most: int) -> int:
-    """Strike a server again and again until it has ended or enough was done; gives the number of faults."""
+    """Strike a server repeatedly until it has ended or enough is done; return the number of faults."""
     struck = 0
     while struck < most and _still_runs(process, chance.uniform(*_BETWEEN_FAULTS_S)):
         fault = chance.choices(list(_FAULTS), weights=list(_FAULTS.values()))[0]
@@ -175,7 +175,7 @@ def _still_runs(process: subprocess.Popen[str], after_s: float) -> bool:
 
 @asynccontextmanager
 async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]) -> AsyncIterator[WorkflowContext]:
-    """A tool call in this process, in which the runs of some scenarios hang or crash."""
+    """Return a tool call in this process, in which the runs of some scenarios hang or crash."""
 
     async def ignore(share: float, message: str) -> None:
         del share, message
@@ -191,13 +191,13 @@ async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]
 
 
 def _small_scenarios(workspace: Workspace) -> list[str]:
-    """Ids of the scenarios with the smallest files: reading is most of the time of a run."""
+    """Return ids of the scenarios with the smallest files: reading is most of the time of a run."""
     known = sorted(artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000))
     return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:_SCENARIOS]
 
 
 def _drawn_configs(call: WorkflowContext, chance: random.Random) -> tuple[str, ...]:
-    """Ids of new configurations, the planners in turn."""
+    """Return ids of new configurations, the planners in turn."""
     made = []
     for number in range(_CONFIGS):
         name = list(_PLANNERS)[number % len(_PLANNERS)]

@@ -12,7 +12,7 @@ _GONE_WITHIN_S = 10.0
 
 
 def marked(mark: str, but_pid: int) -> list[psutil.Process]:
-    """Processes that bear a mark and still run, but for one."""
+    """Return running processes that carry a mark, except one."""
     return [process for process in psutil.process_iter() if _bears(process, mark, but_pid)]
 
 
@@ -45,7 +45,7 @@ def _status(process: psutil.Process) -> str:
 
 
 def workers_of_this_process() -> list[psutil.Process]:
-    """All worker processes below this one."""
+    """Return all worker processes below this one."""
     workers = []
     for child in psutil.Process().children(recursive=True):
         try:

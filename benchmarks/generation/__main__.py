@@ -96,7 +96,7 @@ def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], li
 
 
 def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:
-    """All scenarios in the order of the requests; one process makes those of a map, as a warm worker does."""
+    """Return all scenarios in the order of the requests; one process handles a map, as a warm worker does."""
     groups: dict[str, list[tuple[BenchRequest, int]]] = {}
     for number, request in enumerate(requests):
         groups.setdefault(request.map_name, []).append((request, SEEDS_APART * number))
@@ -119,7 +119,7 @@ def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[I
 
 
 def _spread(items: list[Item], limit: int, offset: int) -> list[Item]:
-    """``limit`` of a list, evenly chosen, beginning at ``offset``."""
+    """Return ``limit`` evenly spaced items of a list, from ``offset`` on."""
     step = max(1, len(items) // limit)
     return items[offset % step :: step][:limit]
 

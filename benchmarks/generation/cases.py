@@ -183,7 +183,7 @@ def _is_of_type(
 
 
 def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
-    """(least, most) of every class that has to be there, that of an ego of a class included."""
+    """Return (least, most) of every required class, including the ego's class."""
     required = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
     ego = str(request.ego)
     other = ego.removeprefix("type:")

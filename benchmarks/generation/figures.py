@@ -35,7 +35,7 @@ class Stages:
     _stage: str = ""
 
     def __call__(self, share: float, message: str = "") -> None:
-        """A new stage begins."""
+        """Start a new stage."""
         del share
         now = Spent.now()
         if self._stage:
@@ -146,7 +146,7 @@ def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]
 
 
 def ratio(part: int, whole: int) -> float:
-    """A share, rounded to four digits; 0 of nothing."""
+    """Return a share, rounded to four digits; 0 if the total is 0."""
     return round(part / whole, 4) if whole else 0.0
 
 
@@ -160,7 +160,7 @@ def _median(times_s: Sequence[float]) -> float:
 
 
 def _stages(made: Sequence[Made], density: str) -> list[tuple[str, Spent]]:
-    """The mean of every stage, in the order in which they first came; a first reading counts as none."""
+    """Return the mean of every stage in order of first occurrence, without first readings of a map."""
     timed = _timed(made, density)
     names = dict.fromkeys(name for stages in timed for name in stages.spent)
     sums = {

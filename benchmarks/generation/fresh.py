@@ -149,7 +149,7 @@ def _made(path: Path, facts: MapFacts, seed: int) -> list[Made]:
 
 
 def drawn_request(facts: MapFacts, choice: random.Random) -> BenchRequest:
-    """A scenario at a site of a type that the index names; type, density, classes and ego are drawn."""
+    """Return a request for a site type that the index names; type, density, classes and ego are drawn."""
     kind: SiteType = choice.choice(sorted(facts.sites))
     others = sorted({*vehicle_classes()} - barred(kind) - {"car"})
     given = {

@@ -75,7 +75,7 @@ class Growth:
 
 
 def slope(points: Sequence[tuple[float, float]]) -> float:
-    """The slope of the least-squares line through the logarithms of sizes and times."""
+    """Return the slope of the least-squares line through the logarithms of sizes and times."""
     sizes, times = ([math.log(value) for value in values] for values in zip(*points, strict=True))
     return statistics.linear_regression(sizes, times).slope
 
@@ -113,6 +113,6 @@ def _timed(subject: Subject, size: int, folder: Path) -> Timed:
 
 
 def processor_s() -> float:
-    """Seconds that processors have worked for this process and its ended children."""
+    """Return the processor seconds of this process and its ended children."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system

@@ -112,7 +112,7 @@ def _place_among_maps(size: int, folder: Path) -> Work:
 
 
 def _grid(size: int, folder: Path) -> Work:
-    """A net of ``size`` rows of four junctions."""
+    """Return a net of ``size`` rows of four junctions."""
     path = folder / "grid.net.xml"
     program = shutil.which("netgenerate", path=str(Path(sys.executable).parent)) or "netgenerate"
     options = ["--grid", "--grid.x-number=4", f"--grid.y-number={size}", "--grid.length=80"]

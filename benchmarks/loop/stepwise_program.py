@@ -63,7 +63,7 @@ def _hang_with_child(answer: Message) -> None:
 
 
 def _die_with_child(answer: Message) -> None:
-    """The child holds the program's output open."""
+    """Exit while a child holds the program's output open."""
     del answer
     subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
     os.kill(os.getpid(), signal.SIGKILL)
@@ -98,7 +98,7 @@ def _take_memory(answer: Message) -> None:
 
 
 def _close_input(answer: Message) -> None:
-    """Answers once more, so that the loop asks again."""
+    """Answer once more, so that the loop sends another request."""
     os.close(0)
     say(answer)
     time.sleep(_LATE_S)

@@ -46,7 +46,7 @@ def answer(step: dict[str, Any], step_s: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Speak the protocol."""
+    """Run the protocol."""
     step_s = 0.1
     for line in sys.stdin.buffer:
         message = json.loads(line)

@@ -150,7 +150,7 @@ async def _told(bench: SeededBench) -> list[bool]:
 
 @contextmanager
 def _found(folders: Sequence[Path]) -> Iterator[None]:
-    """While the block runs, packages in these folders are found here and by the workers."""
+    """Make packages in these folders importable here and by the workers while the block runs."""
     before, path = os.environ.get("PYTHONPATH"), list(sys.path)
     texts = [str(folder) for folder in folders]
     sys.path[:0] = texts

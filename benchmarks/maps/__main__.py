@@ -9,7 +9,7 @@ keys and judges with code that shares nothing with the product. The main keys:
 - ``country``: ``country_cut_s`` (time for a site in a country of millions of nodes, once its index is built),
   ``country_memory_mb``.
 - ``factory``: ``factory_ratio`` (executable scenarios per minute, ours over those of Scenario Factory 2.0).
-- ``plan``: ``batch_per_min`` (scenarios of a plan whose server is killed twice), ``batch_memory_slope_mb`` (per
+- ``plan``: ``batch_per_min`` (scenarios of a plan with a server that is killed twice), ``batch_memory_slope_mb`` (per
   thousand scenarios), ``coverage_2way`` (share of the pairs that the maps allow).
 - ``tags`` (``make bench-osm-tags``): ``tags_right`` (share of drawn crossings that match their tags or are reported not
   to), ``tags_held_right``, ``limits_right`` (of countries and kinds of road), ``town_over_60``.

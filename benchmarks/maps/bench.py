@@ -26,7 +26,7 @@ class MapsBench:
         return self.shared / "data" / "osm"
 
     def folder(self, name: str) -> Path:
-        """A new folder in the scratch."""
+        """Return a new folder in the scratch."""
         folder = self.scratch / name
         folder.mkdir()
         return folder

@@ -130,14 +130,14 @@ class _Piece:
 
 
 def name_of(number: int) -> str:
-    """A name for a place that no other number has."""
+    """Return a name for a place that no other number has."""
     base = len(_SYLLABLES)
     parts = [_SYLLABLES[number // base**power % base] for power in range(4)]
     return "".join(parts).capitalize()
 
 
 def town_of(cell: int) -> str:
-    """The name of the town in the middle of a cell."""
+    """Return the name of the town in the middle of a cell."""
     return name_of(cell * _NAMES_OF_CELL)
 
 
@@ -227,7 +227,7 @@ class _Cell:
         return town_of(self._number)
 
     def nodes(self) -> Iterator[mutable.Node]:
-        """All nodes, by id."""
+        """Yield all nodes, by id."""
         places = 0
         for node in self._piece.nodes:
             tags = dict(node.tags)
@@ -243,7 +243,7 @@ class _Cell:
                 yield self._node(number, position, {})
 
     def ways(self) -> Iterator[mutable.Way]:
-        """All ways, by id."""
+        """Yield all ways, by id."""
         for way in self._piece.ways:
             tags = {key: value for key, value in way.tags.items() if key != "place"}
             yield self._way(way.number, way.nodes, tags)
@@ -266,7 +266,7 @@ class _Cell:
             yield self._way(number, tuple(refs), tags)
 
     def relations(self) -> Iterator[mutable.Relation]:
-        """All relations, by id."""
+        """Yield all relations, by id."""
         for relation in self._piece.relations:
             members = [(sort, self._base + key, role) for sort, key, role in relation.members]
             yield mutable.Relation(id=self._base + relation.number, members=members, tags=dict(relation.tags))
@@ -281,7 +281,7 @@ class _Cell:
             ]
 
     def _lines(self) -> Iterator[tuple[list[Position], dict[str, str]]]:
-        """Two carriageways north of the town, with an exit and an entry at each."""
+        """Add two carriageways north of the town, with an exit and an entry at each."""
         steps = range(60)
         bend = [60.0 * math.sin(step / 7) for step in steps]
         length_m = _CELL_M / (len(bend) - 1)
@@ -321,7 +321,7 @@ class _Timed:
 
 @asynccontextmanager
 async def _server(bench: MapsBench, workspace: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
-    """A client of a server in a process of its own, and that process."""
+    """Open a client of a server in its own process, and return that process too."""
     arguments = ["-m", "plannerforge", "serve", "--workspace", str(workspace), "--roots", str(bench.scratch)]
     settings = {"STARTER": "false", "WARM_UP": "false", "MAPS_ONLINE": "offline", "WORKERS": str(bench.workers)}
     environment = {**os.environ, **{f"PLANNERFORGE_{name}": value for name, value in settings.items()}}
@@ -494,7 +494,7 @@ def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
 
 
 def _box_of(tile: int, around_deg: float) -> Box:
-    """A tile's box as docs/maps.md states it: 0.05 degrees, numbered from the south-west by rows."""
+    """Return a tile's box as docs/maps.md states it: 0.05 degrees, numbered from the south-west by rows."""
     row, column = divmod(tile, 7200)
     south, west = row / 20 - 90, column / 20 - 180
     return south - around_deg, west - around_deg, south + 0.05 + around_deg, west + 0.05 + around_deg

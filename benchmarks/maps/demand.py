@@ -144,7 +144,7 @@ def _is_steady(vehicle: _Vehicle, step: int) -> bool:
 
 
 def _ahead(vehicle: _Vehicle, others: Sequence[_Vehicle], step: int) -> tuple[float, _Vehicle] | None:
-    """The gap in m to the nearest vehicle ahead on the same line, and that vehicle."""
+    """Return the gap in m to the nearest vehicle ahead on the same line, and that vehicle."""
     x, y, heading, _ = vehicle.states[step]
     gaps = []
     for other in others:

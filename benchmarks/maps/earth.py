@@ -163,7 +163,7 @@ def _as_xml(extract: Extract, path: Path) -> Path:
 
 
 def _towns(regions: Mapping[str, Region]) -> list[Place]:
-    """Every town once, with a box around all of its extracts, and its parts."""
+    """Return every town once, with a box around all of its extracts, and its parts."""
     boxes: dict[tuple[str, str], Box] = {}
     parts: list[Place] = []
     for region in regions.values():
@@ -192,7 +192,7 @@ def _roads_and_sights(regions: Mapping[str, Region]) -> list[Place]:
 
 
 def _springfields() -> list[Place]:
-    """Towns of one name, about as well known."""
+    """Return towns of one name with about equal importance."""
     towns = {"Illinois": (39.799, -89.644), "Missouri": (37.209, -93.292), "Massachusetts": (42.101, -72.590)}
     return [
         settlement(["Springfield"], "USA", (lat - 0.1, lon - 0.1, lat + 0.1, lon + 0.1), state=state, importance=rank)

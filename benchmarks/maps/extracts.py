@@ -114,7 +114,7 @@ class Extract:
         return keys, np.array(boxes).reshape(-1, 4)
 
     def nodes_in(self, box: Box) -> set[int]:
-        """Nodes inside a box."""
+        """Return nodes inside a box."""
         south, west, north, east = box
         return {key for key, (lat, lon, _) in self.nodes.items() if south <= lat <= north and west <= lon <= east}
 
@@ -136,13 +136,13 @@ class Extract:
         return found
 
     def tags(self, key: Key) -> dict[str, str]:
-        """The tags of an element."""
+        """Return the tags of an element."""
         kind, number = key
         held = {"node": self.nodes, "way": self.ways, "relation": self.relations}[kind]
         return held[number][-1]  # type: ignore[index,no-any-return]
 
     def center(self, key: Key) -> tuple[float, float] | None:
-        """The middle of the box around an element; None for relations."""
+        """Return the middle of the box around an element; None for relations."""
         kind, number = key
         if kind == "node":
             return self.nodes[number][:2]

@@ -148,7 +148,7 @@ class Factory(LineProcess):
         )
 
     def make(self, task: MapTask) -> Produced:
-        """Scenarios of a map; one that takes too long or ends the process is a fault, and its time is left out."""
+        """Generate scenarios of a map; a timeout or the end of the process is a fault, and its time is left out."""
         task.folder.mkdir(parents=True)
         try:
             answer = self.answer(
@@ -168,7 +168,7 @@ class Factory(LineProcess):
 
 
 def make_ours(task: MapTask) -> Produced:
-    """Scenarios of a map at different sites, as ``generate_scenarios`` assigns them."""
+    """Return scenarios of a map at different sites, as ``generate_scenarios`` assigns them."""
     began = Spent.now()
     files: list[Path] = []
     faults: Counter[str] = Counter()
@@ -263,7 +263,7 @@ def _over(one: float, other: float) -> float:
 
 
 def _tasks(bench: MapsBench) -> list[MapTask]:
-    """Every map at every length; with a limit, always the same maps."""
+    """Return every map at every length; with a limit, always the same maps."""
     listed = json.loads((bench.maps / "places.json").read_text(encoding="utf-8"))
     known = {path.name: listed[path.name] for path in sorted(bench.maps.glob("*.osm")) if path.name in listed}
     sizes = {name: _km2(shown["bbox"]) for name, shown in known.items()}
@@ -289,13 +289,13 @@ def _km2(box: Iterable[float]) -> float:
 
 
 def _warm_up(task: MapTask, bench: MapsBench, factory: Factory, own: ProcessPoolExecutor) -> None:
-    """A map that does not count: both have loaded their libraries then."""
+    """Run a map that does not count, so that both load their libraries."""
     factory.make(_moved(task, bench.scratch / "warm-up" / THEIRS))
     own.submit(make_ours, _moved(task, bench.scratch / "warm-up" / OURS)).result()
 
 
 def _by_turns(task: MapTask, number: int, factory: Factory, own: ProcessPoolExecutor) -> list[Produced]:
-    """Both makers on one map, on every other one in the other order."""
+    """Run both generators on one map, in reverse order on every other map."""
 
     def ours() -> Produced:
         return own.submit(make_ours, _moved(task, task.folder / OURS)).result()
@@ -318,7 +318,7 @@ def _moved(task: MapTask, folder: Path) -> MapTask:
 
 
 def _tell_faults(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> None:
-    """Faults of making and of the files, by maker, the most frequent first."""
+    """Print faults of generation and of the files, by generator, most frequent first."""
     for maker in (OURS, THEIRS):
         making: Counter[str] = Counter()
         for one, _ in judged:

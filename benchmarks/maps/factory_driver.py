@@ -70,13 +70,13 @@ def _work(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _processor_s() -> float:
-    """Processor time of this process and of the programs that it ran."""
+    """Return the processor time of this process and the programs that it ran."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def _reason(trace: str) -> str:
-    """The last line of a traceback, and the function that it came from."""
+    """Return the last line of a traceback, and its function."""
     lines = trace.strip().splitlines()
     where = next((line.rpartition(" in ")[2] for line in reversed(lines) if line.startswith("  File ")), "")
     return f"{lines[-1][:160]} (in {where})"

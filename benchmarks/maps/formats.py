@@ -7,8 +7,8 @@ Keys:
   ``opendrive_max_m``: the largest distance. OpenDRIVE's formulas are evaluated here (reference line, lane offset,
   widths).
 - ``opendrive_valid``, ``openscenario_valid``: share of the files that ASAM's schema accepts.
-- ``openscenario_same_share``: share of the recorded poses whose centre the exported .xosc has at the same time within 1
-  mm.
+- ``openscenario_same_share``: share of the recorded poses with the same centre in the exported .xosc at the same time
+  within 1 mm.
 - ``filled_networks_ok``: share of the public road networks that could be filled with new traffic and pass all checks of
   the written file: CommonRoad's schema, unchanged lanelets, an ego and a goal, no overlap at the start;
   ``filled_networks``: number of networks tried.
@@ -111,7 +111,7 @@ def _near(distances_m: Line) -> int:
 
 
 def asam_schema(name: str) -> etree.XMLSchema:
-    """A schema of ASAM's that the package scenariogeneration brings."""
+    """Return an ASAM schema from the package scenariogeneration."""
     import scenariogeneration
 
     return etree.XMLSchema(etree.parse(Path(scenariogeneration.__file__).parents[1] / "schemas" / name))
@@ -126,7 +126,7 @@ def _distances(points: Line, line: Line) -> NDArray[np.float64]:
 
 
 def bounds_of(path: Path) -> dict[int, tuple[Line, Line]]:
-    """Left and right bound of each lanelet in an OpenDRIVE file, by the formulas of ASAM OpenDRIVE 1.7.
+    """Return left and right bound of each lanelet in an OpenDRIVE file, by the formulas of ASAM OpenDRIVE 1.7.
 
     Section 7: reference line of paramPoly3 pieces with a normalised parameter; 9.4: lane offset; 9.5: widths.
     """
@@ -163,7 +163,7 @@ def _cubic(rows: Sequence[tuple[float, ...]], station: float) -> float:
 
 
 def _reference(road: "etree._Element", station: float) -> tuple[float, float, float]:
-    """x, y in m and heading in rad of a road's reference line."""
+    """Return x, y in m and heading in rad of a road's reference line."""
     piece = [one for one in road.iterfind("planView/geometry") if float(one.get("s", "0")) <= station + 1e-9][-1]
     curve = piece.find("paramPoly3")
     if curve is None or curve.get("pRange") != "normalized":

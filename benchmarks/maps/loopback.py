@@ -127,7 +127,7 @@ class Place:
         return any(rest <= name for name in each) if rest else any(name <= asked for name in each if name)
 
     def as_json(self, number: int) -> dict[str, Any]:
-        """An entry of Nominatim's format jsonv2."""
+        """Return an entry of Nominatim's format jsonv2."""
         name = self.names.get("name:en") or self.names.get("name") or self.names.get("ref", "")
         address = {**self.address, "country": country_name(self.country), "country_code": alpha2(self.country)}
         if self.country == "VIR":
@@ -158,20 +158,20 @@ class Place:
 
 
 def words_of(text: str) -> tuple[str, ...]:
-    """The words of a name as Nominatim compares them: in Latin letters, abbreviations written out."""
+    """Return the words of a name in Nominatim's comparison form: Latin letters, abbreviations expanded."""
     plain = "".join(letter if letter.isalnum() else " " for letter in anyascii(text).casefold().replace("'", ""))
     return tuple(word for part in plain.split() if (word := _SHORT.get(part, part)))
 
 
 def country_name(code: str) -> str:
-    """A country's English name by its ISO alpha-3 code."""
+    """Return a country's English name by its ISO alpha-3 code."""
     from iso3166 import countries_by_alpha3
 
     return str(countries_by_alpha3[code].apolitical_name)
 
 
 def alpha2(code: str) -> str:
-    """A country's ISO alpha-2 code in small letters."""
+    """Return a country's ISO alpha-2 code in small letters."""
     from iso3166 import countries_by_alpha3
 
     return str(countries_by_alpha3[code].alpha2).lower()
@@ -180,7 +180,7 @@ def alpha2(code: str) -> str:
 def settlement(
     names: Sequence[str], country: str, box: Box, *, importance: float = 0.6, kind: str = "city", **address: str
 ) -> Place:
-    """A town of a box, with the names that it goes by."""
+    """Return a town with a box and its names."""
     middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     named = {"name": names[0], **{f"alt_name:{number}": name for number, name in enumerate(names[1:])}}
     return Place(
@@ -194,7 +194,7 @@ def hash_of(text: str) -> int:
 
 
 def places_in(extract: Extract, town: str, country: str) -> Iterator[Place]:
-    """Settlements, roads and sights of an extract; those that are no towns lie in ``town``."""
+    """Return settlements, roads and sights of an extract; those that are not towns are in ``town``."""
     for key, (lat, lon, tags) in extract.nodes.items():
         if tags.get("name") or tags.get("highway") == "motorway_junction":
             yield from _point(("node", key), (lat, lon), tags, town, country)
@@ -314,17 +314,17 @@ class MapServers:
         return tuple(f"http://127.0.0.1:{self.port}/{name}/api" for name in self._mirrors)
 
     def fail(self, service: str, *faults: Fault) -> None:
-        """Have a service (``nominatim`` or a mirror's name) do something wrong next."""
+        """Make a service (``nominatim`` or a mirror's name) fail next."""
         waiting = self.faults.setdefault(service, deque())
         for fault in faults:
             waiting.extend([fault] * fault.times)
 
     def asked(self, service: str, ending: str = "") -> list[Request]:
-        """Return the requests to a service whose path has an ending."""
+        """Return the requests to a service with a path ending."""
         return [one for one in self.requests if one.service == service and one.path.endswith(ending)]
 
     def search(self, parameters: Mapping[str, str]) -> list[dict[str, Any]]:
-        """Nominatim's answer."""
+        """Return Nominatim's response."""
         words = words_of(parameters.get("q", ""))
         codes = {code for code in parameters.get("countrycodes", "").split(",") if code}
         numbers = {number for word in words for number in self._by_word.get(word, ())}
@@ -335,13 +335,13 @@ class MapServers:
         return [place.as_json(number) for number, place in enumerate(found[: int(parameters.get("limit", "10"))])]
 
     def lookup(self, osm_ids: str) -> list[dict[str, Any]]:
-        """Nominatim's answer for ids such as ``R123,W45``."""
+        """Return Nominatim's response for ids such as ``R123,W45``."""
         asked = [part.strip() for part in osm_ids.split(",")]
         by_id = {f"{place.osm[0][0].upper()}{place.osm[1]}": place for place in self._places}
         return [by_id[one].as_json(number) for number, one in enumerate(asked) if one in by_id]
 
     def query(self, mirror: str, text: str) -> tuple[str, bytes]:
-        """Overpass's answer: media type and body.
+        """Return Overpass's response: media type and body.
 
         Raises:
             QueryError: the query is not understood.
@@ -416,7 +416,7 @@ class MapServers:
         return Response(bodies[fault.kind], content_type="application/json")
 
     def _stream(self, kind: str) -> Iterator[bytes]:
-        """An answer that is too long, too slow, or breaks off."""
+        """Send a response that is too long, too slow, or breaks off."""
         if kind == "slow":
             self.stopped.wait(_MOST_SLOW_S)
             return
@@ -481,7 +481,7 @@ def _as_xml(elements: Sequence[Mapping[str, Any]], mirror: Mirror) -> bytes:
 
 
 def _page(title: str, text: str) -> bytes:
-    """A page as Overpass writes it in place of data."""
+    """Return a page as Overpass writes it in place of data."""
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE html PUBLIC "-//W3C//DTD XHTML 1.0 Strict//EN">\n'
         f"<html><head><title>{title}</title></head><body><p><strong>Error</strong>: {text}</p></body></html>"
@@ -489,7 +489,7 @@ def _page(title: str, text: str) -> bytes:
 
 
 def _status(free: int, wait_s: int) -> bytes:
-    """Overpass's status: how many slots are free, or when the next one is."""
+    """Return Overpass's status: the number of free slots, or the time of the next one."""
     now = datetime.now(UTC)
     then = now + timedelta(seconds=wait_s)
     slots = (

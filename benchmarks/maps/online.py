@@ -101,7 +101,7 @@ async def _measure(bench: MapsBench) -> Figures:
 
 
 def _good(lines: Sequence[Mapping[str, Any]], earth: Earth) -> list[BenchRequest]:
-    """The requests that can be met, with the region that each is for in place of its map."""
+    """Measure the feasible requests, with the region of each in place of its map."""
     named = [{**line, "map": line["map"] or line["id"]} for line in lines]
     return corpus_requests([json.dumps(line) for line in named], frozenset(earth.regions))
 
@@ -164,7 +164,7 @@ async def _requests(
 
 
 async def _local(bench: MapsBench, earth: Earth, requests: Sequence[BenchRequest]) -> dict[str, float]:
-    """The same requests with the extracts in the library, and no service to be asked."""
+    """Measure the same requests with the extracts in the library and without services."""
     workspace, done = bench.scratch / "local", []
     settings = Settings(
         workspace=workspace, roots=(bench.maps,), workers=bench.workers, starter=False, warm_up=False, journal=False,
@@ -220,7 +220,7 @@ def _faults_of(request: BenchRequest, scenario_id: str, folder: Path, region: Re
 
 
 def _required(texts: Sequence[str]) -> dict[str, tuple[int, int | None]]:
-    """(least, most) of each class in the corpus's arguments: ``truck``, ``truck=2``, ``car=4..4``."""
+    """Return (least, most) of each class in the corpus's arguments: ``truck``, ``truck=2``, ``car=4..4``."""
     required: dict[str, tuple[int, int | None]] = {}
     for text in texts:
         name, _, count = text.partition("=")
@@ -230,7 +230,7 @@ def _required(texts: Sequence[str]) -> dict[str, tuple[int, int | None]]:
 
 
 async def _refusals(bench: MapsBench, servers: MapServers, refusals: Sequence[Refusal]) -> dict[str, float | int]:
-    """Requests that have to be refused, with those that only a person can decide: which Springfield, which box."""
+    """Measure requests that must be refused, with those that only a person can decide: which Springfield, which box."""
     workspace = bench.scratch / "refusals"
     cases = [(refusal.name, dict(refusal.given), _words_of(refusal)) for refusal in refusals]
     springfields = ("Springfield, Illinois", "Springfield, Missouri", "Springfield, Massachusetts", "place=")
@@ -278,7 +278,7 @@ async def _same_bytes(bench: MapsBench, requests: Sequence[BenchRequest]) -> dic
 
 
 def _kept_address(workspace: Path) -> str:
-    """Return the address of the Nominatim whose responses a workspace caches, as it is part of the request."""
+    """Return the address of the Nominatim with cached responses in a workspace, as it is part of the request."""
     import gzip
 
     for path in sorted((workspace / ANSWERS_FOLDER).glob("*.json.gz")):
@@ -342,7 +342,9 @@ def _fault_cases() -> list[_FaultCase]:
 
 
 async def _faults(bench: MapsBench) -> dict[str, float | int]:
-    """Every case at a town of its own, so that no kept answer helps; then an area over the limit, and no net at all."""
+    """Measure every case at its own town, so that the cache does not help; then an area over the limit, and no
+    network.
+    """
     cases = _fault_cases()[: bench.limit]
     workspace = bench.scratch / "faulty"
     extracts = [

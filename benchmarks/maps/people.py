@@ -7,7 +7,7 @@ Keys:
 
 - ``walkers_feasible``: share of the positions of pedestrians and cyclists on lanelets for them (type pavement, crossing
   or bicycle lane, or users that name them).
-- ``walkers_overlaps``: pairs of a pedestrian or cyclist and another road user whose rectangles overlap at any time
+- ``walkers_overlaps``: pairs of a pedestrian or cyclist and another road user with overlapping rectangles at any time
   step.
 - ``cars_yield_share``: of the encounters of a motor vehicle and a pedestrian on a crossing, the share in which the
   vehicle passes the conflict point ``GAP_S`` or more before or after the pedestrian, or stopped before it.
@@ -115,7 +115,7 @@ class _User:
     states: NDArray[np.float64]
 
     def boxes(self) -> "NDArray[np.object_]":
-        """The rectangle at every step."""
+        """Return the rectangle at every step."""
         from shapely import polygons
 
         x, y, heading, _ = self.states.T
@@ -205,7 +205,7 @@ def _inside(shape: "BaseGeometry", states: NDArray[np.float64]) -> NDArray[np.bo
 
 
 def _ways(root: etree._Element, kind: str) -> "list[BaseGeometry]":
-    """The lanelets that are for pedestrians or for bicycles."""
+    """Return the lanelets for pedestrians or for bicycles."""
     if kind == "pedestrian":
         return [area for types, _, area in _lanelets(root) if types & _FOR_PEDESTRIANS]
     return [
@@ -216,7 +216,7 @@ def _ways(root: etree._Element, kind: str) -> "list[BaseGeometry]":
 
 
 def _lanelets(root: etree._Element) -> "Iterator[tuple[set[str], set[str], BaseGeometry]]":
-    """Types, users and area of each lanelet."""
+    """Return types, users and area of each lanelet."""
     from shapely import Polygon, make_valid
 
     for lanelet in root.iterfind("lanelet"):

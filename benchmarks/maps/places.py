@@ -104,7 +104,7 @@ def measure(folder: Path, workers: int = 1) -> Figures:
 
 
 def _read(paths: Sequence[Path], scratch: Path, workers: int) -> dict[str, MapEntry]:
-    """The maps of the extracts by the names of their files; those without a road for vehicles are left out."""
+    """Return the maps of the extracts by file name, without those that have no road for vehicles."""
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         found = pool.map(_entry, paths, [scratch] * len(paths))
     return {_stem(path): entry for path, entry in zip(paths, found, strict=True) if entry is not None}
@@ -129,7 +129,7 @@ def _stem(path: Path) -> str:
 
 
 def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
-    """The requests written by hand of the extracts that there are, and the extracts that were tuned on."""
+    """Return the handwritten requests for the available extracts, and the tuned extracts."""
     asked: list[_Asked] = []
     tuned: set[str] = set()
     is_tuned = True
@@ -146,7 +146,7 @@ def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
 
 
 def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
-    """The requests drawn from the tags of the extracts, with every extract that has a name."""
+    """Return the requests drawn from the tags of the extracts, with every extract that has a name."""
     holders: dict[str, set[str]] = {}
     rows: dict[tuple[str, str, str], tuple[str, str]] = {}
     for stem, entry in entries.items():
@@ -179,7 +179,7 @@ def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
 
 
 def _nodes(path: Path) -> frozenset[int]:
-    """The ids of the nodes that an extract holds."""
+    """Return the ids of the nodes that an extract holds."""
     return frozenset(node.id for node in osmium.FileProcessor(str(path), osmium.osm.NODE))
 
 

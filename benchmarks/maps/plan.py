@@ -11,7 +11,7 @@ Keys:
 - ``batch_server_mb``, ``batch_memory_mb``: peak memory of the server and of all processes.
 - ``batch_disk_kb``: size of the workspace per scenario, without its maps and the recordings cached by workers (512 MB
   at most).
-- ``batch_kills``; ``batch_lost``: scenarios whose file or record is missing or broken, that vanished in a kill, that
+- ``batch_kills``; ``batch_lost``: scenarios with a missing or broken file or record, that vanished in a kill, that
   were generated twice, or that are missing from the requested ones; ``batch_refused`` (attempts); ``batch_failed``.
 - ``coverage_2way``: of the pairs of levels that the maps allow, the share that the files show by type, density, classes
   and turn; ``coverage_pairs``: their number without ``batch_cannot``, the pairs that were refused three times and never
@@ -145,7 +145,7 @@ def measure(bench: MapsBench) -> Figures:
 
 
 async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
-    """The plan from its first call to its end, over as many servers as it takes."""
+    """Carry out the plan from its first call to its end, over as many servers as necessary."""
     cover = [f"{name}={'|'.join(levels)}" for name, levels in LEVELS.items()]
     wish = {"cover": cover, "count": bench.scenarios}
     started = time.perf_counter()
@@ -187,7 +187,7 @@ def _server(bench: MapsBench, folder: Path) -> Client:
 
 
 async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, watch: _Watch, end: End) -> None:
-    """Have one server carry the plan on, look at its memory, and kill it when its end is reached."""
+    """Let one server continue the plan, sample its memory, and kill it when its end is reached."""
     process = next(child for child in psutil.Process().children() if str(workspace) in child.cmdline())
     begun = _count_made(workspace)
     server: list[tuple[int, float]] = []
@@ -285,7 +285,7 @@ def _count_made(workspace: Path) -> int:
 
 
 def _stored_files(workspace: Path) -> Iterator[str]:
-    """The scenarios that lie in the workspace with their record."""
+    """Return the scenarios in the workspace that have a record."""
     for row in _rows(workspace, "SELECT artifact_id FROM artifacts WHERE kind = 'scenario'"):
         if (workspace / "scenarios" / row["artifact_id"] / "scenario.xml").is_file():
             yield row["artifact_id"]
@@ -318,7 +318,7 @@ def _row_of(asked: Mapping[str, Any]) -> Row:
 
 
 def _shown(made: Mapping[int, _Made], workspace: Path, spread: Any) -> dict[int, tuple[bool, ...]]:
-    """For some scenarios, which of their levels the files show: evenly taken ones, then those with pairs not seen."""
+    """Return which levels the files of some scenarios show: evenly spaced ones, then those with unseen pairs."""
     numbers = sorted(made)
     step = max(1, len(numbers) // _JUDGED)
     judged = _judge_all({number: made[number] for number in numbers[::step]}, spread)
@@ -386,7 +386,7 @@ def _point(problem: etree._Element, path: str) -> Points:
 
 
 def _classes_at(files: MadeFiles, point: Points) -> frozenset[str]:
-    """OSM's classes of the road nearest to a point."""
+    """Return OSM's classes of the road nearest to a point."""
 
     def distance_m(edge: NetEdge) -> float:
         return min(
@@ -404,7 +404,7 @@ def _dense(line: Points) -> Points:
 
 
 def _pairs_of(row: Row, shown: Sequence[bool]) -> Iterator[Pair]:
-    """The pairs of levels that a scenario shows."""
+    """Yield the pairs of levels that a scenario shows."""
     parts = [part for part, is_shown in zip(zip(LEVELS, row, strict=True), shown, strict=True) if is_shown]
     yield from combinations(parts, 2)
 

@@ -6,7 +6,7 @@ judges the written file and the content of SUMO in that run: a vehicle's type an
 
 Keys (shares unless stated otherwise):
 
-- ``round_trip``: files whose road users SUMO shows at their recorded positions and speeds.
+- ``round_trip``: files with all road users at their recorded positions and speeds in SUMO.
 - ``T_ends``, ``B_preset``, ``P_count``, ``G_edge``: the paper's checks; a refusal of a feasible edit fails.
 - ``composite_done``: all checks of all edits of a composite.
 - ``T_arrives``: redirected vehicles that arrive before the scenario ends. ``T_ends`` requires of the others that they
@@ -74,7 +74,7 @@ REASONS, REASON_LETTERS = 6, 110
 
 
 def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[Measured]:
-    """All jobs on worker processes; the results in no particular order."""
+    """Run all jobs on worker processes, in no particular order."""
     presets = published_presets(shared_folder() / "facts")
     with process_pool(workers) as pool:
         jobs: list[Future[Measured]] = []
@@ -129,7 +129,7 @@ def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
 
 
 def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[str, float | int | str]:
-    """The figures of fresh scenarios by key."""
+    """Return the figures of fresh scenarios by key."""
     made = [case for result in measured for case in result.cases if not case.refused]
     figures = figures_of(measured)
     physical = [_settled(made, task) for task in (*PHYSICAL, None)]
@@ -145,7 +145,7 @@ def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[st
 
 
 def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
-    """The figures by key."""
+    """Return the figures by key."""
     cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     checks = _checks(cases)
@@ -226,7 +226,7 @@ def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
 
 
 def failures_of(measured: Sequence[Measured]) -> list[str]:
-    """Every request and check that went wrong, one line each."""
+    """Return every failed request and check, one line each."""
     lines = [f"round trip: {result.round_trip_error}" for result in measured if result.round_trip_error]
     lines += [f"not refused right: {name}" for result in measured for name, right in result.refused_right if not right]
     lines += [f"crashed: {result.crashed}" for result in measured if result.crashed]
@@ -261,7 +261,7 @@ def _drivable(cases: Sequence[Case]) -> str:
 
 
 def _settled(cases: Sequence[Case], task: str | None = None) -> list[bool]:
-    """Verdicts from the hand-over + 1 s on: on those that the edits of a task name, or on those that none names."""
+    """Return verdicts from 1 s after the hand-over on, for vehicles that a task's edits name or for the others."""
     verdicts = [verdict for case in cases if task in (None, case.task) for verdict in case.physical]
     return _known(verdict.settled for verdict in verdicts if verdict.handed_over == (task is None))
 
@@ -271,7 +271,7 @@ def _is_smooth(jump_m: float, step_mps: float) -> bool:
 
 
 def _known(values: Iterable[bool | None]) -> list[bool]:
-    """The values without those that were not measured."""
+    """Return the values without those that were not measured."""
     return [value for value in values if value is not None]
 
 

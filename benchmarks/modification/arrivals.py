@@ -114,7 +114,7 @@ def _area(network: "LaneletNetwork", lanelets: Collection[int]) -> shapely.Geome
 
 
 def _only_through(network: "LaneletNetwork", key: int) -> list[int]:
-    """A lanelet and those after it that no other way leads to."""
+    """Return a lanelet and those after it that can only be reached over it."""
     only = [key]
     for known in only:  # which grows meanwhile
         after = [network.find_lanelet_by_id(one) for one in network.find_lanelet_by_id(known).successor]
@@ -221,7 +221,9 @@ class Journey:
         return side is not None and not self._is_free_beside(index, side)
 
     def _others_at(self, index: int) -> Iterator[tuple[float, float, Track, int]]:
-        """Every other road user that is there: how far ahead and to the left its centre is, it and its own index."""
+        """Return every other road user present: its centre's distance ahead and to the left, itself and its own
+        index.
+        """
         for key, other in self.others.items():
             there = other.index_at(self.track.first_step + index)
             if key != self.track.obstacle_id and there is not None:
@@ -327,9 +329,10 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
 
 
 def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
-    """Way in m from the front to the last place from which a target can be reached; infinite if straight on.
+    """Return the distance in m from the front to the last place from which a target can be reached; infinite if
+    straight on.
 
-    Ways that are longer than the shortest one, and than ``farthest_m``, are left out.
+    Routes longer than the shortest one and than ``farthest_m`` are left out.
     """
     ways, front, room_m = ways_to_m(network, targets), fronts(track)[0], 0.0
     for key in _lanelets_at(network, track, 0):
@@ -344,7 +347,9 @@ def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], fa
 
 
 def _longest_m(network: "LaneletNetwork", key: int, ways: "Mapping[int, float]", limit_m: float) -> float:
-    """The longest way from a lanelet's start straight on over lanelets that lead to a target within a limit."""
+    """Return the longest route straight on from a lanelet's start over lanelets that lead to a target within a
+    limit.
+    """
     if key not in ways or ways[key] > limit_m:
         return 0.0
     lanelet, others = network.find_lanelet_by_id(key), {one: way_m for one, way_m in ways.items() if one != key}
@@ -354,12 +359,12 @@ def _longest_m(network: "LaneletNetwork", key: int, ways: "Mapping[int, float]",
 
 
 def _straight_on(network: "LaneletNetwork", key: int) -> frozenset[int]:
-    """A lanelet and all that follow it without a lane change."""
+    """Return a lanelet and all that follow it without a lane change."""
     return all_after([key], lambda one: network.find_lanelet_by_id(one).successor)
 
 
 def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[int]:
-    """The lanelets under a vehicle that do not lead against its heading."""
+    """Return the lanelets under a vehicle that do not oppose its heading."""
     here = _inside(network, track, index)
     onward = distances_m(network, here, float(track.headings_rad[index]))
     return sorted(int(key) for key in set(network.find_lanelet_by_position([here])[0]) & set(onward))

@@ -163,14 +163,14 @@ class Effort:
 
 
 def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
-    """Round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
+    """Measure the round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
     return _measured(path, Scene.of(read_scenario(path)), presets, effort)
 
 
 def measure_fresh(seed: int, number: int, presets: Presets, effort: Effort) -> Measured:
-    """The same on one of the ``fresh_scenarios``; its edits are drawn by its name, which no other seed gives.
+    """Measure the same on one of the ``fresh_scenarios``; its name, unique to the seed, draws its edits.
 
-    A scenario that is refused by name is ``unread``; whatever else the product or a judge raises has ``crashed``.
+    A scenario refused by name is ``unread``; any other exception of the product or a judge counts as ``crashed``.
     """
     with TemporaryDirectory() as name:
         try:
@@ -210,7 +210,7 @@ def _measured(path: Path, scene: Scene, presets: Presets, effort: Effort) -> Mea
 
 
 def measure_line(line: str, data: Path, effort: Effort) -> Measured:
-    """A request of the corpus with its ground truth as arguments."""
+    """Measure a request of the corpus with its ground truth as arguments."""
     row = json.loads(line)
     truth, path = row["truth"], data / row["scenario"]
     if row["expect"] != "ok":
@@ -278,7 +278,7 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
 
 
 def _edited(path: Path, asked: Asked, folder: Path) -> tuple[ModificationOutcome, float, float]:
-    """The outcome, and the wall and processor seconds that it took; files of edits before it are gone."""
+    """Return the outcome with its wall and processor seconds, after removing files of earlier edits."""
     for left in folder.iterdir():
         left.unlink()
     request = ModificationRequest(
@@ -324,7 +324,7 @@ def _checked(
 
 
 def _physical(written: Written, seed: str, *, every_vehicle: bool) -> tuple[Physical, ...]:
-    """Verdicts on all touched vehicles, or on one drawn of those that the edits name."""
+    """Return verdicts on all touched vehicles, or on one drawn from those that the edits name."""
     tracks = written.new
     there = [
         one

@@ -28,7 +28,7 @@ _CAUSES = ("off_lanelets", "against_lanes", "beside_lanes", "far_lanes")
 
 
 def counts(files: list[Path]) -> Counter[str]:
-    """Files, vehicles and causes over the files."""
+    """Count files, vehicles and causes over the files."""
     total: Counter[str] = Counter(files=len(files))
     with process_pool(_PROCESSES) as pool:
         for of_file in pool.map(_counts_of, files):

@@ -32,7 +32,7 @@ time.
 
 
 def checks_of(written: Written, index: int) -> dict[str, bool]:
-    """The paper's checks of one edit by name."""
+    """Return the paper's checks of one edit by name."""
     return _CHECKS[written.truths[index]["op"]](written, index)
 
 
@@ -56,7 +56,9 @@ def is_untouched_identical(written: Written) -> bool:
 
 
 def unreported_collisions(written: Written) -> int:
-    """Pairs that overlap by more than 5 cm on either side, did not about then in the source, and are not reported."""
+    """Return unreported pairs that overlap by more than 5 cm on either side and did not around that time in the
+    source.
+    """
     base, new = {**written.scene.standing, **written.old}, {**written.scene.standing, **written.new}
     told = {frozenset(hit.vehicles) for hit in written.outcome.collisions}
     window = SAME_HIT_S / written.scene.step_s
@@ -156,7 +158,9 @@ def _has_parameters(written: Written, truth: Truth, key: int) -> bool:
 
 
 def _reroute_checks(written: Written, index: int) -> dict[str, bool]:
-    """The vehicle is there, its route ends on the target and it drives along it; body and all others are kept."""
+    """Check that the vehicle follows a route that ends on the target, and that its body and all others are
+    unchanged.
+    """
     truth, meant = written.truths[index], written.meant_by(index)
     targets = frozenset(int(key) for key in truth["target_lanelets"])
     through = frozenset(int(key) for key in truth.get("via", ()))
@@ -299,13 +303,13 @@ def is_run_over(scene: Scene, truth: Truth) -> bool:
 
 
 def _bodies_at(tracks: Mapping[int, Track], step: int) -> list[shapely.Polygon]:
-    """The bodies of all that are there at a step."""
+    """Return the bodies of all road users present at a step."""
     there = ((track, track.index_at(step)) for track in tracks.values())
     return [bodies(track, np.array([index]))[0] for track, index in there if index is not None]
 
 
 def _largest_size(truth: Truth, larger_m: float) -> tuple[float, float]:
-    """Length and width in m of the largest vehicle of the class, with some room on all its sides."""
+    """Return length and width in m of the largest vehicle of the class, with a margin on all sides."""
     kind = KINDS[truth["class"]]
     return kind.lengths_m[1] + 2 * larger_m, kind.widths_m[1] + 2 * larger_m
 
@@ -348,7 +352,7 @@ def _has_speed(track: Track, truth: Truth) -> bool:
 
 
 def _departs(written: Written, track: Track, truth: Truth) -> bool:
-    """At the asked step, or as soon after one that was named as the place is free."""
+    """Return True if it departs at the requested step, or after a named one as soon as the place is free."""
     asked = entry_step(written.scene, truth)
     if asked == 0:
         return track.first_step == 0

@@ -49,7 +49,7 @@ def round_trip(scene: Scene, seed: int = 0) -> RoundTrip:
 
 
 def _errors(track: Track, index: int, shown: ShownState) -> tuple[float, float]:
-    """Distance in m between centres, and difference in m/s between speeds."""
+    """Return the distance in m between centres, and the difference in m/s between speeds."""
     heading = math.radians(90.0 - shown.angle_deg)
     center = np.array(shown.front) - track.length_m / 2 * np.array([math.cos(heading), math.sin(heading)])
     away = float(np.linalg.norm(center - track.positions[index]))

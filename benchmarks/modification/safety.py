@@ -51,7 +51,7 @@ class Shift:
 
 
 def new_id(path: Path) -> str:
-    """The id of an edited scenario: of its source's country, because a planner reads traffic signs by it."""
+    """Return the id of an edited scenario with its source's country, which a planner needs to read traffic signs."""
     return derived_benchmark_id(path.stem, DIGEST)
 
 
@@ -73,7 +73,7 @@ def executed(path: Path, base: RunRecord) -> bool | None:
 
 
 def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:
-    """The table: mean score before → after with the interval of the mean difference, and collisions."""
+    """Return the table: mean score before → after with the interval of the mean difference, and collisions."""
     rows = []
     for task in ("B", "T", "P", "G"):
         mine = [one for one in shifts if one.task == task]
@@ -84,7 +84,7 @@ def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:
 
 
 def difference_interval(differences: Sequence[float], seed: int = 0) -> tuple[float, float]:
-    """95 % interval of a mean by the percentile bootstrap (Efron 1979)."""
+    """Return the 95 % interval of a mean by the percentile bootstrap (Efron 1979)."""
     drawn = np.random.default_rng(seed).choice(differences, size=(RESAMPLES, len(differences)))
     low, high = np.quantile(drawn.mean(axis=1), [0.025, 0.975])
     return float(low), float(high)
@@ -121,7 +121,7 @@ def _shift(path: Path, folder: Path, task: str, edits: Iterator[Edit], base: Run
 
 
 def planner_run(path: Path) -> RunRecord:
-    """A run of the default planner among recorded traffic."""
+    """Return a run of the default planner among recorded traffic."""
     request = RunRequest(
         run_id="bench",
         scenario_path=str(path),

@@ -68,7 +68,7 @@ class Written:
         )
 
     def added(self) -> tuple[int, ...]:
-        """Ids of the road users that the base has not."""
+        """Return ids of the road users that the base lacks."""
         return tuple(key for key in self.new if key not in self.old)
 
     def meant_by(self, index: int) -> frozenset[int]:
@@ -87,20 +87,20 @@ class Written:
         return frozenset(named).union(*(reports[edit].vehicles for edit in added))
 
     def meant_to_go(self) -> frozenset[int]:
-        """Ids of all that are to be removed."""
+        """Return ids of all road users that the edits remove."""
         going = [index for index, truth in enumerate(self.truths) if truth["op"] == "remove_vehicle"]
         return frozenset().union(*(self.meant_by(index) for index in going))
 
 
 def entry_step(scene: Scene, truth: Truth) -> int:
-    """The step at which the vehicles that an edit adds are to enter."""
+    """Return the requested entry step of the vehicles that an edit adds."""
     return round((truth.get("depart_s") or 0.0) / scene.step_s)
 
 
 def is_valid(written: Written) -> bool:
-    """No schema error that the source does not have, but that of vehicles which enter later because they were asked to.
+    """Return True if there is no new schema error, except that of vehicles that enter later on request.
 
-    The file was read by commonroad-io already.
+    commonroad-io has already read the file.
     """
     tree = etree.parse(written.loaded.path)
     excused = {str(key) for key in enter_later_as_asked(written)}
@@ -112,7 +112,7 @@ def is_valid(written: Written) -> bool:
 
 
 def is_strictly_valid(written: Written) -> bool:
-    """No schema error that the source does not have."""
+    """Return True if there is no schema error that the source does not have."""
     return _anonymous(schema_errors(written.loaded.path), written.loaded) <= _known(written)
 
 
@@ -135,7 +135,7 @@ def _known(written: Written) -> set[str]:
 
 
 def _anonymous(errors: list[str], loaded: LoadedScenario) -> set[str]:
-    """Errors without the file's id: one that breaks the pattern does so in both files, although it is another one."""
+    """Return errors without the file's id: an id that breaks the pattern does so in both files, but differs."""
     return {error.replace(loaded.declared_id, "") for error in errors}
 
 

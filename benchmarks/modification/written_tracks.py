@@ -46,7 +46,7 @@ class RoadUser:
         return np.asarray(self.places + self.forward * self.length_m / 2)
 
     def at(self, step: int) -> int | None:
-        """The index of the state at a time step; None if the road user is not there."""
+        """Return the index of the state at a time step; None if the road user is not there."""
         return step - self.first if self.first <= step <= self.last else None
 
 
@@ -61,7 +61,7 @@ class Light:
     active: bool
 
     def colour(self, step: int) -> str:
-        """The colour at a time step; empty for a light without states."""
+        """Return the colour at a time step; empty for a light without states."""
         total = sum(duration for duration, _ in self.phases)
         if not self.active or total <= 0:
             return ""
@@ -107,9 +107,9 @@ class Lane:
         return float(np.linalg.norm(self.left - self.right, axis=1).mean())
 
     def along(self, points: Array) -> tuple[Array, Array, Array]:
-        """Station, offset (left positive) and direction in rad of the lane at each of some points (n, 2).
+        """Return arc length, offset (left positive) and direction in rad of the lane at each of some points (n, 2).
 
-        Before its beginning and behind its end the lane goes on straight.
+        Before its beginning and after its end the lane continues straight.
         """
         center = self.center
         steps = np.diff(center, axis=0)

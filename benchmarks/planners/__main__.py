@@ -9,7 +9,7 @@ Keys:
 - ``step_over_core``: planning step over its time in the core, median.
 - ``run_median_s``: median wall time of a run in a single warm worker without other load (the runs that measure the
   throughput of one worker); ``two_worker_speedup``.
-- ``weights_acting``: weights of Default whose increase changes the first choice in one of some scenarios.
+- ``weights_acting``: weights of Default that change the first choice in one of some scenarios if increased.
 - ``rear_scenarios`` (scenarios with a follower); ``recorded_rear_hits``, ``reactive_rear_hits`` (braking egos hit from
   behind, over all planners; ``make bench-reactive`` measures this in full).
 
@@ -67,7 +67,7 @@ WORKERS = 2
 async def _throughput(
     workspace: Path, folder: Path, scenarios: Sequence[str], workers: int
 ) -> tuple[float, tuple[float, ...]]:
-    """Runs a second of warm workers, and the wall time of each run in its worker.
+    """Return runs per second of warm workers, and the wall time of each run in its worker.
 
     The number of workers is the seed, so that nothing is reused.
     """
@@ -186,7 +186,7 @@ def _measure_fresh(files: Sequence[Path], seeds: Sequence[int], count: int) -> N
 
 
 def fresh_figures(drives: Sequence[Drive]) -> tuple[dict[str, float | int], list[tuple[str, str]]]:
-    """Figures of drawn problems by key, and rows: success with its interval, and why each goal was not reached."""
+    """Return figures of drawn problems by key, and rows: success with its interval, and the reasons of failures."""
     success, rows = dict[str, float](), list[tuple[str, str]]()
     for preset, config in CONFIGS.items():
         for short, prediction in PREDICTIONS.items():

@@ -36,14 +36,14 @@ class Careful:
         self.clear()
 
     def clear(self) -> None:
-        """Know nothing of the other any more."""
+        """Forget the other road user."""
         self.widest = -math.inf
         self.since: dict[str, float] = {}
         self.decided: float | None = None
         self.followed = False
 
     def hidden(self, aside: float, gap: float, v: float) -> None:
-        """It is hidden by one so far ahead."""
+        """Record that a vehicle at a distance ahead hides the other road user."""
         self.clear()
         self.widest, self.followed = aside, gap <= 2 * v + 1e-9
 

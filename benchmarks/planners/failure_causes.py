@@ -31,7 +31,7 @@ def cause(run: RunRecord, steps: RunSteps, scenario: Path) -> str:
 
 
 def rejections(run: RunRecord) -> str:
-    """The constraints that rejected most candidates over the whole run."""
+    """Return the constraints that rejected most candidates over the whole run."""
     most = sorted(run.rejected_candidates.items(), key=lambda item: (-item[1], item[0]))
     return ", ".join(f"{name} {count}" for name, count in most[:_LISTED_CONSTRAINTS]) or "none"
 

@@ -91,7 +91,7 @@ def _problem_of(car: Track, index: int) -> PlanningProblem:
 def fresh_drives(
     files: Sequence[Path], draws: Sequence[str], configs: Sequence[str], predictions: Sequence[Prediction], workers: int
 ) -> list[Drive]:
-    """All configurations with all predictions on a problem for each draw; the same text draws the same problem."""
+    """Run all configurations with all predictions on a problem for each draw; the same text draws the same problem."""
     job = partial(_drives, tuple(files), tuple(configs), tuple(predictions))
     with process_pool(workers) as pool:
         return [drive for drives in pool.map(job, draws) for drive in drives]

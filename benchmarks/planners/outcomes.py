@@ -2,7 +2,7 @@
 
 ``measure`` runs each planner under each prediction and traffic over the folder, with this checkout or the one that
 ``--checkout`` gives, and adds one JSON row per run to a file. It skips runs that the file already holds. ``compare``
-prints the outcomes of two such files side by side, and lists each run whose outcome changed::
+prints the outcomes of two such files side by side, and lists each run with a changed outcome::
 
     python -m benchmarks.planners.outcomes measure --checkout ../before --out before.jsonl
     python -m benchmarks.planners.outcomes measure --out after.jsonl
@@ -149,7 +149,7 @@ def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(required=True)
     measure = commands.add_parser("measure", help="run planners and add the rows to a file")
-    measure.add_argument("--checkout", type=Path, default=CHECKOUT, help="whose code runs (default: this one)")
+    measure.add_argument("--checkout", type=Path, default=CHECKOUT, help="the checkout that runs (default: this one)")
     measure.add_argument("--folder", type=Path, default=shared_scenarios())
     measure.add_argument("--out", type=Path, required=True)
     measure.add_argument("--limit", type=int, default=None, help="only a sample of this many files")

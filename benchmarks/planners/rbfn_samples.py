@@ -53,7 +53,7 @@ class PrimitiveSamples:
 
 
 def solved_samples(seed: int, count: int) -> PrimitiveSamples:
-    """The solutions of ``count`` problems of a seed; some 5 ms each."""
+    """Return the solutions of ``count`` problems of a seed, at about 5 ms each."""
     solve, choice = PrimitiveProblem(), np.random.default_rng(seed)
     drawn = [drawn_inputs(choice) for _ in range(count)]
     answers = [(inputs, solve(inputs)) for inputs in drawn]
@@ -117,7 +117,7 @@ class PrimitiveProblem:
         self._bounds = np.concatenate([lowest.ravel(), -free]), np.concatenate([highest.ravel(), free])
 
     def __call__(self, inputs: Values) -> Points | None:
-        """The states of the best motion, from the straight line as a first guess."""
+        """Return the states of the best motion, from the straight line as a first guess."""
         first, bend, bearing, turn, last_bend, last = inputs.tolist()
         begin = np.array([0.0, 0.0, 0.0, first, bend])
         end = np.array([np.cos(bearing), np.sin(bearing), turn, last, last_bend])
@@ -133,7 +133,7 @@ class PrimitiveProblem:
 
 
 def _one_interval(casadi: Any) -> Any:
-    """The states after one interval of constant controls."""
+    """Return the states after one interval of constant controls."""
     state, control = casadi.MX.sym("state", _STATES), casadi.MX.sym("control", _CONTROLS)
     heading, speed, bend = state[2], state[3], state[4]
     change = casadi.vertcat(speed * casadi.cos(heading), speed * casadi.sin(heading), speed * bend, control)

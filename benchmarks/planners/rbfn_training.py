@@ -37,7 +37,7 @@ _SHIPPED = Path(__file__).resolve().parents[2] / "engine" / "planners" / "rbfn" 
 
 
 def trained(samples: PrimitiveSamples, seed: int, units: int = UNITS) -> PrimitiveNetwork:
-    """The network that fits the samples."""
+    """Return the network that fits the samples."""
     inputs = samples.inputs
     mean, spread = inputs.mean(axis=0).astype(np.float32), inputs.std(axis=0).astype(np.float32)
     chosen = np.sort(np.random.default_rng(seed).choice(len(inputs), min(units, len(inputs)), replace=False))
@@ -79,7 +79,7 @@ def misses(network: PrimitiveNetwork, inputs: Points) -> tuple[Values, Values]:
 
 
 def error_table(network: PrimitiveNetwork, held_out: PrimitiveSamples) -> Mapping[str, float]:
-    """Misses on samples that it was not trained with, before they are closed; in shares of the chord, and in rad."""
+    """Return errors on held-out samples before they are closed, in shares of the chord and in rad."""
     inside = network.knows(held_out.inputs)
     away, turned = misses(network, held_out.inputs[inside])
     table = {"known": float(inside.mean())}
@@ -97,7 +97,7 @@ def write(network: PrimitiveNetwork, path: Path) -> str:
 
 
 def _samples(cache: Path | None, seed: int, count: int) -> PrimitiveSamples:
-    """Samples from the cache, else solved and kept there."""
+    """Return samples from the cache, or solve and store them."""
     path = cache / f"primitives_{seed}_{count}.npz" if cache else None
     if path is not None and path.is_file():
         return PrimitiveSamples.load(path)

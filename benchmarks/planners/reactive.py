@@ -80,15 +80,15 @@ class _BrakedRun:
 
 
 def braked_runs(files: Sequence[Path], processes: int) -> list[_BrakedRun]:
-    """The runs of all planners in all traffic modes on the scenarios that have a follower."""
+    """Return the runs of all planners in all traffic modes on the scenarios that have a follower."""
     with process_pool(processes) as pool:
         return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
 
 
 def fresh_runs(files: Sequence[Path], seed: int, count: int, processes: int) -> list[_BrakedRun]:
-    """The runs of the braking planner on ``count`` approaches drawn from these files, in both traffic modes.
+    """Run the braking planner on ``count`` approaches drawn from these files, in both traffic modes.
 
-    Several times as many are tried, because in a draw there may be no follower.
+    It tries several times as many, because a draw may have no follower.
     """
     draws = random.Random(seed)  # noqa: S311 - a sample, no secret
     tries = [(draws.choice(files), draws.randrange(2**32)) for _ in range(_TRIES * count)]
@@ -102,12 +102,12 @@ def fresh_runs(files: Sequence[Path], seed: int, count: int, processes: int) -> 
 
 
 def rear_hits(runs: Sequence[_BrakedRun], traffic: str, planner: str | None = None) -> int:
-    """Runs in which the ego was hit from behind."""
+    """Return runs in which the ego was hit from behind."""
     return sum(run.hit is not None for run in runs if run.traffic == traffic and planner in (None, run.planner))
 
 
 def rows(runs: Sequence[_BrakedRun]) -> list[tuple[str, str]]:
-    """Hits by planner, then every hit of reactive traffic."""
+    """Return hits by planner, then every hit of reactive traffic."""
     lines = []
     for planner in _BRAKES_AFTER_S:
         recorded, reactive = (rear_hits(runs, traffic, planner) for traffic in _MODES)
@@ -133,7 +133,7 @@ def _fresh_runs_of(draw: tuple[Path, int]) -> list[_BrakedRun]:
 
 
 def drawn_approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenario | None:
-    """The scenario with one of its cars as the ego, at a step at which another vehicle follows it; None without one."""
+    """Return the scenario with one of its cars as the ego, from a step with a follower; None without one."""
     return drawn_problem(
         loaded, draws, lambda problem, others: _has_follower(others, EgoState.of(problem.initial_state))
     )
@@ -252,7 +252,7 @@ class _BrakingFrom:
         self._braking.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of the other planner before the brake step, of the braking one from then on."""
+        """Return the other planner's plan before the brake step, and the braking one's from then on."""
         planner = self._planner if observation.ego.step < self.brake_step else self._braking
         return planner.plan(observation)
 

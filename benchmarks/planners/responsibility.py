@@ -53,7 +53,7 @@ class Collected:
         return (np.array(self.prediction) > 0) | (np.array(self.responsibility) > 0)
 
     def spearman(self) -> float:
-        """The rank correlation over all candidates."""
+        """Return the rank correlation over all candidates."""
         return float(spearmanr(self.prediction, self.responsibility).statistic)
 
     def spearman_with_either(self) -> float:
@@ -96,7 +96,7 @@ class _ListeningFrenetix(Frenetix):
 
 
 def starter_and_spread_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:
-    """All starter scenarios, then ``count`` files spread evenly over the folder."""
+    """Yield all starter scenarios, then ``count`` files spread evenly over the folder."""
     with (files("plannerforge.engine.catalog") / ARCHIVE).open("rb") as stream, zipfile.ZipFile(stream) as archive:
         for name in sorted(archive.namelist()):
             if name.endswith(".xml") and not name.endswith(".net.xml"):

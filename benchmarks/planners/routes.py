@@ -45,7 +45,7 @@ class _Tally:
 
 
 def _ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
-    """The lanelets of our route up to the goal; its reference path is built too."""
+    """Return the lanelets of our route up to the goal; its reference path is built too."""
     start = problem.initial_state
     position = np.asarray(start.position, dtype=float)
     route = find_route(network, problem.goal, position, float(start.orientation), ahead_m=BEYOND_GOAL_M)
@@ -54,7 +54,7 @@ def _ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, .
 
 
 def _problems_of(folder: Path, limit: int | None) -> "Iterator[tuple[LaneletNetwork, PlanningProblem]]":
-    """Every planning problem of every file of a folder with its network."""
+    """Yield every planning problem of every file of a folder with its network."""
     for path in scenario_files(folder, limit):
         loaded = read_scenario(path)
         for problem in loaded.planning_problems.planning_problem_dict.values():

@@ -8,7 +8,7 @@ the term fell or rose. Weights that are 0 in Default are 1e-6 here, so that thei
 In the closed loop a term may rise with its own weight, because another trajectory leads into other situations. A test
 checks that it never rises in the same situation.
 
-Keys: ``scenarios``, ``runs``, ``lost``, ``falls`` and ``rises`` (weights whose interval is below or above 0), and
+Keys: ``scenarios``, ``runs``, ``lost``, ``falls`` and ``rises`` (weights with an interval below or above 0), and
 ``shift_<weight>`` (median shift ÷ mean under Default).
 """
 
@@ -50,7 +50,7 @@ SCENARIOS, WORKERS = 30, 2
 
 
 def _raised(value: float) -> float:
-    """The weight that is compared with Default's."""
+    """Return the weight that is compared with Default's."""
     return FACTOR * value or INSTEAD_OF_ZERO
 
 
@@ -81,7 +81,7 @@ async def _measure(workspace: Path, folder: Path, scenarios: int | None) -> None
 
 
 def _own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str], dict[str, float]]:
-    """(configuration, scenario) → unweighted mean of each term over the planning steps of the run."""
+    """Return (configuration, scenario) → unweighted mean of each term over the planning steps of the run."""
     terms = {}
     for run_id in batch.runs:
         record = workspace.get(run_id, "run").read(RunRecord)

@@ -69,7 +69,7 @@ class Tally:
     left_out: int = 0
 
     def count(self, law: str) -> int:
-        """Findings that broke a law."""
+        """Return the number of findings that broke a law."""
         return sum(finding.fault.law == law for finding in self.findings)
 
     @property
@@ -325,7 +325,7 @@ async def _cancel_when_dead(running: Session, scope: anyio.CancelScope) -> None:
 
 
 async def _ask(running: Session, call: Call) -> str:
-    """The text of an answer, as a model reads it."""
+    """Return the text of an answer, as a model reads it."""
     if call.method == "archive":
         return await anyio.to_thread.run_sync(_unpacked, Path(call.name))
     if call.method == "resource":

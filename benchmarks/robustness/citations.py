@@ -176,7 +176,7 @@ class Course:
 
     @asynccontextmanager
     async def server(self, **settings: str) -> AsyncIterator[Model]:
-        """A server on the workspace, and the model behind its client."""
+        """Run a server on the workspace, and return the model that uses its client."""
         environment = {name: value for name, value in os.environ.items() if not name.startswith("PLANNERFORGE_")}
         environment |= {"HOME": str(self.folder), "PLANNERFORGE_WARM_UP": "false", "PLANNERFORGE_STARTER": "false"}
         environment |= {"PLANNERFORGE_MAPS_ONLINE": "offline"}
@@ -256,7 +256,7 @@ async def drive_maps(course: Course, model: Model) -> str:
 
 
 def _spoilt_scenarios(xml: str) -> Iterator[tuple[str, Poison, str]]:
-    """Yield scenarios whose refusal repeats their text: the poisoned part, the text, and the file."""
+    """Yield scenarios with a refusal that repeats their text: the poisoned part, the text, and the file."""
     poison = Poison("zqid")
     yield "benchmark id", poison, re.sub(r'benchmarkID="[^"]*"', lambda _: f"benchmarkID={_quoted(poison.text)}", xml)
     poison = Poison("zqkind")

@@ -67,7 +67,7 @@ class Seed:
 
 
 def hostile_files(seeds: Mapping[str, list[Seed]], chance: Chance) -> Iterator[HostileInput]:
-    """Inputs without an end, all from one seed of chance."""
+    """Yield endless inputs from one source of chance."""
     number = 0
     while True:
         number += 1
@@ -91,7 +91,7 @@ def hostile_files(seeds: Mapping[str, list[Seed]], chance: Chance) -> Iterator[H
 
 
 def mutated(seed: Seed, chance: Chance) -> tuple[bytes, str]:
-    """A mutant of a file, and the name of the mutation."""
+    """Return a mutant of a file, and the name of the mutation."""
     if seed.ending.endswith((".gz", ".bz2")):
         packed = _gzip if seed.ending.endswith(".gz") else bz2.compress
         if chance.random() < 0.5:
@@ -153,7 +153,7 @@ def _hostile_name(chance: Chance, ending: str) -> str:
 
 
 def _by_bytes(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """Bytes changed, cut, doubled or put in."""
+    """Change, cut, double or insert bytes."""
     data = bytearray(content)
     way = chance.choice(("flip", "cut", "double", "insert", "empty", "encoding", "zeros"))
     if way == "flip":
@@ -199,7 +199,7 @@ _MEMBERS = (
 
 
 def _by_members(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """An archive with other members: paths that lead outside, links, bombs, locked ones, many."""
+    """Return an archive with other members: paths that lead outside, links, bombs, locked ones, many."""
     packed = io.BytesIO()
     way = chance.choice(("names", "link", "bomb", "locked", "method", "many", "sizes"))
     with zipfile.ZipFile(io.BytesIO(content)) as old:
@@ -229,7 +229,7 @@ def _by_members(content: bytes, chance: Chance) -> tuple[bytes, str]:
 
 
 def _by_lines(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """A weight file with lines or numbers changed."""
+    """Change lines or numbers of a weight file."""
     lines = content.decode().splitlines()
     at = chance.randrange(len(lines))
     way = chance.choice(("number", "key", "line", "drop", "bomb", "tag", "deep", "many"))
@@ -266,7 +266,7 @@ def alias_bomb(levels: int, width: int, chance: Chance) -> bytes:
 
 
 def _by_nodes(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """XML with nodes deleted, doubled, swapped or nested, with numbers, references and texts changed."""
+    """Delete, double, swap or nest XML nodes, or change numbers, references and texts."""
     root = etree.fromstring(content, etree.XMLParser(huge_tree=True, resolve_entities=False))
     nodes = [node for node in root.iter() if isinstance(node.tag, str)]
     way = chance.choice(list(_WAYS))
@@ -315,7 +315,7 @@ def _number(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _number_of_kind(nodes: _Nodes, chance: Chance) -> None:
-    """All numbers under nodes of one name: every length, every time, every coordinate."""
+    """Change all numbers under nodes of one name: every length, every time, every coordinate."""
     tag, value = (
         chance.choice([node.tag for node in nodes if _is_number(node.text or "")] or ["x"]),
         chance.choice(_NUMBERS),
@@ -335,7 +335,7 @@ def _text(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _reference(nodes: _Nodes, chance: Chance) -> None:
-    """Ids and references: doubled, gone, huge, to themselves."""
+    """Change ids and references: doubled, missing, huge, to themselves."""
     named = [(node, key) for node in nodes for key in ("id", "ref", "from", "to", "lane", "edge") if key in node.attrib]
     if not named:
         return
@@ -364,7 +364,7 @@ def _far(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _many_problems(nodes: _Nodes, chance: Chance) -> None:
-    """Many planning problems, obstacles or streets of the same form."""
+    """Add many planning problems, obstacles or streets of the same form."""
     found = [
         node for node in nodes if node.tag in ("planningProblem", "obstacle", "dynamicObstacle", "way", "trafficSign")
     ]

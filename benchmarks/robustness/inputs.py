@@ -86,7 +86,7 @@ class HostileInput:
 
 
 def filled(value: Any, root: Path, outside: Path, made: str) -> Any:
-    """A value with its placeholders filled in."""
+    """Return a value with its placeholders filled in."""
     if isinstance(value, str):
         if "{" not in value:
             return value
@@ -123,7 +123,7 @@ def keep(folder: Path, number: int, hostile: HostileInput, failure: str, details
 
 
 def read_kept(path: Path) -> HostileInput:
-    """An input that was kept."""
+    """Return a stored input."""
     content = json.loads(path.read_text())
     return HostileInput(
         kind=content["kind"],

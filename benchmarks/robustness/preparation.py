@@ -31,7 +31,7 @@ class Prepared:
     seeds: dict[str, list[Seed]]
 
     def inputs(self, kind: str, chance: Chance) -> Iterator[HostileInput]:
-        """Hostile inputs of a kind without an end: of every hundred, arguments 70, files 28, known holes 2."""
+        """Yield endless hostile inputs of a kind: of every hundred, arguments 70, files 28, known holes 2."""
         arguments = hostile_arguments(self.surface, self.scenario_id, chance)
         files = hostile_files(self.seeds, chance)
         holes = hostile_holes(self.seeds, self.scenario_id, chance)

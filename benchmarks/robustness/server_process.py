@@ -179,7 +179,7 @@ class Session:
         return 1000 * max((ping.wait_s for ping in pings), default=0.0)
 
     def idle_ms(self) -> float:
-        """The median wait for a cheap call until now; nothing before is looked at any more."""
+        """Return the median wait for a cheap call so far, and forget the earlier ones."""
         waits = [ping.wait_s for ping in self._pings]
         self._pings = []
         return 1000 * statistics.median(waits or [0.0])
@@ -244,7 +244,7 @@ async def _keep_pinging(running: Session) -> None:
 
 
 def _queued_s(pid: int) -> float:
-    """For how long a process's main thread has stood ready without getting a core, and this one has or has run."""
+    """Return how long a process's main thread was ready without a core, and how long this one has or has run."""
     try:
         server, own = (Path(f"/proc/{each}/task/{each}/schedstat").read_text().split() for each in (pid, os.getpid()))
     except OSError:

@@ -39,7 +39,7 @@ HUGE_STRINGS = ("a" * 200_000, "straße " * 40_000, "ab" * 500_000, "\u0301" * 1
 
 
 def nested(depth: int, *, as_list: bool = True) -> Any:
-    """Lists or objects in each other."""
+    """Return lists or objects nested in each other."""
     value: Any = 1
     for _ in range(depth):
         value = [value] if as_list else {"op": value}
@@ -55,14 +55,14 @@ HUGE_OTHERS: tuple[Any, ...] = (["a"] * 20_000, [{}] * 5_000, [1] * 20_000, ["x"
 
 
 def any_value(chance: Chance) -> Any:
-    """A hostile value; a huge one in one of 250."""
+    """Return a hostile value, a huge one in one of 250."""
     if chance.random() < 0.004:
         return chance.choice([*HUGE_STRINGS, *HUGE_OTHERS])
     return chance.choice(chance.choice((NUMBERS, NUMBER_TEXTS, STRINGS, STRINGS, OTHERS)))
 
 
 def any_text(chance: Chance) -> str:
-    """A hostile text."""
+    """Return a hostile text."""
     return chance.choice(chance.choice((NUMBER_TEXTS, STRINGS, STRINGS)))
 
 
@@ -123,7 +123,7 @@ def interval(chance: Chance) -> str:
 
 
 def name(chance: Chance) -> str:
-    """A known name, one that is bent, or a hostile text."""
+    """Return a known name, a distorted one, or a hostile text."""
     known = chance.choice(_NAMES)
     bent = (known, known, known.upper(), known + " ", f"!{known}", known[::-1], known * 30, known + "\u200b")
     return chance.choice((*bent, any_text(chance)))

@@ -49,7 +49,7 @@ LARGE = 100_000
 
 
 async def _import_s(settings: Settings, folder: Path) -> float:
-    """Seconds to import all files into a new workspace."""
+    """Return seconds to import all files into a new workspace."""
     async with Client(create_server(settings, start_folder=folder)) as client:
         started = time.perf_counter()
         await ask_to_the_end(client, "import_files", path=str(folder))

@@ -61,7 +61,7 @@ USERS = ("truck", "motorcycle", "bicycle", "bus")
 
 
 def phrases(known: Sequence[Known]) -> list[tuple[dict[str, str], frozenset[str]]]:
-    """Each combination that some files satisfy, and not too many: its words by language, and the ids of those files."""
+    """Return each combination that some files, but not too many, satisfy: its text by language, and the files' ids."""
     found = []
     for tag, user in itertools.product((None, *TAGS), (None, *USERS)):
         if tag is None and user is None:
@@ -82,7 +82,7 @@ def phrases(known: Sequence[Known]) -> list[tuple[dict[str, str], frozenset[str]
 
 
 def embeds(name: str) -> tuple[Embed, Embed]:
-    """The functions that embed descriptions, and requests, by a model.
+    """Return the functions that embed descriptions, and requests, by a model.
 
     Raises:
         ImportError: a package that this model needs is not installed.
@@ -116,7 +116,7 @@ class Bench:
         self._phrases = phrases(known)
 
     def measure(self, name: str) -> dict[str, float]:
-        """The figures of a model."""
+        """Return the figures of a model."""
         begun = time.perf_counter()
         passage, query = embeds(name)
         query(["a truck"])

@@ -79,7 +79,7 @@ class _Start:
 
 
 def _even(line: Values, count: int = 40) -> Values:
-    """A line with evenly spaced points."""
+    """Return a line with evenly spaced points."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], count)
     return np.column_stack([np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])])
@@ -99,7 +99,7 @@ def _point(node: Any) -> Values:
 
 
 def _turned(angle: Values) -> Values:
-    """Angles between -π and π."""
+    """Return angles between -π and π."""
     wrapped: Values = (angle + math.pi) % (2 * math.pi) - math.pi
     return wrapped
 
@@ -466,7 +466,7 @@ class _EgoLane:
 
 
 def _run(inside: NDArray[np.bool_], index: int, direction: int) -> NDArray[np.int_]:
-    """The indices from one on, in a direction, while it stays on the same side of the lane's edge."""
+    """Return the indices from one on, in a direction, while it stays on the same side of the lane's edge."""
     end = index
     while 0 <= end + direction < len(inside) and inside[end + direction] == inside[index]:
         end += direction

@@ -154,7 +154,7 @@ async def _measure(scratch: Path, files: Sequence[Path], requests: Sequence[_Req
 
 
 async def _found(client: Client, feature: str | None) -> set[str]:
-    """The ids that a search by a feature names, on all pages; all there are without one."""
+    """Return the ids that a search by a feature names, on all pages; all there are without one."""
     found: set[str] = set()
     wish = {} if feature is None else {"features": [feature]}
     while True:

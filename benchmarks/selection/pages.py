@@ -50,12 +50,12 @@ class Answered:
 
 
 async def answer_all(client: Client, requests: Iterable[Request]) -> list[Answered]:
-    """Every request that has ground truth by its slots, all pages."""
+    """Return every request that has ground truth by its slots, all pages."""
     return [await _answered(client, request) for request in requests if request.expect in _VALID]
 
 
 async def search_ms(client: Client, requests: Iterable[Request]) -> list[float]:
-    """Milliseconds of every request by its slots: the whole tool with the stored search, as a client waits for it."""
+    """Return milliseconds of every request by its slots: the whole tool with the stored search, at the client."""
     return [
         await call_ms(client, "find_scenarios", **_words(arguments_of(request.truth), limit=5))
         for request in requests

@@ -51,7 +51,7 @@ class SelectionQuality:
         self._answerable = [one for one in requests if one.expect == "ok"]
 
     def measure(self, seeds: Sequence[int]) -> tuple[dict[str, float | int | str], list[tuple[str, str]]]:
-        """Figures by key, and rows of the table."""
+        """Return figures by key, and rows of the table."""
         tables = self._tables()
         rounds = []
         for seed in seeds:
@@ -125,7 +125,7 @@ class SelectionQuality:
         return _Spoiled(sum(extracts) / len(extracts), strict, fallback, with_text)
 
     def _found(self, arguments: FindScenariosArguments) -> tuple[list[str], list[str]]:
-        """The matches, and the matches or else the fallback."""
+        """Return the matches, and the matches or else the fallback."""
         search = Search(self._connection, arguments)
         ranking = self._ranking(search)
         answer = search.answer("search", search.find(ranking), ranking)

@@ -87,7 +87,7 @@ async def _first_search_s(server: StdioServerParameters) -> float:
 
 
 def make_catalog(path: Path, real: Sequence[ScenarioFacts], count: int) -> sqlite3.Connection:
-    """A database with ``count`` entries; every layer of an entry comes from another real scenario."""
+    """Return a database with ``count`` entries; every layer of an entry comes from another real scenario."""
     connection = sqlite3.connect(path, isolation_level=None)
     connection.execute("PRAGMA journal_mode = WAL")
     prepare(connection)

@@ -70,7 +70,7 @@ def measure(bench: ServeBench) -> Figures:
 
 
 async def _write_player(workspace: Path, file: Path) -> int:
-    """Have a scenario generated and write its player; how many vehicles it has."""
+    """Generate a scenario and write its player; return the number of its vehicles."""
     wanted = {"vehicles": [f"car={_CARS}..{_CARS}"], "density": "high", "duration_s": _DURATION_S, "seed": 1}
     async with Client(create_server(settings_for(workspace, workspace.parent, 1))) as client:
         (scenario,) = (await ask(client, "generate_scenarios", **wanted))["scenarios"]

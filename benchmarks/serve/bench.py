@@ -33,7 +33,7 @@ class ServeBench:
     pictures: Path | None = None
 
     def folder(self, name: str) -> Path:
-        """A new folder in the scratch."""
+        """Return a new folder in the scratch."""
         folder = self.scratch / name
         folder.mkdir()
         return folder

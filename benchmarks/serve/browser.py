@@ -29,7 +29,7 @@ class Box(NamedTuple):
     height: float
 
     def point(self, share: float = 0.5) -> tuple[float, float]:
-        """A point at half its height and a share of its width."""
+        """Return a point at half its height and a share of its width."""
         return self.left + share * self.width, self.top + self.height / 2
 
 
@@ -48,7 +48,7 @@ class Frame:
         return self._frame.evaluate(expression)
 
     def wait_for(self, expression: str) -> None:
-        """Until an expression is true; the page itself looks, once a frame."""
+        """Wait until an expression is true; the page itself checks it at each frame."""
         self.value(f"(async () => {{ while (!({expression})) await new Promise(requestAnimationFrame); }})()")
 
     def comes_true(self, expression: str, within_s: float) -> bool:
@@ -104,7 +104,7 @@ class Page(Frame):
             self.errors.append(f"{message.text} {message.location.get('url', '')}".strip())
 
     def frame(self, depth: int) -> Frame:
-        """The first frame in the page; the first frame in that, for each further step of depth."""
+        """Return the first frame in the page; the first frame in that, for each further step of depth."""
         found = self._page.main_frame
         for _ in range(depth):
             found = found.child_frames[0]
@@ -127,7 +127,7 @@ class Browser:
         self._browser = browser
 
     def open(self, url: str, width: int = 1280, height: int = 800, scheme: Any = "light") -> Page:
-        """A new page with a URL, once it is loaded."""
+        """Return a new page with a URL, once it is loaded."""
         context = self._browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
         context.set_default_timeout(1000 * _GUARD_S)
         opened = context.new_page()

@@ -103,7 +103,7 @@ class Said(Result):
     text: str
 
     def answer(self) -> Answer:
-        """The sentence."""
+        """Return the sentence."""
         return Answer(self.text)
 
 
@@ -174,7 +174,7 @@ class _FixtureSpec(ToolSpec):
     call: Callable[..., Awaitable[Any]] = greet
 
     def load_function(self) -> Callable[..., Awaitable[Any]]:
-        """The function."""
+        """Return the function."""
         return self.call
 
 
@@ -534,7 +534,7 @@ async def _asked_then_begun(
 
 
 def add_fixtures(server: Any) -> None:
-    """Have the server answer fixtures by name, and everything else as ever."""
+    """Make the server answer fixtures by name, and everything else as before."""
     protocol, known = server.protocol, {}
     for method in (
         "tools/list",

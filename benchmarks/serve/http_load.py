@@ -204,12 +204,12 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def tokens_of_clients(count: int) -> dict[str, str]:
-    """Names and tokens of clients: by its token a server tells a client without a session from others."""
+    """Return names and tokens of clients: a server identifies a client without a session by its token."""
     return {f"client-{number}": f"{number:02d}-" + "l" * 32 for number in range(count)}
 
 
 def token_settings(tokens: Mapping[str, str]) -> dict[str, str]:
-    """The variable that lets these clients in."""
+    """Return the variable that lets these clients in."""
     return {"PLANNERFORGE_HTTP_TOKENS": ",".join(f"{name} {token}" for name, token in tokens.items())}
 
 
@@ -242,7 +242,7 @@ def settled(memory: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 def slope_per_h(memory: list[tuple[float, float]]) -> float | None:
-    """Growth of memory after the warm-up in MB an hour, by least squares; None with fewer than two looks."""
+    """Return growth of memory after the warm-up in MB an hour, by least squares; None with fewer than two looks."""
     looks = settled(memory)
     if len(looks) < 2:
         return None

@@ -87,7 +87,7 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def _taken(folder: Path, install: Callable[[Path], None]) -> Taken:
-    """Go one way from nothing to the first answer; the environment is gone afterwards."""
+    """Install in one way from nothing to the first answer, and remove the environment afterwards."""
     environment, home = folder / "venv", folder / "home"
     home.mkdir(parents=True)
     begun = time.perf_counter()

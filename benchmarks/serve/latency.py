@@ -92,7 +92,7 @@ async def _measure(folder: Path) -> Figures:
 
 
 async def _times_ms(calls: Mapping[str, Callable[[], Awaitable[float]]]) -> dict[str, list[float]]:
-    """The times of calls by their keys; they take turns block by block."""
+    """Return the times of calls by their keys; they take turns block by block."""
     times = {name: list[float]() for name in calls}
     for call in calls.values():
         for _ in range(_WARM_UP):
@@ -118,7 +118,7 @@ async def _start_ratios(folder: Path) -> list[float]:
 
 
 async def _first_answer_s(server: StdioServerParameters) -> float:
-    """Seconds from the start of a server process to the answer to its first request."""
+    """Return seconds from the start of a server process to the answer to its first request."""
     started = time.perf_counter()
     async with Client(server) as client:
         await client.list_tools()

@@ -74,7 +74,7 @@ async def _measure(workspace: Path) -> None:
 
 
 async def _first_answer_s(server: StdioServerParameters) -> float:
-    """Seconds from the start of a server process to the answer to its first request."""
+    """Return seconds from the start of a server process to the answer to its first request."""
     started = time.perf_counter()
     async with Client(server) as client:
         await client.list_tools()
@@ -82,7 +82,7 @@ async def _first_answer_s(server: StdioServerParameters) -> float:
 
 
 async def _faults_s(server: StdioServerParameters, seed: int) -> tuple[float, float, float]:
-    """Seconds to the error after a worker was killed, to its end after a call was cancelled, to all ends after closing.
+    """Return seconds from a kill to the error, from a cancellation to the worker's end, and from closing to all ends.
 
     Each fault is provoked on a real server over stdio.
     """

@@ -76,7 +76,7 @@ def _read_facts(path: Path) -> ScenarioFacts:
 
 
 def _facts(asked: Asked) -> Answer:
-    """The facts of the catalogue, but for the computed features."""
+    """Return the facts of the catalogue without the computed features."""
     facts, frame = _read_facts(asked.path), asked.frame
     answer: Answer = {
         "scenario_id": facts.scenario_id,
@@ -115,7 +115,7 @@ def _ego(frame: Frame, ego: EgoFacts) -> Answer:
 
 
 def _features(asked: Asked) -> Answer:
-    """The computed features of every planning problem; left and right are the original's."""
+    """Return the computed features of every planning problem; left and right are the original's."""
     return {
         f"ego {asked.frame.element(ego.problem_id)}": tuple(sorted(map(asked.frame.sided, ego.features)))
         for ego in _read_facts(asked.path).egos
@@ -138,13 +138,13 @@ def _rules(asked: Asked) -> Answer:
 
 @lru_cache(maxsize=2)
 def _tracks_of(path: Path) -> tuple[dict[int, Track], dict[int, Track]]:
-    """The moving and the standing road users of a file."""
+    """Return the moving and the standing road users of a file."""
     recorded = read_recorded(path)
     return recorded.tracks, static_tracks(recorded.loaded.scenario, 0)
 
 
 def _recording(asked: Asked) -> Answer:
-    """The road users as the product reads them."""
+    """Return the road users as the product reads them."""
     moving, standing = _tracks_of(asked.path)
     answer: Answer = {}
     for track in moving.values():
@@ -193,7 +193,7 @@ def canonical(root: Any) -> bytes:
 
 
 def rewritten(path: Path, folder: Path) -> Path:
-    """The file as the product's document writes it when nothing was edited."""
+    """Return the file as the product's document writes it when nothing was edited."""
     document = ScenarioDocument.read(path)
     written = folder / f"rewritten-{path.name}"
     document.write(written, document.root.get("benchmarkID", ""))
@@ -275,7 +275,7 @@ def drawn_edit(path: Path, draw: random.Random) -> Edit | None:
 
 
 def _there(edit: Edit, frame: Frame, step_s: float) -> Edit:
-    """The edit in the terms of the changed file."""
+    """Return the edit in the terms of the changed file."""
     new = {old: there for there, old in frame.ids.items() if old not in frame.cut}
     changed: Answer = {"vehicles": [str(new.get(int(key), int(key))) for key in edit.vehicles]}
     if edit.at is not None:

@@ -46,7 +46,7 @@ class Task:
 
 
 def measure(task: Task) -> list[Case]:
-    """All cases of a task; relations that have nothing to change in the file make none."""
+    """Return all cases of a task; a relation that changes nothing in the file has none."""
     cases: list[Case] = []
     root = read_root(task.path)
     with tempfile.TemporaryDirectory() as name:
@@ -92,7 +92,7 @@ def _answer(judge: str, asked: Asked) -> Answer:
 
 
 def _document_case(relation: Relation, seed: str, original: Path, changed: Path, folder: Path) -> Case:
-    """Writing a file and changing it can be done in either order: the document keeps all that it does not touch."""
+    """Check that writing and changing a file commute: the document keeps everything that it does not touch."""
     one, _ = relation.applied(read_root(rewritten(original, folder)), seed)
     write_root(one, folder / "one.xml")
     same = canonical(read_root(folder / "one.xml")) == canonical(read_root(rewritten(changed, folder)))
@@ -117,7 +117,7 @@ _OF_THE_PROBLEM: Final = ("invalid_reason", "first_step", "refused", "raised")
 
 
 def _run_case(file: str, relation: Relation, before: Answer, after: Answer) -> Case:
-    """Runs are the same up to the step at which the planner chooses by rounding."""
+    """Check that runs are equal up to the step at which rounding decides the planner's choice."""
     keys = [key for key in sorted({*before, *after}) if key not in ("costs", "planned", "rejected")]
     if relation.name == "mirrored":
         keys = [key for key in keys if key in _OF_THE_PROBLEM]
@@ -248,7 +248,9 @@ def _other_route(before: Answer, after: Answer) -> bool:
 
 
 def tasks(files: Sequence[Path], cases: int, seed: int, *, dear: bool = True) -> Iterator[Task]:
-    """Tasks of about as many cases: every file in turn with some relations, so that each relation meets many files."""
+    """Return tasks with about as many cases: every file in turn with some relations, so that each relation meets many
+    files.
+    """
     names, cheap = sorted(RELATIONS), (*CHEAP, DOCUMENT)
     draw = random.Random(seed)  # noqa: S311 - nothing secret
     each = max(1, -(-cases // (len(cheap) * max(len(files), 1))))

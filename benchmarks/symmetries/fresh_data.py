@@ -174,7 +174,7 @@ def _extracts(folder: Path) -> tuple[Path, ...]:
 
 
 def _inside(nodes: dict[str | None, etree._Element], middle: etree._Element, sides: Sequence[float]) -> list[str]:
-    """Ids of the nodes in a box around one of them, in the order of the file."""
+    """Return ids of the nodes in a box around one of them, in the order of the file."""
     latitude, longitude = _position(middle)
     north = sides[0] / 2 / _METRES_A_DEGREE
     east = sides[1] / 2 / _METRES_A_DEGREE / math.cos(math.radians(latitude))
@@ -211,7 +211,7 @@ def _random_net(choice: random.Random, path: Path) -> None:
 
 
 def _netgenerate(choice: random.Random, options: Sequence[str], path: Path) -> None:
-    """A network by SUMO's program, laid on the Earth: its own have no georeference."""
+    """Generate a network by SUMO's program, and place it on the earth, because SUMO's has no georeference."""
     import sumo
 
     lights = choice.choice(["traffic_light", "priority", "right_before_left", "allway_stop"])
@@ -232,7 +232,7 @@ def _netgenerate(choice: random.Random, options: Sequence[str], path: Path) -> N
 
 
 def _town(choice: random.Random, path: Path) -> None:
-    """A drawn town: two or three of roundabout, ramp, lights and winding road, far enough apart, turned at random."""
+    """Draw a town: two or three of roundabout, ramp, lights and winding road, far enough apart, turned at random."""
     latitude = choice.uniform(-_FARTHEST_LATITUDE, _FARTHEST_LATITUDE)
     sketch = Sketch("Freshtown", latitude, choice.uniform(-179.0, 179.0))
     parts = choice.sample([_roundabout, _ramp, _lights, _winding], choice.randint(2, 3))
@@ -256,7 +256,7 @@ def _street(choice: random.Random) -> str:
 
 
 def _arm(choice: random.Random, start: Point, angle: float, length_m: float) -> list[Point]:
-    """A road outwards that bends a little at every of its points."""
+    """Add an outward road that bends a little at each of its points."""
     line, count = [start], choice.randint(1, 5)
     for _ in range(count):
         x, y = line[-1]
@@ -266,7 +266,7 @@ def _arm(choice: random.Random, start: Point, angle: float, length_m: float) -> 
 
 
 def _angles(choice: random.Random, count: int) -> list[float]:
-    """Directions of arms, evenly spaced but for a third of the space between them."""
+    """Return directions of arms, evenly spaced except for a third of the space between them."""
     space = 2 * math.pi / count
     return [space * (index + choice.uniform(-0.33, 0.33)) for index in range(count)]
 
@@ -382,7 +382,7 @@ def _odd_tags(choice: random.Random, root: etree._Element) -> None:
 
 
 def _odd_classes(choice: random.Random, root: etree._Element) -> None:
-    """Rings of links, areas, roads of every class: filters then leave out other roads than they usually do."""
+    """Add rings of links, areas, and roads of every class, so that filters leave out other roads than usual."""
     classes = [
         "tertiary_link",
         "motorway_link",
@@ -407,7 +407,7 @@ def _far_away(choice: random.Random, root: etree._Element) -> None:
 
 
 def _moved(choice: random.Random, root: etree._Element) -> None:
-    """The whole map over the antimeridian, or to a pole."""
+    """Move the whole map over the antimeridian, or to a pole."""
     nodes = [node for node in root.iterfind("node") if node.get("lat") and node.get("lon")]
     over, north = choice.random() < 0.6, choice.choice([90.0, -90.0])
     middle = _position(choice.choice(nodes))
@@ -470,7 +470,7 @@ def _request(choice: random.Random, source: Path) -> GenerationRequest:
 
 
 def _fresh_recording(seed: int, number: int, folder: Path) -> Path:
-    """A shared scenario with two to four disturbances, turned by any angle and moved."""
+    """Return a shared scenario with two to four disturbances, turned by any angle and moved."""
     files = {path.name: path for path in scenario_files(existing(shared_scenarios()), None)}
     order = drawn((f"{seed} {name}" for name in files), None)
     source = files[order[number % len(order)].partition(" ")[2]]
@@ -487,7 +487,7 @@ def _fresh_recording(seed: int, number: int, folder: Path) -> Path:
 
 
 def _written(root: etree._Element, key: str, folder: Path) -> Path:
-    """Write the file under a benchmark id made of the old one, whose country determines the signs, and of a key."""
+    """Write the file under a benchmark id made of a key and the old one, because planners read signs by its country."""
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256(key.encode()).hexdigest()
     root.set("benchmarkID", derived_benchmark_id(root.get("benchmarkID", ""), digest))
@@ -503,7 +503,7 @@ _FEWEST_STATES = 25
 _JITTER_M, _JITTER_KEPT = (0.005, 0.03), 0.7
 """Standard deviation of the jitter, and its correlation from one step to the next (chosen)."""
 _ASIDE_M, _WAVE_M, _LATERAL_MPS2 = (0.3, 1.5), (50.0, 150.0), 1.0
-"""Driving without lanes: amplitude to either side, its wavelength, and the highest added lateral acceleration (chosen)."""
+"""Driving without lanes: amplitude to either side, wavelength, and highest added lateral acceleration (chosen)."""
 _APART_M = 2.6
 """Distance of a parked car's centre from those of all recorded road users (chosen)."""
 _ALONE_S = 10.0
@@ -532,7 +532,7 @@ class _Recording:
 
 
 def _recordings(root: etree._Element) -> list[_Recording]:
-    """All that move; those with regions, intervals or signals are left as they are."""
+    """Return all moving road users, except those with regions, intervals or signals."""
     found = []
     for element in root:
         if element.find("trajectory") is None or element.find("signalSeries") is not None:
@@ -552,7 +552,7 @@ def _share(choice: random.Random, root: etree._Element, fewest_states: int = 2) 
 
 
 def _cut_recordings(choice: random.Random, root: etree._Element) -> None:
-    """Lost and found again as another road user, seen late, or not to the end."""
+    """Let road users be lost and reappear as others, appear late, or vanish early."""
     for one in _share(choice, root, 2 * _FEWEST_STATES):
         begin = choice.randint(_FEWEST_STATES, len(one.states) - _FEWEST_STATES)
         how = choice.choice(["again", "late", "early"])
@@ -566,7 +566,7 @@ def _cut_recordings(choice: random.Random, root: etree._Element) -> None:
 
 
 def _keep(element: etree._Element, begin: int, end: int | None) -> None:
-    """Leave only some states of a road user; the first of them is its initial state."""
+    """Keep only some states of a road user; the first of them becomes its initial state."""
     states = [*element.iterfind("initialState"), *element.iterfind("trajectory/state")]
     kept = states[begin:end]
     for state in states:
@@ -581,7 +581,7 @@ def _keep(element: etree._Element, begin: int, end: int | None) -> None:
 
 
 def _with_a_hole(choice: random.Random, root: etree._Element) -> None:
-    """A road user misses steps in the middle of its trajectory."""
+    """Remove time steps from the middle of a road user's trajectory."""
     for one in _share(choice, root, _FEWEST_STATES)[:1]:
         begin = choice.randint(2, len(one.states) - 10)
         for state in one.states[begin : begin + choice.randint(1, 8)]:
@@ -589,7 +589,7 @@ def _with_a_hole(choice: random.Random, root: etree._Element) -> None:
 
 
 def _jitter(choice: random.Random, root: etree._Element) -> None:
-    """Positions are off by some cm; headings and speeds, which trackers smooth, are not."""
+    """Shift positions by some cm, but not headings and speeds, which trackers smooth."""
     for one in _share(choice, root):
         noise = np.random.default_rng(choice.getrandbits(64)).normal(size=one.positions.shape)
         for before, here in pairwise(noise):  # rows of the array, changed in place
@@ -599,7 +599,7 @@ def _jitter(choice: random.Random, root: etree._Element) -> None:
 
 
 def _lane_less(choice: random.Random, root: etree._Element) -> None:
-    """Vehicles weave to either side of the way that they were recorded on; headings and speeds follow."""
+    """Let vehicles weave to either side of their recorded path; headings and speeds follow."""
     for one in _share(choice, root):
         if one.element.findtext("type") == "pedestrian" or length_m(one.positions) < _WAVE_M[0] / 2:
             continue
@@ -635,7 +635,9 @@ def _parked_row(choice: random.Random, root: etree._Element) -> None:
 
 
 def _pedestrians(choice: random.Random, root: etree._Element) -> None:
-    """They walk along the road on either side, in either direction, until the last step or to the end of the road."""
+    """Add pedestrians that walk along the road on either side, in either direction, until the last step or the
+    road's end.
+    """
     step_s = float(root.get("timeStepSize", "0.1"))
     lasts = (one.states[-1].findtext("time/exact") for one in _recordings(root))
     steps = max((int(text) for text in lasts if text), default=round(_ALONE_S / step_s))

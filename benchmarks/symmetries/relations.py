@@ -45,23 +45,23 @@ class Frame:
     added: int = 0
 
     def points(self, points: Array) -> Array:
-        """Points (n, 2) in m of the original."""
+        """Return points (n, 2) in m of the original."""
         cos, sin = math.cos(self.turned_rad), math.sin(self.turned_rad)
         away = np.asarray(points, dtype=float) - np.array(self.moved_m)
         back: Array = away @ np.array([[cos, -sin], [sin, cos]])
         return back * np.array([1.0, -1.0]) if self.mirrored else back
 
     def directions(self, headings_rad: Array) -> Array:
-        """Unit vectors (n, 2) of headings in the original; they know no whole turns."""
+        """Return unit vectors (n, 2) of headings in the original, which do not depend on full turns."""
         back = np.asarray(headings_rad, dtype=float) - self.turned_rad
         return np.stack([np.cos(back), np.sin(back) * (-1.0 if self.mirrored else 1.0)], axis=-1)
 
     def element(self, new_id: int) -> int:
-        """The id that an element has in the original."""
+        """Return an element's id in the original."""
         return self.ids.get(new_id, new_id)
 
     def way(self, lanelets: Iterable[int]) -> tuple[int, ...]:
-        """Lanelets in driving order; two parts of one are one."""
+        """Return lanelets in driving order; two parts of one are one."""
         there: list[int] = []
         for key in map(self.element, lanelets):
             if key not in self.cut or not there or there[-1] != key:
@@ -102,10 +102,10 @@ class Relation:
     change: Change
 
     def applied(self, root: Element, seed: str) -> tuple[Element, Frame]:
-        """A changed copy of the tree below ``<commonRoad>``; the same for the same seed.
+        """Return a changed copy of the tree below ``<commonRoad>``; the same for the same seed.
 
         Raises:
-            DoesNotApply: nothing is changed by it.
+            DoesNotApply: it changes nothing.
         """
         changed = copy.deepcopy(root)
         for comment in list(changed.iter(etree.Comment)):
@@ -116,7 +116,7 @@ class Relation:
 
 
 def read_root(path: Path) -> Element:
-    """The root element of a file, white space between elements left out."""
+    """Return the root element of a file without white space between elements."""
     return etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True, remove_blank_text=True)).getroot()
 
 
@@ -146,14 +146,14 @@ def _moved(root: Element, draw: random.Random) -> Frame:
 
 
 def _turned(root: Element, draw: random.Random) -> Frame:
-    """The whole file is turned by any angle about the origin of its coordinates."""
+    """Turn the whole file by any angle about the origin of its coordinates."""
     frame = Frame(turned_rad=draw.uniform(-math.pi, math.pi))
     _transform(root, frame)
     return frame
 
 
 def _mirrored(root: Element, _draw: random.Random) -> Frame:
-    """Left is right: traffic that kept right keeps left."""
+    """Mirror the file, so that right-hand traffic becomes left-hand traffic."""
     frame = Frame(mirrored=True)
     _transform(root, frame)
     for lanelet in root.iterfind("lanelet"):
@@ -266,7 +266,7 @@ def _swap(parent: Element, one: str, other: str) -> None:
 
 
 def _swap_left_of(intersection: Element) -> None:
-    """Whoever was left of an arm has it on his left now. References to arms that are not there stay."""
+    """Swap the left neighbours of arms; references to missing arms stay."""
     incomings = {incoming.get("id"): incoming for incoming in intersection.iterfind("incoming")}
     pairs = []
     for key, incoming in incomings.items():
@@ -281,7 +281,7 @@ def _swap_left_of(intersection: Element) -> None:
 
 
 def _whole_turns(root: Element, draw: random.Random) -> Frame:
-    """Headings of obstacles are given with a whole turn more or less."""
+    """Add or subtract a full turn in headings of obstacles."""
     states = [
         heading
         for tag in _OBSTACLES
@@ -321,13 +321,13 @@ def _renumber(root: Element, new: Mapping[int, int]) -> Frame:
 
 
 def _renumbered(root: Element, draw: random.Random) -> Frame:
-    """Other numbers in the same order, wherever they are referred to."""
+    """Renumber in the same order, including all references."""
     start, factor = draw.randrange(1, 5000), draw.randrange(2, 9)
     return _renumber(root, {old: start + factor * rank for rank, old in enumerate(_ids(root))})
 
 
 def _shuffled_ids(root: Element, draw: random.Random) -> Frame:
-    """The numbers of the file, dealt out anew; those of planning problems stay, because the lowest is the first."""
+    """Shuffle the numbers of the file, except those of planning problems, because the lowest is the first."""
     problems = {int(problem.get("id", "0")) for problem in root.iterfind("planningProblem")}
     old = [key for key in _ids(root) if key not in problems]
     return _renumber(root, dict(zip(old, draw.sample(old, len(old)), strict=True)))
@@ -368,9 +368,9 @@ def _shuffle(parent: Element, tag: str, draw: random.Random) -> None:
 
 
 def _later(root: Element, _draw: random.Random) -> Frame:
-    """Everything happens some steps later. Standing obstacles, which are there at any time, keep their step.
+    """Shift everything by some steps. Standing obstacles, which exist at any time, keep their step.
 
-    CommonRoad's schema wants every first state at step 0; readers, and files in which vehicles enter later, do not.
+    CommonRoad's schema requires every first state at step 0; readers, and files with later entries, do not.
     """
     holders = [*root.iterfind("dynamicObstacle"), *root.iterfind("planningProblem"), *root.iterfind("phantomObstacle")]
     holders += [one for one in root.iterfind("obstacle") if one.findtext("role") != "static"]
@@ -392,14 +392,14 @@ def _numbers(root: Element) -> list[Element]:
 
 
 def _digits(root: Element, draw: random.Random) -> Frame:
-    """The same numbers with more digits: zeros behind them."""
+    """Append zeros to the numbers."""
     for number in _numbers(root):
         number.text = (number.text or "").strip() + "0" * draw.randrange(1, 5)
     return Frame()
 
 
 def _rounded(root: Element, _draw: random.Random) -> Frame:
-    """Numbers with at most six decimals, as other writers give them."""
+    """Round numbers to at most six decimals, as other writers do."""
     changed = False
     for number in _numbers(root):
         exact = Decimal((number.text or "").strip())
@@ -522,7 +522,9 @@ def _lead_to_parts(root: Element, second: Mapping[int, int]) -> None:
 
 
 def _other_format(root: Element, _draw: random.Random) -> Frame:
-    """The other version of CommonRoad's XML. 2018b has no signs but speed limits, no lights, stop lines, junctions."""
+    """Return the other version of CommonRoad's XML. 2018b has only speed limits, and no lights, stop lines,
+    junctions.
+    """
     if root.get("commonRoadVersion") == "2018b":
         _to_2020a(root)
     elif root.get("commonRoadVersion") == "2020a":

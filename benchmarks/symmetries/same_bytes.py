@@ -49,7 +49,7 @@ class _Digests:
         self.answers[name] = self._plain(f"{answer_text(result)}\n{structure}")
 
     def files(self) -> dict[str, str]:
-        """A digest of each file of each artifact; JSON without its durations."""
+        """Return a digest of each file of each artifact, with JSON stripped of its durations."""
         kept = (self.workspace / kind for kind in ("scenarios", "runs", "configs", "batches", "maps"))
         files = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
         return {str(path.relative_to(self.workspace)): self._digest(path) for path in files if path.name != _TIMING}

@@ -87,7 +87,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[_Cluster]:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many runs."""
+    """Measure the keys above; a limit restricts the number of runs."""
     count = bench.limit or RUNS
     truth, alone_s = anyio.run(_batch, bench, "alone", count, "")
     made: list[Rows] = []
@@ -110,7 +110,7 @@ def measure(bench: SeededBench) -> Figures:
 async def _batch(
     bench: SeededBench, name: str, count: int, address: str, victim: "subprocess.Popen[bytes] | None" = None
 ) -> tuple[Rows, float]:
-    """The rows of a batch in a workspace of that name, and the seconds it took."""
+    """Return the rows of a batch in a workspace of that name, and the seconds it took."""
     folder = bench.scratch / name
     settings = settings_for(folder, bench.shared, 1).model_copy(update={"cluster": address})
     async with Client(create_server(settings)) as client:

@@ -16,7 +16,7 @@ _GIGABYTES = 5
 
 
 def _straight_on(request: dict[str, Any]) -> dict[str, Any]:
-    """An answer by docs/own_planner.md: the present course and speed, until after the goal's time."""
+    """Return an answer by docs/own_planner.md: the present course and speed, until after the goal's time."""
     ego, count = request["ego"], request["last_step"] - request["first_step"] + 20
     away = [ego["speed_mps"] * request["step_s"] * index for index in range(count)]
     return {

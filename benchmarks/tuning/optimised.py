@@ -14,8 +14,8 @@ Keys:
   default on the same.
 - ``default_success``, ``safety_success``, ``optimised_success``, and the same with ``_collisions``: the shares
   themselves, that is, the paper's table of presets and the found one.
-- ``optimised_told``: searches whose answer says *is better*; ``optimised_found``: searches with an improvement in
-  training; ``optimised_scenarios``: number of held-out scenarios.
+- ``optimised_told``: searches with an answer that says *is better*; ``optimised_found``: searches with an improvement
+  in training; ``optimised_scenarios``: number of held-out scenarios.
 """
 
 import random
@@ -62,7 +62,7 @@ _Ends = Mapping[str, tuple[bool, bool]]
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios."""
+    """Measure the keys above; a limit restricts the number of scenarios."""
     return anyio.run(_measured, bench)
 
 
@@ -155,7 +155,7 @@ def _rows(base: _Ends, best: _Ends, safety: _Ends) -> dict[str, tuple[float, ...
 
 
 def place_interval(gains: Mapping[str, float], seed: int) -> tuple[float, float]:
-    """The 95 % interval of a mean over scenarios: places are drawn with replacement."""
+    """Return the 95 % interval of a mean over scenarios, with places drawn with replacement."""
     places: dict[str, list[float]] = {}
     for name, gain in gains.items():
         places.setdefault(road_of(name), []).append(gain)

@@ -36,7 +36,7 @@ _LIMITS = {"time_s": 4, "output_mb": 1, "folder_mb": 8}
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above."""
+    """Measure the keys above."""
     folder = bench.folder("own planners")
     settings = folder / "settings" / "plannerforge"
     settings.mkdir(parents=True)
@@ -60,14 +60,14 @@ def measure(bench: SeededBench) -> Figures:
 
 
 def _section(name: str) -> str:
-    """The section of the settings file for a program."""
+    """Return the section of the settings file for a program."""
     limits = "".join(f"{key} = {value}\n" for key, value in _LIMITS.items())
     command = json.dumps([sys.executable, "-S", str(_PROGRAM), name])
     return f'[planners.{name}]\nsummary = "a program that {name}"\ncommand = {command}\n{limits}\n'
 
 
 def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
-    """The structured answer of a tool, called by the command line.
+    """Return the structured answer of a tool called by the command line.
 
     Raises:
         RuntimeError: the call failed.

@@ -76,7 +76,7 @@ _DRAWS = 4000
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many primitives and scenarios.
+    """Measure the keys above; a limit restricts the numbers of primitives and scenarios.
 
     Raises:
         LeftOut: casadi is not installed.
@@ -112,7 +112,7 @@ class _Recorder:
         self._planner.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The planner's plan."""
+        """Return the planner's plan."""
         self.asked.append((self._task, observation))
         return self._planner.plan(observation)
 
@@ -125,7 +125,7 @@ def _situations(path: Path) -> list[tuple[PlanningTask, Observation]]:
 
 
 def _primitives(solve: PrimitiveProblem, seed: int, count: int) -> dict[str, float]:
-    """Misses and times."""
+    """Return errors and times."""
     network, choice = PrimitiveNetwork.shipped(), np.random.default_rng(HELD_OUT_SEED)
     inputs = np.array([drawn_inputs(choice) for _ in range(count)])
     choice = np.random.default_rng(seed)
@@ -173,7 +173,7 @@ def _driven(curvature: Points, speed: Points) -> tuple[Values, Values, Values]:
 
 
 def _ends(inputs: Points, duration_s: Values, chord_m: Values) -> PrimitiveEnds:
-    """The ends of scaled problems in metres and seconds."""
+    """Return the ends of scaled problems in metres and seconds."""
     return PrimitiveEnds(
         duration_s=duration_s,
         x_m=chord_m * np.cos(inputs[:, 2]),
@@ -185,7 +185,7 @@ def _ends(inputs: Points, duration_s: Values, chord_m: Values) -> PrimitiveEnds:
 
 
 def _largest_slip_rad(network: PrimitiveNetwork, inputs: Values, duration_s: float, chord_m: float) -> float:
-    """The largest angle between the heading of a closed primitive and the way it moves, in steps of 5 ms."""
+    """Return the largest angle between the heading and the motion of a closed primitive, in steps of 5 ms."""
     times = np.arange(0.0, duration_s, 0.005)
     ends = _ends(inputs[None], np.array([duration_s]), np.array([chord_m]))
     made, _ = motion_primitives(network, inputs[0] * chord_m / duration_s, inputs[1] / chord_m, ends, times)
@@ -198,7 +198,7 @@ def _largest_slip_rad(network: PrimitiveNetwork, inputs: Values, duration_s: flo
 def _times(
     network: PrimitiveNetwork, solve: PrimitiveProblem, inputs: Points, duration_s: Values, chord_m: Values
 ) -> dict[str, float]:
-    """Processor time in µs for one of 1,000 primitives that begin alike, by the three ways."""
+    """Return processor time in µs for one of 1,000 primitives with the same start, by the three methods."""
     rows = np.resize(np.arange(len(inputs)), _TIMED)
     ends = _ends(inputs[rows], np.round(duration_s[rows] / _GRID_S) * _GRID_S, chord_m[rows])
     first, bend = float(np.median(inputs[:, 0] * chord_m / duration_s)), float(np.median(inputs[:, 1] / chord_m))
@@ -227,11 +227,11 @@ def _us(make: Callable[[], object], count: int, repeats: int) -> float:
 
 
 def _quintics(speed_mps: float, curvature: float, ends: PrimitiveEnds, times_s: Values) -> Mapping[str, Points]:
-    """Quintic polynomials in x and y to n ends, at m times: position, heading, speed and curvature, each (n, m).
+    """Return quintic polynomials in x and y to n ends, at m times: position, heading, speed and curvature, each (n, m).
 
-    The accelerations at both ends are those across the heading alone, curvature · speed². The coefficients of a quintic
-    between two positions, velocities and accelerations are in Takahashi et al., "Local path planning and motion control
-    for AGV in positioning" (IROS 1989).
+    The accelerations at both ends are only the lateral ones, curvature · speed². The coefficients of a quintic between
+    two positions, velocities and accelerations are in Takahashi et al., "Local path planning and motion control for AGV
+    in positioning" (IROS 1989).
     """
     total = ends.duration_s
     cos, sin = np.cos(ends.turn_rad), np.sin(ends.turn_rad)

@@ -144,7 +144,7 @@ class ReferenceRun:
 
     @classmethod
     def of(cls, answer: Mapping[str, Any]) -> "ReferenceRun":
-        """The run of a line of the driver."""
+        """Return the run in a line of the driver."""
         steps = None
         if "x_m" in answer:
             names = ("first_step", "x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2")
@@ -286,10 +286,10 @@ def _last_rejected(steps: RunSteps) -> dict[str, int]:
 
 
 def measure(bench: TuningBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios.
+    """Measure the keys above; a limit restricts the number of scenarios.
 
     Raises:
-        LeftOut: no checkout or no interpreter was named.
+        LeftOut: no checkout or no interpreter was given.
     """
     with both_loops(bench, "reference") as loops:
         loops.warm_up(bench)
@@ -338,17 +338,17 @@ def _agreement(begin: str, pairs: Sequence[Pair]) -> dict[str, float | int]:
 
 
 def drawn_scenarios(bench: TuningBench) -> list[Path]:
-    """Public scenarios that the seed draws; with a limit, the first so many of the same."""
+    """Return public scenarios drawn by the seed; a limit takes the first of the same ones."""
     files = scenario_files(bench.shared / "data" / "commonroad", None)
     return random.Random(bench.seed).sample(files, len(files))[: bench.limit or SCENARIOS]  # noqa: S311 - no secret
 
 
 @contextmanager
 def both_loops(bench: TuningBench, name: str) -> Iterator["Loops"]:
-    """Both loops, each in a process of its own; the log of the reference's is kept in the scratch.
+    """Open both loops, each in its own process; the reference's log stays in the scratch folder.
 
     Raises:
-        LeftOut: no checkout or no interpreter was named.
+        LeftOut: no checkout or no interpreter was given.
     """
     if bench.reference is None or bench.reference_python is None:
         raise LeftOut("name a checkout of Frenetix-Motion-Planner (--reference) and its Python (--reference-python)")
@@ -410,9 +410,9 @@ class Loops:
     def theirs(
         self, path: Path, config: str, prediction: Literal["ground_truth", "walenet"], *, sees_behind: bool = False
     ) -> ReferenceRun:
-        """A run of the reference; one that takes too long or ends its process is a fault.
+        """Return a run of the reference; a timeout or the end of its process is a fault.
 
-        As it is configured it does not see followers in a cone behind the ego.
+        By default it does not see followers in a cone behind the ego.
         """
         asked = {
             "scenario": str(path.resolve()),
@@ -426,12 +426,12 @@ class Loops:
             return ReferenceRun(str(reason), "", "")
 
     def ours(self, path: Path, config: str, prediction: Prediction) -> OwnRun:
-        """A run of our loop."""
+        """Return a run of our loop."""
         return self.own.submit(drive_here, path, config, prediction).result()
 
 
 def drive_here(path: Path, config: str, prediction: Prediction) -> OwnRun:
-    """A run of our loop from the file on, with its time."""
+    """Return a run of our loop from the file on, with its time."""
     request = RunRequest(
         run_id="run_beside",
         scenario_path=str(path),
@@ -445,7 +445,7 @@ def drive_here(path: Path, config: str, prediction: Prediction) -> OwnRun:
 
 
 def drive_alike_here(path: Path) -> OwnRun:
-    """A run of our loop by the reference's two rules, the future known."""
+    """Return a run of our loop by the reference's two rules, the future known."""
     began, loaded = Spent.now(), read_scenario(path)
     planner, configuration = AsTheReference(), built_in(DEFAULT)
     driven = simulate(loaded.scenario, loaded.problem(None), configuration, planner, "ground_truth", silent)
@@ -462,7 +462,7 @@ class AsTheReference(Frenetix):
         super().__init__(desired_speed=ReferenceDesiredSpeed.of)
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of Frenetix without the followers."""
+        """Return the plan of Frenetix without the followers."""
         seen = [one for one in observation.obstacles if not follows(one.positions[0], observation.ego)]
         return super().plan(replace(observation, obstacles=tuple(seen)))
 
@@ -496,10 +496,10 @@ class _Replay:
         self._values = [np.array(values) for values in (log.heading_rad, log.speed_mps, log.acceleration_mps2)]
 
     def reset(self, task: PlanningTask) -> None:
-        """Nothing to prepare."""
+        """Do nothing."""
 
     def plan(self, observation: Observation) -> Plan:
-        """The rest of the log."""
+        """Return the rest of the log."""
         begin = observation.ego.step - self._first
         if begin + 1 >= len(self._positions):
             return Plan(None, rejected={"log_over": 1})

@@ -60,7 +60,7 @@ def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:
 
 
 def _simulation(asked: dict[str, Any], root: str) -> Any:
-    """Its simulation, set up as its own start script does."""
+    """Return its simulation, set up as its own start script does."""
     from cr_scenario_handler.simulation.simulation import Simulation
     from cr_scenario_handler.utils.configuration_builder import ConfigurationBuilder
     from omegaconf import OmegaConf
@@ -133,7 +133,7 @@ def _met(simulation: Any) -> str:
 
 
 def _states(recorded: list[Any], behind_m: float) -> dict[str, Any]:
-    """The driven states; it plans for the rear axle, handed over is the centre."""
+    """Return the driven states; it plans for the rear axle, handed over is the centre."""
     return {
         "first_step": int(recorded[0].time_step),
         "x_m": [float(state.position[0] + behind_m * math.cos(state.orientation)) for state in recorded],
@@ -154,7 +154,7 @@ def _left_out(folder: Path) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """The error, and the function that raised it."""
+    """Return the error, and the function that raised it."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next

@@ -21,7 +21,7 @@ Key = tuple[str, str, str]
 
 
 def measure(bench: TuningBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios.
+    """Return the keys above; with a limit, on so many scenarios.
 
     Raises:
         LeftOut: no checkout or no interpreter was named.
@@ -46,7 +46,7 @@ def measure(bench: TuningBench) -> Figures:
 
 
 def figures(endings: Mapping[Key, Sequence[Ending]]) -> dict[str, float | int | str]:
-    """The keys of the module, of how the same scenarios end in the same order."""
+    """Return the keys of the module, of how the same scenarios end in the same order."""
     found: dict[str, float | int | str] = {"reference_preset_scenarios": max(map(len, endings.values()), default=0)}
     for key, ends in endings.items():
         begin = "_".join(key)

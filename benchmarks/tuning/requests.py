@@ -52,7 +52,7 @@ Weights = Mapping[str, float]
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many lines."""
+    """Return the keys above; with a limit, of so many lines."""
     return anyio.run(_measured, bench)
 
 
@@ -89,7 +89,7 @@ async def _measured(bench: SeededBench) -> Figures:
 
 
 async def _context(client: Client, line: EvalRequest) -> Any:
-    """The configuration that is in force before a request, as its answer."""
+    """Return the configuration that is in force before a request, as its answer."""
     context = line.context
     given = {**context.get("weights", {}), **context.get("overrides", {})}
     weights = [f"{name}={value}" for name, value in given.items()]
@@ -98,7 +98,7 @@ async def _context(client: Client, line: EvalRequest) -> Any:
 
 
 def _changes(truth: Mapping[str, Any]) -> Iterator[str]:
-    """The changes of weights that a truth comes to, as the tool takes them."""
+    """Yield the changes of weights that a truth comes to, as the tool takes them."""
     for name, value in truth.get("explicit", {}).items():
         yield f"{name}={value}"
     for name, change in truth.get("relative", {}).items():
@@ -135,7 +135,7 @@ async def _is_refused(client: Client, line: EvalRequest, arguments: Mapping[str,
 
 
 def _read(text: str) -> dict[str, float]:
-    """All weights of a configuration's file, the external ones with them."""
+    """Return all weights of a configuration's file, the external ones with them."""
     content = yaml.safe_load(text)
     sections = [content[name] for name in ("cost_weights", "external_cost_weights") if name in content]
     return {name: float(value) for section in sections for name, value in section.items()}

@@ -29,7 +29,7 @@ _NAMES = ("prediction", "velocity_offset", "distance_to_obstacles", "jerk", "res
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many seeds."""
+    """Return the keys above; with a limit, of so many seeds."""
     seeds = range(bench.seed, bench.seed + (bench.limit or CASES))
     made = [_made(seed) for seed in seeds]
     real = anyio.run(_real, bench, list(seeds[:REAL_CASES]))

@@ -74,7 +74,7 @@ STAGES = {
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many runs."""
+    """Return the keys above; with a limit, of so many runs."""
     files = scenario_files(bench.shared / "data" / "commonroad", bench.limit or RUNS)
     one, two = (anyio.run(_batch, bench, files, workers) for workers in (1, 2))
     return {
@@ -94,7 +94,7 @@ def _presets() -> list[str]:
 
 
 async def _batch(bench: SeededBench, files: Sequence[Path], workers: int) -> dict[str, float]:
-    """Times of a batch on so many workers, and of the first run of another one."""
+    """Return times of a batch on a number of workers, and of the first run of another one."""
     folder = bench.scratch / f"speed {workers}"
     async with Client(create_server(settings_for(folder, bench.shared, workers))) as client:
         await import_scenarios(client, files)
@@ -120,14 +120,14 @@ async def _batch(bench: SeededBench, files: Sequence[Path], workers: int) -> dic
 
 
 def _processor_s() -> dict[str, float]:
-    """Processor time of this process, in which the server is, and of its workers."""
+    """Return the processor time of this process, which contains the server, and of its workers."""
     own = psutil.Process()
     workers = [child.cpu_times() for child in own.children() if child.status() != psutil.STATUS_ZOMBIE]
     return {"server": time.process_time(), "workers": sum(times.user + times.system for times in workers)}
 
 
 async def _first_run_s(client: Client, folder: Path, names: Sequence[str]) -> float:
-    """From the call for a batch to the beginning of its first run; the batch is cancelled."""
+    """Return the time from the call for a batch to the start of its first run, and cancel the batch."""
     known, began = set((folder / "runs").rglob("timing.json")), time.time()
     job = await ask(
         client, "run_planner", scenarios=list(names), configs=_presets(), prediction="ground_truth", wait_s=0
@@ -148,7 +148,7 @@ def _names(folder: Path) -> list[str]:
 
 
 def _stages(files: Sequence[Path], recordings: Path) -> dict[str, float]:
-    """The share of each stage in the time of runs in this process, which keeps recordings as a worker does."""
+    """Return the share of each stage in the time of runs in this process, which keeps recordings as a worker does."""
     with mock.patch.dict(os.environ, {"PLANNERFORGE_RECORDINGS": str(recordings)}):
         for path in files:
             _run(path)
@@ -176,7 +176,7 @@ def _run(path: Path) -> None:
 
 @contextmanager
 def _timed(spent: dict[str, float]) -> Iterator[None]:
-    """Within the block the time of each stage is added up, and that of the core as the plans tell it."""
+    """Sum the time of each stage within the block, with the core's as the plans report it."""
     with ExitStack() as patches:
         for stage, targets in STAGES.items():
             for target in targets:

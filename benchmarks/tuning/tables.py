@@ -41,7 +41,7 @@ PREDICTIONS: tuple[Prediction, ...] = ("constant_velocity", "ground_truth")
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios."""
+    """Return the keys above; with a limit, on so many scenarios."""
     return anyio.run(_measured, bench)
 
 
@@ -67,7 +67,7 @@ async def _measured(bench: SeededBench) -> Figures:
 
 
 def _rows(own: Mapping[str, Sequence[RunRecord]], seed: int) -> str:
-    """A row of the table for each planner."""
+    """Return a row of the table for each planner."""
     first = next(iter(own))
     lines = []
     for planner, records in own.items():
@@ -78,7 +78,7 @@ def _rows(own: Mapping[str, Sequence[RunRecord]], seed: int) -> str:
 
 
 def _figures(own: Mapping[str, Sequence[RunRecord]], prediction: Prediction, preset: int) -> dict[str, float]:
-    """The keys of one prediction and preset."""
+    """Return the keys of one prediction and preset."""
     found: dict[str, float] = {}
     for planner, records in own.items():
         reached, hit = (
@@ -92,7 +92,7 @@ def _figures(own: Mapping[str, Sequence[RunRecord]], prediction: Prediction, pre
 
 
 def _share(records: Sequence[RunRecord], outcome: str) -> str:
-    """The share of an outcome in per cent with Wilson's interval."""
+    """Return the share of an outcome in per cent with Wilson's interval."""
     count, of = sum(one.outcome == outcome for one in records), len(records)
     if not of:
         return "–"
@@ -101,7 +101,7 @@ def _share(records: Sequence[RunRecord], outcome: str) -> str:
 
 
 def _difference(first: Sequence[RunRecord], other: Sequence[RunRecord], seed: int) -> str:
-    """Success of the other less that of the first, in points, over the scenarios of both."""
+    """Return the success of the other minus that of the first, in points, over the scenarios of both."""
     sides = [{record.scenario_id: record.outcome == "goal_reached" for record in side} for side in (first, other)]
     flips = np.array([float(sides[1][name]) - sides[0][name] for name in sorted(sides[0].keys() & sides[1].keys())])
     if not len(flips):

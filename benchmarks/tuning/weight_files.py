@@ -25,7 +25,7 @@ _NUMBERS = ("0", "0.0", "0.20", "1", "5.0", "1e-1", ".5", "2.50", "+3.0")
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many files."""
+    """Return the keys above; with a limit, of so many files."""
     return anyio.run(_measured, bench)
 
 
@@ -49,7 +49,7 @@ async def _measured(bench: SeededBench) -> Figures:
 
 
 def _made(choice: random.Random) -> tuple[str, Mapping[str, str], str]:
-    """A file, the changes, and the file with them; a changed number is written in its shortest form with a dot."""
+    """Return a file, the changes, and the changed file; a changed number has its shortest form with a dot."""
     names = list(preset_configuration("frenetix").weights)
     choice.shuffle(names)
     changed = {name: choice.choice(("7.0", "0.35", "12.5")) for name in choice.sample(names, choice.randint(0, 4))}

@@ -173,7 +173,7 @@ _APART_M, _LEAST_M = 15.0, 0.5
 
 
 def _middle(edge: Any) -> tuple[Line, Line]:
-    """Position and direction in the middle of a road's lanes."""
+    """Return position and direction in the middle of a road's lanes."""
     lines = [np.array(lane.getShape(), dtype=float)[:, :2] for lane in edge.getLanes()]
     line = lines[0]
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])

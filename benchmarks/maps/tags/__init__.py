@@ -2,8 +2,8 @@
 
 Keys:
 
-- ``tags_right``: share of drawn crossings (``osm_tags.tsv``) whose west arm matches OpenStreetMap's documentation of
-  its tags, or for which the answer reports that it does not; ``tags_held_right``: the same for the held-out ones;
+- ``tags_right``: share of drawn crossings (``osm_tags.tsv``) with a west arm that matches OpenStreetMap's documentation
+  of its tags, or for which the answer reports that it does not; ``tags_held_right``: the same for the held-out ones;
   ``tags_drawn``, ``tags_told`` (not as documented, but reported), ``tags_wrong`` (the first ones).
 - ``limits_right``: share of countries and kinds of road (town street, road outside, motorway, all without a signed
   limit) that get the country's legal limit; ``limits_wrong`` lists the others.
@@ -94,7 +94,7 @@ def drawn_cases() -> list[dict[str, str]]:
 
 
 def legal_limits() -> list[dict[str, str]]:
-    """The table of limits: ``country``, ``town``, ``rural``, ``motorway``."""
+    """Return the table of limits: ``country``, ``town``, ``rural``, ``motorway``."""
     rows = _LIMITS.replace("\n", "|").split("|")
     return [
         dict(zip(("country", "town", "rural", "motorway"), row.split(), strict=True)) for row in rows if row.strip()
@@ -238,15 +238,15 @@ class _Arm:
         return not any(set(lanelet.users) & {"car", "truck", "bus"} for lanelet in (*self._in, *self._out))
 
     def cars(self, inward: bool) -> int:
-        """The lanes in a direction that are open to cars, at the junction."""
+        """Return the lanes in a direction that are open to cars, at the junction."""
         return sum("car" in each.users for each in self._near(self._in if inward else self._out))
 
     def lanes(self, inward: bool) -> int:
-        """The lanes in a direction that are open to cars or buses, at the junction."""
+        """Return the lanes in a direction that are open to cars or buses, at the junction."""
         return sum(bool({"car", "bus"} & set(each.users)) for each in self._near(self._in if inward else self._out))
 
     def widths(self) -> list[float]:
-        """The widths of all lanes in m."""
+        """Return the widths of all lanes in m."""
         return [
             float(np.median(np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
             for lanelet in (*self._in, *self._out)

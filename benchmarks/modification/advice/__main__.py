@@ -7,9 +7,8 @@ sends it.
 Keys:
 
 - ``refusals``: refused calls; ``not_refused``: drawn calls that were answered.
-- ``advice_succeeds``: share of refusals whose first suggestion is a call that succeeds.
-- ``advice_mends``: share whose first suggestion is a corrected call of the same tool that succeeds (others look
-  something up).
+- ``advice_succeeds``: share of refusals that first suggest a successful call.
+- ``advice_mends``: share that first suggest a corrected, successful call of the same tool (others look something up).
 - ``advice_repeated``: suggestions that failed and were given again.
 - ``advice_names_ego``: suggestions that name the ego as a vehicle.
 """

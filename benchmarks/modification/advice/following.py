@@ -53,7 +53,7 @@ def _leading_object(text: str) -> dict[str, Any] | None:
 
 
 def _with_parts(text: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The arguments with ``edits[0].preset="eco", without edits[0].lane`` put in; None if the text is otherwise."""
+    """Return the arguments with ``edits[0].preset="eco", without edits[0].lane`` applied; None for another text."""
     changed, position = copy.deepcopy(dict(arguments)), 0
     while (part := _PART.match(text, position)) is not None:
         position, value = part.end(), None

@@ -91,7 +91,7 @@ def _half_of(path: Path) -> str:
 
 
 def _server(base: Path) -> Client:
-    """A client of a server in a process of its own, by standard input and output, in an empty workspace."""
+    """Open a client of a server in its own process, over standard input and output, in an empty workspace."""
     (base / "root").mkdir()
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PLANNERFORGE_")}
     settings = {"STARTER": "false", "MAPS_ONLINE": "offline", "WARM_UP": "false", "ROOTS": str(base / "root")}

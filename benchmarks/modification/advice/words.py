@@ -13,7 +13,7 @@ Draw = Callable[[World, random.Random], Arguments | None]
 
 
 def misspelt(word: str, rng: random.Random) -> str:
-    """A word with one letter left out, doubled, swapped with the next or put in place of another one."""
+    """Return a word with one letter omitted, doubled, swapped with the next or replaced."""
     place = rng.randrange(1, max(len(word) - 1, 2))
     letter = rng.choice(string.ascii_lowercase.replace(word[place].lower(), ""))
     changed = {
@@ -26,5 +26,5 @@ def misspelt(word: str, rng: random.Random) -> str:
 
 
 def unknown_id(kind: str, rng: random.Random) -> str:
-    """An id of a kind of artifacts, of random digits."""
+    """Return an id of a kind of artifact with random digits."""
     return f"{kind}_{rng.getrandbits(48):012x}"

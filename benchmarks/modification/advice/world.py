@@ -32,7 +32,7 @@ class Stage:
         return {key for key, element in self.file.elements.items() if element.startswith(b"<planningProblem")}
 
     def driving(self) -> list[int]:
-        """Ids of the vehicles that are recorded."""
+        """Return ids of the vehicles that are recorded."""
         people = ("pedestrian", "bicycle")
         return [key for key, user in self.file.users.items() if not user.is_static and user.kind not in people]
 

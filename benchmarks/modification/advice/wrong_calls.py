@@ -28,7 +28,7 @@ def _one(words: Sequence[str]) -> Value:
 
 
 def _many(words: Sequence[str]) -> Value:
-    """A list of one of the words, misspelt."""
+    """Return a list of one of the words, misspelt."""
     return lambda rng: [misspelt(rng.choice(words), rng)]
 
 
@@ -38,12 +38,12 @@ def _of(*values: Any) -> Value:
 
 
 def _list_of(*values: Any) -> Value:
-    """A list of one of the values."""
+    """Return a list of one of the values."""
     return lambda rng: [rng.choice(values)]
 
 
 def _misspelt_id(name: str, *, listed: bool) -> Draw:
-    """The id of a scenario, misspelt."""
+    """Return the id of a scenario, misspelt."""
 
     def draw(world: World, rng: random.Random) -> Arguments | None:
         word = misspelt(world.stage(rng).scenario_id, rng)
@@ -53,7 +53,7 @@ def _misspelt_id(name: str, *, listed: bool) -> Draw:
 
 
 def _scenario(tool: str, **values: Any) -> Draw:
-    """A call about a scenario."""
+    """Return a call about a scenario."""
     name = {"run_planner": "scenarios", "render": "ids", "export_artifacts": "ids"}.get(tool, "scenario_id")
 
     def draw(world: World, rng: random.Random) -> Arguments | None:
@@ -65,12 +65,12 @@ def _scenario(tool: str, **values: Any) -> Draw:
 
 
 def _plain(**values: Any) -> Draw:
-    """A call of drawn values."""
+    """Return a call of drawn values."""
     return lambda _world, rng: {key: value(rng) if callable(value) else value for key, value in values.items()}
 
 
 def wrong_calls() -> list[tuple[str, str, Draw]]:
-    """Tool, kind of fault, and the draw of arguments that hold it."""
+    """Return tool, kind of fault, and the draw of faulty arguments."""
     pick = random.Random.choice
     return [
         ("describe_catalog", "facet", _plain(facet=_one(["tags", "features", "obstacles", "places", "planners"]))),

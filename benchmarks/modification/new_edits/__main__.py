@@ -113,7 +113,7 @@ def _count_red(
 
 
 def _lights(path: Path, base: WrittenFile, folder: Path, counts: _Counts) -> None:
-    """Behaviour edits of everybody, and the reactive traffic of a run, in a file with lights."""
+    """Run behaviour edits of all vehicles, and the reactive traffic of a run, in a file with lights."""
     for preset in ("balanced", "aggressive"):
         edit = {"op": "set_behaviour", "vehicles": ["all"], "preset": preset}
         try:

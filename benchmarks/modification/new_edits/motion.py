@@ -38,7 +38,7 @@ class Drawn:
 
 
 def path_of(user: RoadUser) -> Lane:
-    """The path of a road user's centre as a lane of no width, so that others can be placed along it."""
+    """Return the path of a road user's centre as a lane of zero width, so that others can be placed along it."""
     kept = [user.places[0]]
     for place in user.places[1:]:
         if np.linalg.norm(place - kept[-1]) > 0.3:
@@ -50,7 +50,7 @@ def path_of(user: RoadUser) -> Lane:
 
 
 def movers(file: WrittenFile, least: int = 40) -> list[RoadUser]:
-    """Vehicles that drive for at least some steps, and are there when the ego starts."""
+    """Return vehicles that drive for at least some steps, and exist when the ego starts."""
     start = file.ego.step if file.ego else 0
     found = [user for user in file.users.values() if not user.is_static and user.kind not in ("pedestrian", "bicycle")]
     return [
@@ -61,7 +61,7 @@ def movers(file: WrittenFile, least: int = 40) -> list[RoadUser]:
 
 
 def on_lane(file: WrittenFile, user: RoadUser) -> Lane | None:
-    """The lane that a road user begins on, if it drives along it."""
+    """Return the initial lane of a road user, if it drives along it."""
     key = file.lane_of(user.places[0], float(user.headings[0]))
     if key is None:
         return None
@@ -72,13 +72,13 @@ def on_lane(file: WrittenFile, user: RoadUser) -> Lane | None:
 
 
 def offsets_from(path: Lane, user: RoadUser, since: int) -> tuple[Array, Array]:
-    """Stations and offsets of a road user's centre along a path from a time step on."""
+    """Return arc lengths and offsets of a road user's centre along a path from a time step on."""
     stations, offsets, _ = path.along(user.places[max(since - user.first, 0) :])
     return stations, offsets
 
 
 def draw_swerve(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A swerve of a vehicle that drives."""
+    """Draw a swerve of a driving vehicle."""
     users = movers(file)
     if not users:
         return None
@@ -105,7 +105,7 @@ def draw_swerve(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_rate(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A prescribed braking."""
+    """Draw a prescribed deceleration."""
     users = [user for user in movers(file) if user.speeds[:40].min() > 6.0]
     if not users:
         return None
@@ -136,7 +136,7 @@ def draw_rate(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_relative(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A share of the speed before."""
+    """Draw a share of the previous speed."""
     users = movers(file, 50)
     if not users:
         return None
@@ -175,7 +175,7 @@ def _beside(file: WrittenFile, user: RoadUser) -> dict[str, Lane]:
 
 
 def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A lane change in a prescribed time."""
+    """Draw a lane change in a prescribed time."""
     options = [(user, side, lane) for user in movers(file, 60) for side, lane in sorted(_beside(file, user).items())]
     if not options:
         return None
@@ -215,7 +215,7 @@ def _duration_fault(offsets: Array, step_s: float, taken: float) -> str:
 
 
 def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A cut-in on another recorded vehicle of the next lane."""
+    """Draw a cut-in on another recorded vehicle of the next lane."""
     users = movers(file, 60)
     options = []
     for user in users:
@@ -262,7 +262,7 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_wrong_way(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is put in against the direction of a lane that is free."""
+    """Draw an added vehicle against the direction of a free lane."""
     lanes = [lane for lane in file.lanes.values() if lane.length_m > 30.0 and _is_free(file, lane)]
     if not lanes:
         return None

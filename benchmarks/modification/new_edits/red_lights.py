@@ -37,7 +37,7 @@ class Crossing:
 
 
 def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
-    """The crossings at red of a road user from a time step on (the step up to which it replays its recording)."""
+    """Return a road user's crossings at red after a time step (the last one at which it replays its recording)."""
     user, found = file.users[key], []
     for lane in file.lanes.values():
         lights = [file.lights[light] for light in lane.lights if light in file.lights]
@@ -54,7 +54,7 @@ def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
 
 
 def crossed(user: RoadUser, lane: Lane) -> int | None:
-    """The step at which the front is over the end of a lane that the road user drove along; None if it never is."""
+    """Return the step at which the front passes the end of a lane on the road user's route, or None."""
     stations, offsets, directions = lane.along(user.fronts)
     aligned = np.abs(np.remainder(user.headings - directions + np.pi, 2 * np.pi) - np.pi) < math.radians(45.0)
     on = aligned & (np.abs(offsets) < lane.width_m / 2) & (stations > lane.length_m - 25.0)

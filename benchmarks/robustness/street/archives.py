@@ -100,7 +100,7 @@ def _settings(workspace: Path) -> Settings:
 
 
 async def _make(workspace: Path, scenarios: list[str], is_rich: bool) -> None:
-    """A workspace with runs of starter scenarios, and artifacts of more kinds in a rich one."""
+    """Create a workspace with runs of starter scenarios, and with more kinds of artifacts in a rich one."""
     starter = workspace.with_name(f"{workspace.name}-starter")
     files = workspace.with_name(f"{workspace.name}-files")
     async with Client(create_server(_settings(starter).model_copy(update={"starter": True}))) as client:
@@ -159,7 +159,7 @@ def _is_right(workspace: Path, file: Path, forged: ForgedArchive, seen: _Seen) -
 
 
 def _contents(workspace: Path) -> set[tuple[str, str]]:
-    """Kind and id of all that the workspace's database holds."""
+    """Return kind and id of everything in the workspace's database."""
     connection = sqlite3.connect(f"file:{workspace / 'workspace.sqlite'}?mode=ro", uri=True)
     try:
         return set(connection.execute("SELECT kind, artifact_id FROM artifacts").fetchall())

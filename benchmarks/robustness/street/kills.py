@@ -79,7 +79,7 @@ def measure(bench: StreetBench) -> Figures:
 
 
 def _pieces(archive: Path) -> Iterator[_Piece]:
-    """Pieces of work without an end, each new."""
+    """Yield endless pieces of work, each of them new."""
     with zipfile.ZipFile(archive) as packed:
         artifacts = int(json.loads(packed.read("workspace.json"))["artifacts"])
     for number in itertools.count(1):
@@ -95,7 +95,7 @@ def _call(tool: str, **arguments: object) -> tuple[str, ...]:
 
 
 def _make_archive(folder: Path, archive: Path) -> None:
-    """An archive of a workspace with the starter scenarios and runs of some of them."""
+    """Create an archive of a workspace with the starter scenarios and runs of some of them."""
     source = folder / "source"
     _to_the_end(_call("run_planner", scenarios=["preset:8"], configs=["idm:Default"], wait_s=50), source)
     _to_the_end(("workspace", "export", str(archive)), source)
@@ -159,7 +159,7 @@ def _missing(piece: _Piece, before: dict[str, str], after: dict[str, str]) -> li
 
 
 def _contents(workspace: Path) -> dict[str, str]:
-    """Digests of all records and rows of plans, and of the files that belong to records."""
+    """Return digests of all records, of rows of plans, and of the files of records."""
     database = workspace / "workspace.sqlite"
     if not database.is_file():
         return {}

@@ -80,12 +80,12 @@ class Stranger:
             writer.close()
 
     def head(self, *lines: str, method: str = "POST") -> bytes:
-        """A head of a request to MCP, with some more lines."""
+        """Return the head of an MCP request, with extra lines."""
         start = (f"{method} /mcp HTTP/1.1", f"Host: 127.0.0.1:{self._port}", "Content-Type: application/json")
         return "\r\n".join((*start, "Accept: application/json, text/event-stream", *lines, "", "")).encode()
 
     def message(self, method: str, *lines: str) -> bytes:
-        """A whole request."""
+        """Return a whole request."""
         told = {"protocolVersion": "2025-11-25", "capabilities": {}, "clientInfo": {"name": "stranger", "version": "1"}}
         body = json.dumps({"jsonrpc": "2.0", "id": 1, "method": method, "params": told}).encode()
         return self.head(*lines, f"Content-Length: {len(body)}") + body

@@ -74,7 +74,7 @@ def measure(bench: StreetBench) -> Figures:
 
 
 def _forms(secret: str) -> list[bytes]:
-    """A secret as it is, and in Base64 at each place in three bytes."""
+    """Return a secret in plain text, and in Base64 at each of three byte offsets."""
     forms = [secret.encode()]
     forms += [base64.b64encode(b"x" * shift + secret.encode())[4:-4] for shift in range(3)]
     return forms

@@ -20,7 +20,7 @@ def parent_of(process: int) -> int:
 
 
 def read(path: Path) -> bytes:
-    """The beginning of a file; empty if it cannot be read at once."""
+    """Return the beginning of a file; empty if it cannot be read at once."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError:

@@ -160,7 +160,7 @@ async def recordings(client: Client, folder: Path) -> list[str]:
 
 @contextmanager
 def shown_host(script: bytes, server_url: str = "", more: Mapping[str, bytes] | None = None) -> Iterator[Host]:
-    """The host with a script, before a server or with files of its own."""
+    """Provide the host with a script, before a server or with files of its own."""
     with host(
         {"host.html": part("host.html"), "host.js": script, **(more or {})}, part("sandbox.html"), server_url
     ) as found:
@@ -177,7 +177,7 @@ def looked_at(
     *,
     patience_s: float = 4.0,
 ) -> tuple[list[Check], list[float]]:
-    """All checks on the page of a call, and the times from the tool's answer to the data.
+    """Return all checks on the page of a call, and the times from the tool's answer to the data.
 
     A page that is not shown at all is looked at no further.
     """
@@ -209,7 +209,7 @@ def looked_at(
 
 
 def shown(page: Page, served: Host, case: Case, theme: str) -> Frame:
-    """The page of a call, in the bridge."""
+    """Return the page of a call, in the bridge."""
     modes = ["inline", "fullscreen"]
     context = {"theme": theme, "displayMode": modes[0], "availableDisplayModes": modes, "locale": "en-GB"}
     told = ", ".join(json.dumps(one) for one in (case.tool, case.input, context, served.sandbox))
@@ -218,7 +218,7 @@ def shown(page: Page, served: Host, case: Case, theme: str) -> Frame:
 
 
 def part(name: str) -> bytes:
-    """A file of the host."""
+    """Return a file of the host."""
     return files(__package__).joinpath(name).read_bytes()
 
 

@@ -94,7 +94,7 @@ class View:
 
 
 def held(checks: Callable[[View], Checks], view: View) -> list[Check]:
-    """All checks of a kind on a page; one that the page or the browser broke, as failed."""
+    """Return all checks of a kind on a page; one that the page or the browser broke, as failed."""
     found = list[Check]()
     try:
         for check in checks(view):
@@ -107,7 +107,7 @@ def held(checks: Callable[[View], Checks], view: View) -> list[Check]:
 
 
 def arrival(view: View) -> Checks:
-    """It says hello, gets its data through the bridge, has the host's theme and fits into the host."""
+    """Check that the page says hello, gets its data over the bridge, uses the host's theme and fits into the host."""
     yield "it is shown", view.is_shown("document.querySelector('.player')")
     hello = "host.received.filter(one => one.message.method === 'ui/initialize').map(one => one.message.params)"
     yield (
@@ -136,7 +136,7 @@ def arrival(view: View) -> Checks:
 
 
 def playing(view: View) -> Checks:
-    """Time goes by keys, clicks on the slider and the chart."""
+    """Check playback by keys, clicks on the slider and the chart."""
     yield "the road is drawn", view.comes_true(_DRAWN)
     view.clicks(".stage figcaption")
     view.frame.press("Home")
@@ -237,7 +237,7 @@ def choosing(view: View, kind: str = "") -> Checks:
 
 
 def driving(view: View) -> Checks:
-    """A run shows its figures, its moments and its plans."""
+    """Yield a run shows its figures, its moments and its plans."""
     yield "figures of the run are shown", view.comes_true("document.querySelector('.now').innerText.includes('gap')")
     view.clicks(".moments button")
     yield (
@@ -259,7 +259,7 @@ def driving(view: View) -> Checks:
 
 
 def filtering(view: View) -> Checks:
-    """The board hides and shows rows by keys and clicks."""
+    """Yield the board hides and shows rows by keys and clicks."""
     rows = f"{_ROWS}.length"
     every = view.frame.value(rows)
     yield (
@@ -300,7 +300,7 @@ def filtering(view: View) -> Checks:
 
 
 def opening(view: View) -> Checks:
-    """A run opens in the player, by a click and by a key, with data that the page asks the host for."""
+    """Yield a run opens in the player, by a click and by a key, with data that the page asks the host for."""
     asked = view.page.value(f"{_READS}.length")
     view.clicks(".list .cell")
     yield "a click opens the run in the player", view.is_shown(f"{_PLAYER}.panes.length === 1")
@@ -334,7 +334,7 @@ def opening(view: View) -> Checks:
 
 
 def widening(view: View) -> Checks:
-    """In full screen the stage takes the height that there is."""
+    """Check that the stage uses the available height in full screen."""
     stage = "document.querySelector('.stage canvas').clientHeight"
     before = view.frame.value(stage)
     view.page.value(
@@ -381,7 +381,7 @@ def refusing(view: View) -> Checks:
 
 
 def ending(view: View, origins: tuple[str, ...]) -> Checks:
-    """It answers when the host takes it down; no script failed, nothing was loaded from elsewhere."""
+    """Check that the page answers its removal, and that no script failed and nothing was loaded from elsewhere."""
     gone = "host.bridge.teardownResource({}).then(() => { window.tornDown = true; })"
     with suppress(BrowserFault):
         view.page.value(gone)

@@ -31,7 +31,7 @@ def default_folder() -> Path:
 
 
 def quiet_variables(home: Path) -> dict[str, str]:
-    """The variables of a client's process: a home of its own, nothing of the user, no report to its makers."""
+    """Return the variables of a client's process: a home of its own, nothing of the user, no report to its makers."""
     home.mkdir(parents=True, exist_ok=True)
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
     return {**kept, "HOME": str(home), "DO_NOT_TRACK": "1", "TERM": "xterm-256color"}

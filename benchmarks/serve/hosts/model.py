@@ -94,7 +94,7 @@ class ScriptedModel:
 
 
 def _offered(move: Move, tools: Sequence[tuple[str, str]]) -> tuple[str, str] | None:
-    """The tool under the name that the client gave it, which ends as the server's own."""
+    """Return the tool under the name that the client gave it, which ends as the server's own."""
     return next(((space, name) for space, name in tools if _own_name(name) == move.tool), None)
 
 
@@ -107,7 +107,7 @@ def _own_name(name: str) -> str:
 
 @contextmanager
 def scripted_model() -> Iterator[ScriptedModel]:
-    """A server on a free port of loopback, until the block is left."""
+    """Provide a server on a free port of loopback, until the block is left."""
     import uvicorn
 
     model = ScriptedModel()
@@ -129,7 +129,7 @@ def scripted_model() -> Iterator[ScriptedModel]:
 
 
 def model_application(model: ScriptedModel) -> "Starlette":
-    """The application that speaks all protocols."""
+    """Return the application that speaks all protocols."""
     from starlette.applications import Starlette
     from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
     from starlette.routing import Route
@@ -205,11 +205,11 @@ class _Conversation:
         self._unusable = ""
 
     def called(self, call_id: object, name: str) -> None:
-        """A call of the model."""
+        """Return a call of the model."""
         self._tools[str(call_id)] = _own_name(name)
 
     def answered(self, call_id: object, content: Any) -> None:
-        """The answer to it, as the client shows it."""
+        """Return the answer to it, as the client shows it."""
         text, pictures = self._flat(content)
         self._shown.append(ShownResult(self._tools.get(str(call_id), ""), text, pictures))
 
@@ -221,11 +221,11 @@ class _Conversation:
             self._shown[-1] = ShownResult(last.tool, last.text, last.pictures + pictures)
 
     def asked(self, tools: Sequence[tuple[str, str]], streamed: bool) -> Asked:
-        """All of it."""
+        """Return all of it."""
         return Asked(tuple(tools), tuple(self._shown), streamed, self._unusable)
 
     def _flat(self, content: Any) -> tuple[str, int]:
-        """Text and number of pictures of a content, in any of the protocols' forms."""
+        """Return text and number of pictures of a content, in any of the protocols' forms."""
         if content is None:
             return "", 0
         if isinstance(content, str):

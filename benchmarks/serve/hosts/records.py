@@ -79,7 +79,7 @@ class HostRecord:
 
 
 def figures_of(records: Sequence[HostRecord]) -> Figures:
-    """The keys: how many clients passed, how many were tried, and a sentence for each."""
+    """Return the keys: how many clients passed, how many were tried, and a sentence for each."""
     sentences = {f"host_{record.host.name}": _sentence(record) for record in records}
     return {"hosts_passed": sum(record.passed for record in records), "hosts_tried": len(records), **sentences}
 
@@ -159,9 +159,7 @@ def _notes(record: HostRecord) -> list[str]:
     notes = []
     if any(run.helped for run in record.runs):
         plain = next(run for run in record.runs if not run.helped and run.faults)
-        notes.append(
-            f"- {title} finishes the story only with `{record.host.help}`. Without it: {plain.faults[0]}."
-        )
+        notes.append(f"- {title} finishes the story only with `{record.host.help}`. Without it: {plain.faults[0]}.")
     for transport in record.host.transports:
         run = record.last_by(transport)
         if run is not None and run.faults:

@@ -127,7 +127,7 @@ def _scenario(result: ShownResult) -> str:
 
 
 def _edited(told: Sequence[ShownResult]) -> str:
-    """The id in the answer to the edit that is not the base's."""
+    """Return the id in the answer to the edit that is not the base's."""
     made = [found for found in _SCENARIO.findall(told[4].text) if found != _scenario(told[0])]
     if not made:
         raise LookupError("id of an edited scenario")
