@@ -70,9 +70,11 @@ def main() -> None:
     """Measure, print the tables and the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=int, help="only the first requests of each corpus")
-    parser.add_argument("--workers", type=int, default=1, help="requests at a time")
-    parser.add_argument("--conversations", type=int, default=100, help="conversations that are made; 0: none")
-    parser.add_argument("--out", type=Path, help="where rows and reports stay; default: gone at the end")
+    parser.add_argument("--workers", type=int, default=1, help="number of concurrent requests")
+    parser.add_argument(
+        "--conversations", type=int, default=100, help="number of generated conversations (0 for no conversations)"
+    )
+    parser.add_argument("--out", type=Path, help="folder for rows and reports (default: temporary)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.out or Path(scratch)

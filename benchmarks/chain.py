@@ -209,7 +209,7 @@ def _read_known(store: RecordingStore, path: Path) -> None:
     """Read a file, tracks included, as ``kept_recording`` does if its recording is on disk."""
     found = store.find(_content_of(path))
     if found is None:
-        raise RuntimeError(f"the recording of {path.name} is gone")
+        raise RuntimeError(f"the stored recording of {path.name} is missing")
     loaded = LoadedScenario(found.scenario, found.planning_problems, path, found.declared_id, found.plain_states)
     _ = loaded.tracks
 
@@ -244,7 +244,7 @@ def _demo_s(folder: Path) -> float:
     told = subprocess.run([plannerforge, "demo", "--folder", folder], capture_output=True, text=True, check=True)
     taken = re.search(r"calls took ([\d.]+) s", told.stdout)
     if taken is None:
-        raise RuntimeError(f"the demo does not tell how long its calls took: {told.stdout[-500:]}")
+        raise RuntimeError(f"the demo does not report the duration of its calls: {told.stdout[-500:]}")
     return float(taken[1])
 
 
@@ -355,10 +355,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Seconds of the calls of a chain.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--cars", type=int, nargs="+", default=CARS, help="ascending")
+    parser.add_argument("--files", type=int, default=40, help="number of public files to run and read (a fixed sample)")
+    parser.add_argument("--imports", type=_at_least_one, default=10_000, help="number of files to import")
     parser.add_argument(
-        "--files", type=int, default=40, help="public files, always the same sample, of run and reading"
+        "--entries", type=_at_least_one, default=1_000_000, help="number of entries in the searched catalogue"
     )
-    parser.add_argument("--imports", type=_at_least_one, default=10_000, help="files of the import")
-    parser.add_argument("--entries", type=_at_least_one, default=1_000_000, help="entries of the searched catalogue")
     given = parser.parse_args()
     anyio.run(_measure, given.repeats, given.cars, given.files, given.imports, given.entries)

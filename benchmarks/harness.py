@@ -99,7 +99,7 @@ def shared_scenarios() -> Path:
 def existing(folder: Path) -> Path:
     """Return a folder that a benchmark needs; if it is missing, exit with a hint how to set it."""
     if not folder.is_dir():
-        sys.exit(f"there is no folder {folder}: name it by an option (see --help), or set PLANNERFORGE_SHARED")
+        sys.exit(f"the folder {folder} does not exist; give it by an option (see --help), or set PLANNERFORGE_SHARED")
     return folder.resolve()
 
 
@@ -287,7 +287,7 @@ def installed_environment(folder: Path, title: str, digest: str, wanted: Sequenc
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
-            raise LeftOut(f"{title}'s environment cannot be made here: {last}")
+            raise LeftOut(f"{title}'s environment cannot be created here: {last}")
     whole.touch()
     return folder
 
@@ -441,8 +441,8 @@ class Parts(Generic[Bench]):
         ``make`` returns the parts' input, from the options and an empty scratch folder. ``broken`` describes figures
         that must not occur. The status is 1 if a part is missing or failed, or if anything is broken.
         """
-        parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only the parts of these keys")
-        parser.add_argument("--json", action="store_true", help="print nothing but the figures as JSON")
+        parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only these parts or keys")
+        parser.add_argument("--json", action="store_true", help="print only the figures as JSON")
         given = parser.parse_args()
         try:
             parts = self.chosen(given.only)
@@ -489,8 +489,8 @@ class SeededBench:
         """Return a parser with the options of these fields."""
         parser = part_options(text)
         parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder that contains data/commonroad")
-        parser.add_argument("--seed", type=int, default=20, help="of everything that is drawn (default: 20)")
-        parser.add_argument("--limit", type=int, default=None, help="only this many cases per part: a sample")
+        parser.add_argument("--seed", type=int, default=20, help="seed of all draws (default: 20)")
+        parser.add_argument("--limit", type=int, default=None, help="number of cases per part (a sample)")
         return parser
 
     @classmethod

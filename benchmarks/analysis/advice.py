@@ -145,8 +145,10 @@ async def _round(
     changes = await _changes(client, batch_id)
     for tried in changes:
         words = f"+{tried['gained']} of {tried['failing']}, -{tried['lost']} of {tried['passing']}"
-        sys.stderr.write(f"{spoiled}: {tried['change']}: {words}{', told to help' if _told(tried) else ''}\n")
-    told = {tried["config_id"]: tried["change"] for tried in changes if _told(tried)}
+        sys.stderr.write(
+            f"{spoiled}: {tried['change']}: {words}{', reported to help' if _is_reported_helpful(tried) else ''}\n"
+        )
+    told = {tried["config_id"]: tried["change"] for tried in changes if _is_reported_helpful(tried)}
     if not told:
         return len(changes), []
     judged = await finished_batch(client, scenarios=unseen, configs=[base, *told], prediction=PREDICTION)
@@ -173,7 +175,7 @@ async def _changes(client: Client, batch_id: str) -> list[Mapping[str, Any]]:
     return [one["tried"] for one in suggestions if one["tried"]]
 
 
-def _told(tried: Mapping[str, Any]) -> bool:
+def _is_reported_helpful(tried: Mapping[str, Any]) -> bool:
     """Return True if the answer calls it a help: more gained than lost, at the level of docs/analysis.md."""
     return bool(tried["gained"] > tried["lost"] and tried["p"] <= 1 / 16)
 

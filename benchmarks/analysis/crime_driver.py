@@ -157,7 +157,7 @@ def _lanelet(scenario: Any, state: Any) -> int:
     network = scenario.lanelet_network
     there = network.find_lanelet_by_position([state.position])[0]
     if not there:
-        raise ValueError("off the lanelets")
+        raise ValueError("the position is on no lanelet")
     position = state.position
     return int(
         min(

@@ -185,7 +185,7 @@ def closed_forms(seed: int, each: int, folder: Path) -> Tally:
         for _ in range(each):
             made = make(choice)
             place = choice.uniform(-500, 500), choice.uniform(-500, 500), choice.uniform(-math.pi, math.pi)
-            told = told_of(made.ego.moved(*place), [made.other.moved(*place)], STEP_S, folder, hit=made.hit)
+            told = reported_measures(made.ego.moved(*place), [made.other.moved(*place)], STEP_S, folder, hit=made.hit)
             for name, truth in made.truth.items():
                 resolution = RESOLUTION.get(f"{made.name} {name}", RESOLUTION.get(name, 0.0))
                 tally.compare(f"{made.name} {name}", told[name].value, truth, resolution, made.name)
@@ -197,7 +197,7 @@ def closed_forms(seed: int, each: int, folder: Path) -> Tally:
     return tally
 
 
-def told_of(
+def reported_measures(
     ego: Moving, others: Sequence[Moving], step_s: float, folder: Path, *, hit: bool = False, first: Sequence[int] = ()
 ) -> dict[str, MeasuredValue]:
     """Return the product's statements about a run with these motions; ``first``: the others' first time steps."""
@@ -492,8 +492,8 @@ def _spiral(choice: random.Random) -> Made:
         truth["maximum_planar_acceleration_mps2"] = math.hypot(max(across), by)
         truth["maximum_lateral_jerk_mps3"] = max(rate)
         truth["maximum_steering_rate_radps"] = max(steering)
-    nobody = straight(10_000.0, 0.0, 0.0, 0.0, steps)
-    return Made("spiral", Moving(tuple(poses)), nobody, truth)
+    far_away = straight(10_000.0, 0.0, 0.0, 0.0, steps)
+    return Made("spiral", Moving(tuple(poses)), far_away, truth)
 
 
 def _jolting(choice: random.Random) -> Made:
@@ -631,7 +631,7 @@ def _compare(path: Path, recorded: _Recorded, crime: _Crime, tally: Tally, folde
             return one if length_m is None else Moving(one.poses, (length_m, one.size_m[1]), one.kind, one.key)
 
         moved = [body(one) for _, one in others]
-        return told_of(body(ego), moved, step_s, folder, first=[first for first, _ in others])
+        return reported_measures(body(ego), moved, step_s, folder, first=[first for first, _ in others])
 
     def asked(kind: str, one: MeasuredValue) -> dict[str, Any]:
         step = round((one.time_s or 0.0) / step_s)

@@ -374,7 +374,7 @@ def _track(motion: Motion, number: int) -> Track:
     )
 
 
-def told_of(case: Case) -> tuple[bool, bool]:
+def are_rules_reported(case: Case) -> tuple[bool, bool]:
     """Return whether the rule of a case is reported correctly, and whether no other rule is reported as broken."""
     ego = _track(case.ego, -1)
     felt = np.diff(ego.speeds_mps, prepend=ego.speeds_mps[:1]) / STEP_S
@@ -403,7 +403,7 @@ _BESIDE = ("R_G3", "R_L1", "R_IN1", "R_IN2", "R_IN3", "R_IN4", "R_IN5")
 def compared(seed: int, each: int) -> Figures:
     """Compare the given number of drives of each kind."""
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
-    told = [told_of(case) for _ in range(each) for case in drawn(choice)]
+    told = [are_rules_reported(case) for _ in range(each) for case in drawn(choice)]
     return {
         "rules_right": share(right for right, _ in told),
         "rules_silent": share(silent for _, silent in told),

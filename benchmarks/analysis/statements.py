@@ -107,12 +107,12 @@ async def collected(bench: SeededBench) -> list[OnRuns]:
         everything = await public_batch(bench, client)
         two = await compared_batch(bench, client, everything)
         whole, sample = raw_runs(bench, everything), raw_runs(bench, two)
-        of_all = [await _told(client, "analyze_results", everything, detail=detail) for detail in _DETAILS]
+        of_all = [await _request_answer(client, "analyze_results", everything, detail=detail) for detail in _DETAILS]
         of_two = [
-            await _told(client, "analyze_results", two, breakdown="config"),
-            await _told(client, "analyze_results", two, detail="findings"),
-            await _told(client, "analyze_results", two, detail="rules"),
-            await _told(client, "compare_results", two),
+            await _request_answer(client, "analyze_results", two, breakdown="config"),
+            await _request_answer(client, "analyze_results", two, detail="findings"),
+            await _request_answer(client, "analyze_results", two, detail="rules"),
+            await _request_answer(client, "compare_results", two),
         ]
         page, broken = await _report(bench, client, two), await _rules(client, sample)
         return [
@@ -121,7 +121,7 @@ async def collected(bench: SeededBench) -> list[OnRuns]:
         ]
 
 
-async def _told(client: Client, tool: str, batch_id: str, **arguments: str) -> Told:
+async def _request_answer(client: Client, tool: str, batch_id: str, **arguments: str) -> Told:
     asked = {"results": [batch_id], **arguments}
     answer = await client.call_tool(tool, asked)
     text = "\n".join(getattr(part, "text", "") for part in answer.content)

@@ -41,7 +41,7 @@ _FAULTY_SCENARIO = "ZAM_Zip-1_6_T-1"
 
 
 async def _measure(scenarios: int, every: int, before: Path | None, places: bool) -> None:
-    told, missing = await _told(scenarios)
+    told, missing = await _judge_answers(scenarios)
     faults = await _faults_told()
     tokens = await _tokens(every, before)
     spelled: Figures = {}
@@ -51,7 +51,7 @@ async def _measure(scenarios: int, every: int, before: Path | None, places: bool
     print_figures("Answers", {**told, "unanswered": missing, **faults, **spelled, **tokens})
 
 
-async def _told(scenarios: int) -> tuple[Figures, int]:
+async def _judge_answers(scenarios: int) -> tuple[Figures, int]:
     """Return the judge's figures over all cases and the number of unanswered ones; print each miss to standard
     error.
     """
@@ -70,7 +70,7 @@ async def _told(scenarios: int) -> tuple[Figures, int]:
                 count, compared = count + 1, compared + verdict.compared
                 false, excluded = false + len(verdict.false_statements), excluded + len(verdict.contradictions)
                 unknown += len(verdict.unknown_figures)
-                lacks = _lacks(case, told)
+                lacks = _missing_content(case, told)
                 missing += len(lacks)
                 for kind, words in (
                     ("FALSE", verdict.false_statements),
@@ -88,7 +88,7 @@ _REFUSED = re.compile(r"^\[\w+\] ")
 """A refusal begins with its code."""
 
 
-def _lacks(case: Case, told: Told) -> list[str]:
+def _missing_content(case: Case, told: Told) -> list[str]:
     """Return the missing content of an answer; a permitted refusal needs a code and a next call."""
     if told.is_error and case.may_refuse:
         is_whole = _REFUSED.match(told.text) and any(
@@ -150,9 +150,9 @@ async def _record(to: Path, checkout: Path | None, every: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Whether answers are true and complete, and what they cost.")
     parser.add_argument("--scenarios", type=int, default=_SCENARIOS)
-    parser.add_argument("--every", type=int, default=1, help="of the corpora's lines, only every so many")
+    parser.add_argument("--every", type=int, default=1, help="only every n-th line of the corpora")
     parser.add_argument("--before", type=Path, default=None, help="a recording of an earlier version")
-    parser.add_argument("--record", type=Path, default=None, help="write a recording, and measure nothing else")
+    parser.add_argument("--record", type=Path, default=None, help="only write a recording")
     parser.add_argument("--checkout", type=Path, default=None, help="the checkout with the recorded server")
     parser.add_argument("--no-places", action="store_true")
     given = parser.parse_args()

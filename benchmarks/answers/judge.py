@@ -251,7 +251,7 @@ def _edit(told: Told, world: World, verdict: Verdict) -> None:
         for route in report["routes"]:
             _route(route, scene, verdict)
     for asked, report in zip(told.asked.get("edits", ()), fields["edits"], strict=False):
-        _meant(asked, report, base, verdict)
+        _check_nearest(asked, report, base, verdict)
     for when in ("ego_before", "ego_after"):
         danger = fields[when]
         if danger is not None and danger["risk_score"] is not None and not danger["left_out"]:
@@ -272,7 +272,7 @@ def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
         verdict.excludes(f"{user.key} does not arrive, without a reason")
 
 
-def _meant(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
+def _check_nearest(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
     """Return the vehicles of ``nearest:N``: the N nearest moving ones, centre to centre, when the ego starts."""
     selectors = asked.get("vehicles", ())
     found = re.fullmatch(r"nearest:(\d+)", selectors[0]) if len(selectors) == 1 else None
@@ -337,7 +337,7 @@ def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
     """Check how a run collided, its closest approach, and its largest motions."""
     contact, closest = review["contact"], review["closest"]
     if contact is not None and contact["obstacle_id"] is not None:
-        ego, other = _both(run, world, contact)
+        ego, other = _ego_and_other(run, world, contact)
         gap = math.nan if ego is None or other is None else ego.gap_to(other[1])
         verdict.holds(f"touches {contact['obstacle_id']} at {contact['time_s']} s", gap <= 0.05, gap)
         if ego is not None and other is not None:
@@ -348,7 +348,7 @@ def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
     if closest is not None:
         least = min(_gaps(run, world), default=math.nan)
         verdict.close("closest", closest["gap_m"], least, 0.02)
-        ego, other = _both(run, world, closest)
+        ego, other = _ego_and_other(run, world, closest)
         there = ego is not None and other is not None and abs(ego.gap_to(other[1]) - least) < 0.02
         verdict.holds(f"to {closest['obstacle_id']} at {closest['time_s']} s", there, least)
         if ego is not None and other is not None:
@@ -364,7 +364,7 @@ def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
             verdict.close(f"{largest['name']} at {largest['time_s']} s", largest["value"], at)
 
 
-def _both(run: StoredRun, world: World, moment: Fields) -> tuple[Body | None, tuple[str, Body] | None]:
+def _ego_and_other(run: StoredRun, world: World, moment: Fields) -> tuple[Body | None, tuple[str, Body] | None]:
     """Return the ego and the other road user at a time of a run."""
     step = run.first_step + round(moment["time_s"] / run.step_s)
     return run.ego_at(step), world.others_of(run, step).get(moment["obstacle_id"])
@@ -386,7 +386,7 @@ def _figures(fields: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
         if metric["name"] == "distance_m":
             verdict.close("distance driven", metric["median"], driven, 0.005 * driven)
     for moment in fields.get("timeline", ()):
-        ego, other = _both(run, world, moment)
+        ego, other = _ego_and_other(run, world, moment)
         if ego is not None:
             verdict.close(f"speed at {moment['time_s']} s", moment["speed_mps"], ego.speed)
         if ego is not None and other is not None:

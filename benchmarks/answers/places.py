@@ -155,7 +155,7 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the shares and the misunderstood cases; ``--dev`` hides the held-out ones."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--dev", action="store_true", help="name only the cases that are worked with")
+    parser.add_argument("--dev", action="store_true", help="list only the cases that are not held out")
     given = parser.parse_args(arguments)
     faults = place_faults(place_cases())
     for case, fault in faults:

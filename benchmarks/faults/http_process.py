@@ -78,7 +78,7 @@ def _address(started: psutil.Popen, log: Path) -> str:
             started.wait(timeout=0.05)
         except psutil.TimeoutExpired:
             continue
-    raise RuntimeError(f"the server does not listen: {log.read_text()[-2000:]}")
+    raise RuntimeError(f"the server did not start to listen: {log.read_text()[-2000:]}")
 
 
 class _Outliving(httpx2.AsyncHTTPTransport):

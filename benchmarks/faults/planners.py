@@ -120,7 +120,7 @@ def _drive(workspace: Path, grid: _Grid, chance: random.Random, tally: _Tally, f
             tally.see(result.notes[-1])
         elif result.batch_id and not result.lost:
             return
-    raise RuntimeError(f"a grid was not whole after {_MOST_CALLS} calls")
+    raise RuntimeError(f"a grid is still incomplete after {_MOST_CALLS} calls")
 
 
 def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:

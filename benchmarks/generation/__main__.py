@@ -61,12 +61,12 @@ SEEDS_APART = 100
 def _main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Measure the generator on real or fresh maps.")
-    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on maps made just now from these seeds")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="use new maps from these seeds")
     parser.add_argument("--count", type=int, default=100, help="with --fresh: maps of each seed (default: 100)")
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--limit", type=int, default=None, help="only this many requests, refusals and maps")
-    parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")
-    parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
+    parser.add_argument("--offset", type=int, default=0, help="with --limit: offset of the sample")
+    parser.add_argument("--workers", type=int, default=2, help="number of worker processes (default: 2)")
     arguments = parser.parse_args()
     if arguments.fresh is not None:
         measure_fresh(arguments.fresh, arguments.count, arguments.workers)

@@ -103,19 +103,19 @@ def try_map(path: Path, seed: int) -> FreshMap:
     try:
         facts = read_map(ReadMapRequest(path=str(path)), silent)
     except PlannerForgeError as error:
-        return _told(FreshMap(path.name, refusal=error.message))
+        return _report_map(FreshMap(path.name, refusal=error.message))
     except Exception as error:  # noqa: BLE001 - a crash is what is looked for
-        return _told(FreshMap(path.name, crash=repr(error)))
+        return _report_map(FreshMap(path.name, crash=repr(error)))
     try:
         conversion = _why_not_converted(path)
     except Exception as error:  # noqa: BLE001
-        return _told(FreshMap(path.name, crash=repr(error)))
+        return _report_map(FreshMap(path.name, crash=repr(error)))
     made = _made(path, facts, seed) if facts.sites else []
     crash = next((one.fault for one in made if one.fault.startswith(DEFECT)), "")
-    return _told(FreshMap(path.name, crash=crash, conversion=conversion, made=tuple(made)))
+    return _report_map(FreshMap(path.name, crash=crash, conversion=conversion, made=tuple(made)))
 
 
-def _told(found: FreshMap) -> FreshMap:
+def _report_map(found: FreshMap) -> FreshMap:
     """Return a line on a map without a scenario, next to the lines on scenarios."""
     said = [("crash", found.crash), ("refused", found.refusal), ("not converted", found.conversion)]
     said += [("read", "no site")] if found.was_read and not found.made else []

@@ -24,8 +24,8 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Processor time on inputs that are doubled.")
     parser.add_argument("--only", default="", help="subjects with this text in their names")
-    parser.add_argument("--repeats", type=int, default=2, help="how often a size is timed; the best counts")
-    parser.add_argument("--doublings", type=int, help="only the smallest sizes, doubled so often")
+    parser.add_argument("--repeats", type=int, default=2, help="timings of each size; the best counts")
+    parser.add_argument("--doublings", type=int, help="only the smallest sizes, doubled this many times")
     given = parser.parse_args()
     grown: list[Growth] = []
     with tempfile.TemporaryDirectory() as folder:

@@ -344,13 +344,13 @@ async def measure(
 def _main() -> int:
     """Read the command line, measure and print; return 1 if a run was lost."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, required=True, help="folder of CommonRoad files, searched through")
+    parser.add_argument("--folder", type=Path, required=True, help="folder of CommonRoad files, including subfolders")
     parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=list(DEFAULT_PLANNERS))
     parser.add_argument("--prediction", choices=get_args(Prediction), default="constant_velocity")
     parser.add_argument("--traffic", choices=get_args(Traffic), default="recorded")
     parser.add_argument("--limit", type=int, help="only this many scenarios, always the same ones")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, help="journal of rows; where it exists, what is in it is not run again")
+    parser.add_argument("--out", type=Path, help="journal of rows; existing rows are not repeated")
     given = parser.parse_args()
     folder = existing(given.folder)
     with tempfile.TemporaryDirectory() as scratch:

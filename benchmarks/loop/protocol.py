@@ -216,7 +216,7 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
         )
         task, seen = straight.task, tuple(straight.observations)
         if any(len(one.obstacles) != _USERS for one in seen):
-            raise RuntimeError(f"not all of {_USERS} road users are in sight at every step")
+            raise RuntimeError(f"some of the {_USERS} road users are out of sight at a step")
         inside.reset(task)
         outside.reset(task)
         times: tuple[list[float], list[float]] = ([], [])

@@ -188,7 +188,7 @@ def drives_on(case: Case, planner: str) -> tuple[bool, bool]:
     """Return whether the ego stood, and whether it drives again in time after the road is free."""
     configuration = named_configuration(f"{planner}:Default")
     if configuration is None:
-        raise RuntimeError(f"{planner}:Default is gone")
+        raise RuntimeError(f"{planner}:Default is missing")
     run = simulate(case.scenario(), case.problem(), configuration, make_planner(planner), "constant_velocity", silent)
     speeds = np.array([state.speed_mps for state in run.states])
     places = np.array([float(state.position[0]) for state in run.states])

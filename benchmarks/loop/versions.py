@@ -121,11 +121,11 @@ class _Version:
 
 def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above, over all pairs of versions or the bench's limit."""
-    told = anyio.run(_told, bench)
+    told = anyio.run(_judge_versions, bench)
     return {"versions_told": share(told), "version_comparisons": len(told)}
 
 
-async def _told(bench: SeededBench) -> list[bool]:
+async def _judge_versions(bench: SeededBench) -> list[bool]:
     authors = [_Author(name, bench.folder(name)) for name in ("declaring", "tracked", "plain")]
     if shutil.which("git") is None:
         sys.stderr.write("git is not installed: the planner in a checkout is left out\n")

@@ -54,9 +54,11 @@ def _main() -> int:
     parser = part_options(__doc__)
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--workers", type=int, default=2, help="worker processes (default: 2)")
-    parser.add_argument("--scenarios", type=int, default=2000, help="of the plan (default: 2000)")
-    parser.add_argument("--minutes", type=float, default=None, help="of the plan at most; what was made then counts")
-    parser.add_argument("--limit", type=int, default=None, help="only so many requests, maps, tracks: a sample")
+    parser.add_argument("--scenarios", type=int, default=2000, help="scenarios of the plan (default: 2000)")
+    parser.add_argument(
+        "--minutes", type=float, default=None, help="longest duration of the plan; results until then count"
+    )
+    parser.add_argument("--limit", type=int, default=None, help="number of requests, maps and tracks (a sample)")
     return PARTS.run("Maps", parser, _bench)
 
 

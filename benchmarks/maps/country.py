@@ -376,7 +376,7 @@ async def _broken_off(bench: MapsBench, path: Path, workspace: Path) -> _Killed:
         job = await ask(client, "import_files", path=str(path))
         while (job := await ask(client, "get_job", job_id=job["job_id"], wait_s=1))["share"] < _KILLED_AT:
             if job["state"] != "running":
-                raise RuntimeError(f"the work ended as {job['state']} before it was to be killed: {job}")
+                raise RuntimeError(f"the work ended as {job['state']} before the kill: {job}")
         found = _Killed(job["share"], time.perf_counter() - started, _worker_peak_mb(server), 0)
         for process in (server, *server.children(recursive=True)):
             process.kill()

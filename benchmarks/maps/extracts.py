@@ -305,7 +305,7 @@ class _Run:
         if len(numbers) == 1:
             return {(kind, int(numbers[0])) for kind in kinds}
         if len(numbers) != 4 or not (-90 <= numbers[0] <= numbers[2] <= 90):
-            raise QueryError("static error: the bounding box is none")
+            raise QueryError("static error: invalid bounding box")
         return self._within((numbers[0], numbers[1], numbers[2], numbers[3]), kinds)
 
     def _within(self, box: Box, kinds: Sequence[str]) -> set[Key]:

@@ -148,7 +148,7 @@ async def _requests(
     async with Client(create_server(_settings(bench, workspace, servers))) as client:
         for request in requests:
             answered = await _call(client, _given(request), servers)
-            faults = _what_is_wrong(request, answered, earth.regions[request.map_name], workspace)
+            faults = _describe_faults(request, answered, earth.regions[request.map_name], workspace)
             if not answered.refused and "downloaded" not in answered.text:
                 faults.append("does not say where the roads come from")
             _say(request.name, faults, answered)
@@ -177,13 +177,13 @@ async def _local(bench: MapsBench, earth: Earth, requests: Sequence[BenchRequest
             await client.call_tool("import_files", given)
         for request in requests:
             answered = await _call(client, _given(request))
-            faults = _what_is_wrong(request, answered, earth.regions[request.map_name], workspace)
+            faults = _describe_faults(request, answered, earth.regions[request.map_name], workspace)
             _say(f"{request.name} (local)", faults, answered)
             done.append(not faults)
     return {"online_local_done": share(done)}
 
 
-def _what_is_wrong(request: BenchRequest, answered: _Answered, region: Region, workspace: Path) -> list[str]:
+def _describe_faults(request: BenchRequest, answered: _Answered, region: Region, workspace: Path) -> list[str]:
     """Return the deviations from the request, a few words each."""
     if answered.refused:
         return [f"refused: {answered.text}"]
@@ -232,7 +232,7 @@ def _required(texts: Sequence[str]) -> dict[str, tuple[int, int | None]]:
 async def _refusals(bench: MapsBench, servers: MapServers, refusals: Sequence[Refusal]) -> dict[str, float | int]:
     """Measure requests that must be refused, with those that only a person can decide: which Springfield, which box."""
     workspace = bench.scratch / "refusals"
-    cases = [(refusal.name, dict(refusal.given), _words_of(refusal)) for refusal in refusals]
+    cases = [(refusal.name, dict(refusal.given), _expected_text(refusal)) for refusal in refusals]
     springfields = ("Springfield, Illinois", "Springfield, Missouri", "Springfield, Massachusetts", "place=")
     cases.append(("ambiguous", {"place": "Springfield", "country": "USA"}, ("[invalid_request]", *springfields)))
     cases.append(("box", {"place": "Vienna", "bbox": [48.2, 16.4, 48.1, 16.3]}, ("[invalid_request]", "bbox")))
@@ -250,7 +250,7 @@ async def _refusals(bench: MapsBench, servers: MapServers, refusals: Sequence[Re
     return {"online_refused": len(right), "online_refused_right": 0.0 if stored else share(right)}
 
 
-def _words_of(refusal: Refusal) -> tuple[str, ...]:
+def _expected_text(refusal: Refusal) -> tuple[str, ...]:
     """Return the required text of a right refusal: its code, and one word for the fault."""
     return (_CODES[refusal.reason], *refusal.subjects[:1])
 

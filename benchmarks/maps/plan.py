@@ -172,9 +172,9 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
         async with _server(bench, folder) as client:
             watch.plan = (await ask(client, "generate_scenarios", **{**wish, "count": watch.asked}))["plan"]
     if not watch.plan:
-        raise RuntimeError("the plan did not come to its end")
+        raise RuntimeError("the plan did not finish")
     if not any(watch.server):
-        raise RuntimeError(f"no server made {_WARM} scenarios, so its memory was not measured: give it more minutes")
+        raise RuntimeError(f"no server made {_WARM} scenarios, so the memory could not be measured; allow more minutes")
 
 
 def _server(bench: MapsBench, folder: Path) -> Client:
@@ -207,8 +207,8 @@ async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, 
                     process.kill()
                     return
                 if made - begun >= _WARM or wish["count"] < 3 * _WARM:
-                    server.append((made, _held_mb([process])))
-                    all_of_it.append((made, _held_mb(processes)))
+                    server.append((made, _memory_mb([process])))
+                    all_of_it.append((made, _memory_mb(processes)))
                 if made // 100 > told[0]:
                     told[0] = made // 100
                     sys.stderr.write(f"{made} made\n")
@@ -231,7 +231,7 @@ def _cpu_s(processes: Sequence[psutil.Process]) -> dict[tuple[int, float], float
     return spent
 
 
-def _held_mb(processes: Sequence[psutil.Process]) -> float:
+def _memory_mb(processes: Sequence[psutil.Process]) -> float:
     """Return the private and shared memory of processes in MB; shared memory counts once."""
     held = 0.0
     for process in processes:
@@ -419,7 +419,7 @@ def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
     }
     parts = [[(name, level) for level in levels] for name, levels in LEVELS.items()]
     pairs = {pair for one, other in combinations(parts, 2) for pair in product(one, other)}
-    possible = {pair for pair in pairs if _can_be(pair, kinds)}
+    possible = {pair for pair in pairs if _is_possible(pair, kinds)}
     refused: defaultdict[Pair, list[str]] = defaultdict(list)
     made: set[Pair] = set()
     for row in _rows(workspace, "SELECT levels, state, reason FROM plan_rows WHERE state IN ('made', 'refused')"):
@@ -433,7 +433,7 @@ def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
     return possible - set(cannot), cannot
 
 
-def _can_be(pair: Pair, kinds: set[str]) -> bool:
+def _is_possible(pair: Pair, kinds: set[str]) -> bool:
     """Return True if a map holds the type of site, and sites of the type have the turn."""
     levels = dict(pair)
     kind = levels.get("scenario_type")

@@ -319,7 +319,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on scenarios that are made just then")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="use new scenarios from these seeds")
     parser.add_argument("--count", type=int, default=50, help="with --fresh: scenarios of each seed")
     asked = parser.parse_args()
     if asked.fresh is not None:

@@ -150,10 +150,10 @@ class Journey:
         It must not drive past or take another route: the remaining distance shrinks by most of the driven one.
         """
         begin = lanelets_at_first(self.network, self.track)
-        before = _way_m(self.network, self.track, 0, self.targets, begin)
+        before = _route_length_m(self.network, self.track, 0, self.targets, begin)
         if not math.isfinite(before):
-            before = _way_m(self.network, self.track, 0, self.targets)
-        left = _way_m(self.network, self.track, -1, self.targets)
+            before = _route_length_m(self.network, self.track, 0, self.targets)
+        left = _route_length_m(self.network, self.track, -1, self.targets)
         if not (math.isfinite(before) and math.isfinite(left)):
             return False
         if left > before - DETOUR_SHARE * length_m(self.track.positions) + ROOM_M:
@@ -308,11 +308,11 @@ def refusal_is_right(
     begin = lanelets_at_first(network, track)
     if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
         return True
-    room = _room_m(network, track, targets, farthest_m)
-    return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _least_way_over_m(network, track, targets, speed) > room
+    room = _remaining_distance_m(network, track, targets, farthest_m)
+    return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _shortest_crossing_m(network, track, targets, speed) > room
 
 
-def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
+def _shortest_crossing_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
     """Return the shortest distance in m in which the front gets onto any lanelet that leads straight on to a target.
 
     Braked to some speed, the vehicle turns in the narrowest circle of radius r that grip and steering allow, by 45° at
@@ -328,7 +328,7 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
     return float((braking + np.sqrt(2 * radius * turned - turned**2) + aside - turned).min())
 
 
-def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
+def _remaining_distance_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
     """Return the distance in m from the front to the last place from which a target can be reached; infinite if
     straight on.
 
@@ -370,7 +370,7 @@ def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[in
     return sorted(int(key) for key in set(network.find_lanelet_by_position([here])[0]) & set(onward))
 
 
-def _way_m(
+def _route_length_m(
     network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int], among: Collection[int] | None = None
 ) -> float:
     """Return the shortest route to a target for a vehicle that may drive slightly off its lanelet in turns.

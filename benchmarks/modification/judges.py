@@ -63,7 +63,7 @@ def unreported_collisions(written: Written) -> int:
     told = {frozenset(hit.vehicles) for hit in written.outcome.collisions}
     window = SAME_HIT_S / written.scene.step_s
     colliding = set()
-    for key in (key for key in sorted(written.new) if _moves_anew(written, key)):
+    for key in (key for key in sorted(written.new) if _is_new_or_moved(written, key)):
         for other in new:
             pair = frozenset((key, other))
             if other == key or pair in told or pair in colliding:
@@ -88,7 +88,7 @@ def handovers_of(written: Written) -> tuple[tuple[float, float], ...]:
     return tuple(error for error in errors if error is not None)
 
 
-def _moves_anew(written: Written, key: int) -> bool:
+def _is_new_or_moved(written: Written, key: int) -> bool:
     """Return True if a road user is new, or moves differently."""
     old = written.old.get(key)
     return old is None or not np.array_equal(old.positions, written.new[key].positions)
@@ -165,7 +165,7 @@ def _reroute_checks(written: Written, index: int) -> dict[str, bool]:
     targets = frozenset(int(key) for key in truth["target_lanelets"])
     through = frozenset(int(key) for key in truth.get("via", ()))
     told = meant == set(written.outcome.edits[index].vehicles)
-    ends = all(_ends_right(written, key, targets) and _tells_so(written, index, key, targets) for key in meant)
+    ends = all(_ends_right(written, key, targets) and _report_agrees(written, index, key, targets) for key in meant)
     return {
         "tgt": meant <= set(written.new),
         "T_ends": bool(meant) and ends and all(_routed_over(written, key, {one}) for key in meant for one in through),
@@ -202,7 +202,7 @@ def _routed_over(written: Written, key: int, lanelets: "frozenset[int] | set[int
     return any(written.sumo.leads_over(key, network.find_lanelet_by_id(one).center_vertices) for one in lanelets)
 
 
-def _tells_so(written: Written, index: int, key: int, targets: frozenset[int]) -> bool:
+def _report_agrees(written: Written, index: int, key: int, targets: frozenset[int]) -> bool:
     """Return True if the report agrees with a vehicle's motion, with a reason if it does not arrive."""
     told = [route for route in written.outcome.edits[index].routes if route.vehicle_id == key]
     if len(told) != 1 or told[0].arrives is None:

@@ -99,7 +99,7 @@ async def _measure(workspace: Path, folder: Path, limit: int | None) -> None:
     batches = [opened.get(batch_id, "batch").read(BatchRecord) for batch_id in batch_ids]
     runs = [opened.get(run_id, "run").read(RunRecord) for batch in batches for run_id in batch.runs]
     success = _print_outcomes(runs)
-    _print_failures(opened, [run for run in _of(runs, "default", "gt") if run.outcome != "goal_reached"])
+    _print_failures(opened, [run for run in _select_runs(runs, "default", "gt") if run.outcome != "goal_reached"])
     driven = [run for run in runs if run.outcome != "invalid"]
     timings = [read_run_file(opened, run.run_id, "timing.json", RunTiming) for run in driven]
     ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in timings if t.core_step_median_ms]
@@ -116,7 +116,7 @@ async def _measure(workspace: Path, folder: Path, limit: int | None) -> None:
         {
             "runs": len(runs),
             "lost": sum(len(batch.lost) for batch in batches),
-            "solvable": sum(run.outcome != "invalid" for run in _of(runs, "default", "gt")),
+            "solvable": sum(run.outcome != "invalid" for run in _select_runs(runs, "default", "gt")),
             **success,
             "trap_infeasible": trapped,
             "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
@@ -140,7 +140,7 @@ def _steps(workspace: Workspace, run: RunRecord) -> RunSteps:
     return read_run_file(workspace, run.run_id, "steps.json", RunSteps)
 
 
-def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
+def _select_runs(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
     return [run for run in runs if run.config_name == CONFIGS[preset] and run.prediction == PREDICTIONS[prediction]]
 
 
@@ -159,7 +159,7 @@ def _print_outcomes(runs: Sequence[RunRecord]) -> dict[str, float]:
     success: dict[str, float] = {}
     for preset, config in CONFIGS.items():
         for short, prediction in PREDICTIONS.items():
-            counts = Counter(run.outcome for run in _of(runs, preset, short))
+            counts = Counter(run.outcome for run in _select_runs(runs, preset, short))
             reached, solvable = counts["goal_reached"], counts.total() - counts["invalid"]
             success[f"success_{preset}_{short}"] = round(reached / solvable, 4) if solvable else 0.0
             shown = (str(counts[name]) for name in outcomes)

@@ -47,7 +47,7 @@ def measured(wanted: Sequence[Row], checkout: Path) -> Iterator[Row]:
     try:
         for cell in wanted:
             process = process or _driver(checkout)
-            row = _asked(process, cell)
+            row = _run_cell(process, cell)
             if row is None:
                 error = f"the process ended with {process.wait()}"
                 key = {name: cell[name] for name in _KEY[1:]}
@@ -70,7 +70,7 @@ def _driver(checkout: Path) -> "subprocess.Popen[str]":
     )
 
 
-def _asked(process: "subprocess.Popen[str]", cell: Row) -> Row | None:
+def _run_cell(process: "subprocess.Popen[str]", cell: Row) -> Row | None:
     """Return the driver's row for a cell, or None if the driver has ended."""
     if process.stdin is None or process.stdout is None:
         return None

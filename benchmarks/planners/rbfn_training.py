@@ -112,9 +112,9 @@ def _main() -> None:
     """Read the command line, train, write, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="how many problems are solved")
-    parser.add_argument("--cache", type=Path, help="folder that keeps the samples")
-    parser.add_argument("--out", type=Path, default=_SHIPPED, help="where the weights go (default: into the package)")
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="number of problems to solve")
+    parser.add_argument("--cache", type=Path, help="folder for the samples")
+    parser.add_argument("--out", type=Path, default=_SHIPPED, help="target of the weights (default: the package)")
     given = parser.parse_args()
     before = hashlib.sha256(given.out.read_bytes()).hexdigest()[:16] if given.out.is_file() else ""
     samples = _samples(given.cache, given.seed, given.samples)

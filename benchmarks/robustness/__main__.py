@@ -52,16 +52,16 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help="only these")
-    parser.add_argument("--minutes", type=float, default=20.0, help="for which the stranger stays (default: 20)")
+    parser.add_argument("--minutes", type=float, default=20.0, help="minutes of the stranger's visit (default: 20)")
     parser.add_argument("--archives", type=int, default=500, help="forged archives (default: 500)")
     parser.add_argument("--answers", type=int, default=2_000, help="forged answers (default: 2000)")
-    parser.add_argument("--kills", type=int, default=50, help="kills of the street's part (default: 50)")
+    parser.add_argument("--kills", type=int, default=50, help="kills in the part kills (default: 50)")
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=("args", "files", "holes", "all", "citations"), default="all")
-    parser.add_argument("--http", action="store_true", help="speak to the server by HTTP")
+    parser.add_argument("--http", action="store_true", help="use the server over HTTP")
     parser.add_argument("--keep", type=Path, help="folder for the inputs that broke something")
-    parser.add_argument("--replay", type=Path, nargs="*", help="kept inputs to be sent again, each alone")
+    parser.add_argument("--replay", type=Path, nargs="*", help="stored inputs to repeat, each alone")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if arguments.kind == "citations":

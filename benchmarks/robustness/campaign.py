@@ -97,7 +97,7 @@ class Campaign:
 
     async def carry_out(self, inputs: Iterator[HostileInput], *, keep_in: Path | None = None) -> None:
         """Send all inputs, then suspects alone, and store findings as files if a folder is given."""
-        await self.send(_told(inputs))
+        await self.send(_with_progress(inputs))
         self._keep(keep_in)
         await self.replay_suspects()
         self._keep(keep_in)
@@ -309,7 +309,7 @@ class Campaign:
         return Folders(self._base / f"server{self._servers}").make(self._template)
 
 
-def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
+def _with_progress(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
     began = time.monotonic()
     for number, hostile in enumerate(inputs):
         if number % 500 == 0 and number:

@@ -100,16 +100,18 @@ def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | s
 
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs="+", required=True, help="of fresh data: never run before")
-    parser.add_argument("--inputs", type=int, default=20_000, help="hostile ones")
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", required=True, help="seeds of fresh data that were never run before"
+    )
+    parser.add_argument("--inputs", type=int, default=20_000, help="number of hostile inputs")
     parser.add_argument("--parts", nargs="+", metavar="PART", help="only these")
-    parser.add_argument("--record", type=Path, default=Path("soundness"), help="folder for what the parts say")
+    parser.add_argument("--record", type=Path, default=Path("soundness"), help="folder for the parts' results")
     given = parser.parse_args()
     given.record.mkdir(parents=True, exist_ok=True)
     known = parts(given.seeds, given.inputs, given.record)
     wanted = given.parts or list(known)
     if unknown := [name for name in wanted if name not in known]:
-        parser.error(f"there is no part {', '.join(unknown)}; parts: {', '.join(known)}")
+        parser.error(f"unknown part {', '.join(unknown)}; valid parts are {', '.join(known)}")
     said = {name: _measured(name, known[name], given.record) for name in wanted}
     figures = {key: value for of_part in said.values() for key, value in of_part.items()}
     print_figures(f"Soundness, fresh data of the seeds {' '.join(map(str, given.seeds))}", figures)

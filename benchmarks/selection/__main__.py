@@ -169,7 +169,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="rounds of spoiled slots")
     parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
     parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
-    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="ask for what is drawn just then")
+    parser.add_argument(
+        "--fresh", type=int, nargs="+", metavar="SEED", help="use newly drawn requests from these seeds"
+    )
     parser.add_argument("--count", type=int, default=300, help="with --fresh: requests of each seed")
     return parser.parse_args()
 

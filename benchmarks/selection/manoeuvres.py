@@ -167,7 +167,7 @@ async def _found(client: Client, feature: str | None) -> set[str]:
 def main() -> None:
     """Draw, import, generate, search, judge, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, default=None, help="where files are drawn (default: the shared ones)")
+    parser.add_argument("--folder", type=Path, default=None, help="source of the files (default: the shared ones)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=130)
     parser.add_argument("--made", type=int, default=40)

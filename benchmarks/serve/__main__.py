@@ -78,15 +78,13 @@ def _main() -> int:
     """Read the command line, measure, print; the status."""
     parser = part_options(__doc__)
     parser.add_argument("--limit", type=float, default=_MINUTES, help="minutes of load (default: 10)")
-    parser.add_argument("--clients", type=int, default=8, help="clients that load the server at once (default: 8)")
+    parser.add_argument("--clients", type=int, default=8, help="number of concurrent clients (default: 8)")
     parser.add_argument("--inputs", type=int, default=20_000, help="hostile inputs (default: 20000)")
     parser.add_argument("--kills", type=int, default=20, help="kills of the server (default: 20)")
-    parser.add_argument("--node", default="", help="program of Node 22 or newer (default: one is fetched from PyPI)")
-    parser.add_argument("--host", nargs="+", default=[], metavar="NAME", help="only these clients of others")
-    parser.add_argument(
-        "--hosts-folder", type=Path, help="where their environments are kept (default: the user's cache)"
-    )
-    parser.add_argument("--page", type=Path, help="the page that their table is written into")
+    parser.add_argument("--node", default="", help="a Node program, 22 or newer (default: fetched from PyPI)")
+    parser.add_argument("--host", nargs="+", default=[], metavar="NAME", help="only these clients of other makers")
+    parser.add_argument("--hosts-folder", type=Path, help="folder of their environments (default: the user's cache)")
+    parser.add_argument("--page", type=Path, help="the page for their table")
     parser.add_argument("--pictures", type=Path, help="a folder for a picture of each page in the bridge")
     return PARTS.run("Serve", parser, _bench, broken)
 

@@ -67,7 +67,7 @@ def judged(said: Mapping[str, str]) -> tuple[Figures, list[str]]:
     for key, text in said.items():
         scenarios = [(name, int(held), int(broken)) for name, held, broken in _SCENARIO.findall(text)]
         if not scenarios:
-            raise RuntimeError(f"the suite said nothing that is understood: {text[-2000:]}")
+            raise RuntimeError(f"the suite's output cannot be understood: {text[-2000:]}")
         figures[key] = held_in_all = sum(held for _, held, _ in scenarios)
         broken_in_all = sum(broken for _, _, broken in scenarios)
         told += [f"{key}: {name}: {broken} checks do not hold" for name, _, broken in scenarios if broken]

@@ -65,7 +65,7 @@ def measure(bench: ServeBench) -> Figures:
         RuntimeError: a step failed, with its output.
     """
     if not (_CHECKOUT / "pyproject.toml").is_file():
-        raise LeftOut("it builds a wheel, and there is no checkout to build it from")
+        raise LeftOut("it needs a checkout to build a wheel from")
     folder = bench.folder("install")
     wheel = _built(folder / "dist")
     uv = _uv(folder)
@@ -129,7 +129,7 @@ def _uv(folder: Path) -> Path | None:
     try:
         _run([*_pip(folder / "uv"), "uv"])
     except RuntimeError as error:
-        sys.stderr.write(f"install: uv cannot be had: {error}\n")
+        sys.stderr.write(f"install: uv is not available: {error}\n")
         return None
     return folder / "uv" / "bin" / "uv"
 
@@ -168,4 +168,4 @@ async def _ask(command: str, arguments: list[str], environment: dict[str, str], 
         await client.list_tools()
         answer = await client.call_tool("find_scenarios", {"limit": 1})
     if answer.is_error or not (answer.structured_content or {}).get("matches"):
-        raise RuntimeError(f"the first answer is none: {answer.content}")
+        raise RuntimeError(f"the first answer is not a valid one: {answer.content}")

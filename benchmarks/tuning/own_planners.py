@@ -46,7 +46,7 @@ def measure(bench: SeededBench) -> Figures:
     temporary.mkdir()
     _call(folder, bench.shared, "import_files", path=str(scenario_files(bench.shared / "data" / "commonroad", 1)[0]))
     answer = _call(folder, bench.shared, "run_planner", scenarios=["preset:1"], configs=[*names, _BESIDE])
-    told = {name: _told(answer, name) for name in FAULTS}
+    told = {name: _failure_text(answer, name) for name in FAULTS}
     for name, text in told.items():
         sys.stderr.write(f"{name}: {text}\n")
     made = {line["config_name"].partition(":")[0] for line in answer["runs"]}
@@ -86,7 +86,7 @@ def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
     return json.loads(done.stdout)
 
 
-def _told(answer: Any, name: str) -> str:
+def _failure_text(answer: Any, name: str) -> str:
     """Return the report on the run that a planner lost, empty if it lost none."""
     return next((cell["error"] for cell in answer["lost"] if f"planner {name} " in cell["error"]), "")
 

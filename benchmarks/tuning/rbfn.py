@@ -84,7 +84,7 @@ def measure(bench: SeededBench) -> Figures:
     try:
         solve = PrimitiveProblem()
     except ModuleNotFoundError as error:
-        raise LeftOut("the optimal control needs casadi (the extra train)") from error
+        raise LeftOut("the optimal control problem needs casadi (install the extra train)") from error
     files = scenario_files(bench.shared / "data" / "commonroad", bench.limit)
     chosen = [path for path in files if path.name in set(drawn((one.name for one in files), SITUATIONS))]
     acting = acting_weights(built_in(CONFIGS[0]), [read_scenario(path) for path in chosen])

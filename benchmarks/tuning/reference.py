@@ -351,7 +351,7 @@ def both_loops(bench: TuningBench, name: str) -> Iterator["Loops"]:
         LeftOut: no checkout or no interpreter was given.
     """
     if bench.reference is None or bench.reference_python is None:
-        raise LeftOut("name a checkout of Frenetix-Motion-Planner (--reference) and its Python (--reference-python)")
+        raise LeftOut("give a checkout of Frenetix-Motion-Planner (--reference) and its Python (--reference-python)")
     driver = Path(__file__).with_name("reference_driver.py")
     command = [str(bench.reference_python), "-P", str(driver), str(bench.reference)]
     with (

@@ -271,7 +271,7 @@ def test_host_passes_requests_on_and_the_sandbox_has_a_policy() -> None:
 
 
 def test_bridge_is_left_out_with_the_reason_of_npm(tmp_path: Path) -> None:
-    with pytest.raises(LeftOut, match="there is no program no-such-node"):
+    with pytest.raises(LeftOut, match="no-such-node does not exist"):
         node_in(tmp_path, "no-such-node")
     program = tmp_path / "bin" / "node"
     npm = tmp_path / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
@@ -280,5 +280,5 @@ def test_bridge_is_left_out_with_the_reason_of_npm(tmp_path: Path) -> None:
         path.write_text(text)
     program.chmod(0o755)
     assert node_in(tmp_path, str(program)) == Node(program)
-    with pytest.raises(LeftOut, match=r"the bridge cannot be had by npm: no network"):
+    with pytest.raises(LeftOut, match=r"the bridge cannot be installed by npm: no network"):
         app_bridge.bundle(tmp_path / "folder", str(program))

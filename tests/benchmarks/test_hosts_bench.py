@@ -497,9 +497,9 @@ echo '{{"version": "1.2.3"}}' > node_modules/@made/client/package.json"""
 def test_a_client_that_cannot_be_installed_is_left_out_with_the_reason(tmp_path: Path) -> None:
     host = Host("made", "Made", "npm", ("@made/client@1.2.3",), "typescript.mjs")
     environments = Environments(tmp_path / "kept", installer(tmp_path, "echo 404 not found >&2; exit 1"))
-    with pytest.raises(LeftOut, match="made cannot be had by npm: 404 not found"):
+    with pytest.raises(LeftOut, match="made cannot be installed by npm: 404 not found"):
         environments.installed(host)
-    with pytest.raises(LeftOut, match="there is no program nowhere/node"):
+    with pytest.raises(LeftOut, match="nowhere/node does not exist"):
         Environments(tmp_path, "nowhere/node").installed(host)
 
 
@@ -558,7 +558,9 @@ def test_the_table_tells_help_failures_and_what_is_left_out(tmp_path: Path) -> N
     record = HostRecord(MADE, "1", (BAD, helped, replace(BAD, transport="http")))
     told = table_of([record, HostRecord(MADE, left_out="no such package")])
     assert told.startswith("0 of 2 clients pass.")
-    assert "| stdio, http (fails) | text | shown | not shown | shown | continues; ends without the setting below" in told
+    assert (
+        "| stdio, http (fails) | text | shown | not shown | shown | continues; ends without the setting below" in told
+    )
     unrefused = HostRecord(MADE, "1", (replace(BAD, goes_on=None), helped))
     assert "without the setting" not in table_of([unrefused])
     assert "only with `retries=3`. Without it: not carried out: render." in told

@@ -286,14 +286,14 @@ async def _services(folder: Path, count: int, chance: random.Random, seen: _Seen
                 services.asked.clear()
                 call = {"place": services.name, "count": 1, "seed": 1}
                 seen.services += 1
-                seen.judge("generate_scenarios", await _said(client, "generate_scenarios", call), content)
+                seen.judge("generate_scenarios", await _answer_text(client, "generate_scenarios", call), content)
                 asked = [question for of_kind, question in services.asked if of_kind == kind]
                 if not asked or is_documented(content, kind):
                     continue
                 seen.bad += 1
                 services.asked.clear()
                 services.said = {kind: b"[]" if kind == "search" else b'{"elements": []}'}
-                await _said(client, "generate_scenarios", call)
+                await _answer_text(client, "generate_scenarios", call)
                 if asked[0] not in [question for _, question in services.asked]:
                     seen.kept += 1
                     seen.told.append(f"kept: {kind}: {content[:300]!r}")
@@ -316,7 +316,7 @@ async def _planners(folder: Path, count: int, chance: random.Random, seen: _Seen
         (folder / name).write_bytes(content)
     async with Client(create_server(settings, start_folder=folder)) as client:
         await ask(client, "find_scenarios", limit=1)
-        await _said(client, "run_planner", {"scenarios": [_SCENARIO], "configs": ["told"], "wait_s": 50})
+        await _answer_text(client, "run_planner", {"scenarios": [_SCENARIO], "configs": ["told"], "wait_s": 50})
         sound = sound_plan(json.loads((folder / "request").read_text(encoding="utf-8")))
         for number in range(count):
             _tell(number, count, "answers of programs")
@@ -327,9 +327,9 @@ async def _planners(folder: Path, count: int, chance: random.Random, seen: _Seen
             (folder / "status").write_text(chance.choice(["0"] * 7 + ["3"]))
             seen.planners += 1
             call = {"scenarios": [_SCENARIO], "configs": ["told"], "seed": number + 1, "wait_s": 50}
-            seen.judge("run_planner", await _said(client, "run_planner", call), content)
+            seen.judge("run_planner", await _answer_text(client, "run_planner", call), content)
             for tool, arguments in _QUESTIONS[:: 1 if number % 5 == 0 else len(_QUESTIONS)]:
-                seen.judge(tool, await _said(client, tool, arguments), content)
+                seen.judge(tool, await _answer_text(client, tool, arguments), content)
 
 
 _QUESTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
@@ -379,7 +379,7 @@ def forged_plan(sound: dict[str, Any], chance: random.Random) -> bytes:
     return json.dumps(told).encode()
 
 
-async def _said(client: Client, tool: str, arguments: Mapping[str, Any]) -> str:
+async def _answer_text(client: Client, tool: str, arguments: Mapping[str, Any]) -> str:
     """Return the text of a tool's answer; a missing answer counts as an unexpected one."""
     try:
         with anyio.fail_after(_LIMIT_S):

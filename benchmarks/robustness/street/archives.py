@@ -127,7 +127,7 @@ async def _make(workspace: Path, scenarios: list[str], is_rich: bool) -> None:
                 client, "optimize_planner", scenarios=ids, base="idm:Default", max_trials=4, method="random"
             )
     if is_rich and (lacking := set(ARTIFACT_KINDS) - {kind for kind, _ in _contents(workspace)}):
-        raise RuntimeError(f"the archive to forge lacks {', '.join(sorted(lacking))}")
+        raise RuntimeError(f"the archive to forge has no {', '.join(sorted(lacking))}")
 
 
 def _command(*words: str) -> tuple[int, str]:
@@ -149,7 +149,7 @@ def _is_right(workspace: Path, file: Path, forged: ForgedArchive, seen: _Seen) -
         is_named = bool(_NAMED.search(said)) and "[unexpected]" not in said
         is_same = _contents(workspace) == before
         if not (is_named and is_same):
-            seen.tell(forged, f"refused without a name, or left something: {said}")
+            seen.tell(forged, f"refused without a code, or left traces: {said}")
         return is_named and is_same
     seen.taken += 1
     with_run = seen.taken % _RUN_EVERY == 1
@@ -217,7 +217,7 @@ async def _ask_about(
             is_marked &= kind != "run" or "imported" in text
     code, said = _command("workspace", "verify", "--workspace", str(workspace))
     if code != 0:
-        seen.tell(forged, f"verify finds what import took in: {said}")
+        seen.tell(forged, f"verify finds faults in imported content: {said}")
         return False
     return is_marked
 

@@ -62,7 +62,7 @@ def measure(bench: StreetBench) -> Figures:
     controls = [text for text in seen if _CONTROL in text]
     seen = [text for text in seen if _CONTROL not in text]
     if len(controls) < len(_PROTOCOLS) * _WAYS:
-        raise RuntimeError(f"the programs do not see what they were given: {controls}")
+        raise RuntimeError(f"the programs do not see the control secret: {controls}")
     for text in seen:
         sys.stderr.write(f"{text}\n")
     return {
