@@ -90,7 +90,7 @@ def measured(subject: Subject, folder: Path, repeats: int, doublings: int | None
     """
     sizes = subject.sizes[: None if doublings is None else doublings + 1]
     own = folder / re.sub(r"\W+", "_", subject.name)
-    _timed(subject, sizes[0], own / "first")  # what is loaded once
+    _timed(subject, sizes[0], own / "first")  # one-time loading
     timed = []
     for size in sizes:
         tries: list[Timed] = []

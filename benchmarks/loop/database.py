@@ -193,7 +193,7 @@ async def run_turn(pool: WorkerPool, turn: Turn, journal: Journal, folder: Path)
         for path in queue:
             row = await _row(pool, turn, path, kind_of(path, folder))
             made += 1
-            # what the clock showed since the last row of any worker: the sum is the time that the turn took
+            # wall time since the last row of any worker: the sum is the turn's time
             row["clock_s"] = round(time.perf_counter() - began - sum(clocks), 4)
             clocks.append(row["clock_s"])
             journal.add(row)

@@ -463,7 +463,7 @@ def _turned(pose: tuple[float, float, float]) -> tuple[float, float, float]:
     return pose[0], pose[1], pose[2] + math.pi
 
 
-# what is told
+# the product's statements
 
 
 @dataclass(frozen=True)

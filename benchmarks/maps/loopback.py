@@ -349,7 +349,7 @@ class MapServers:
         held = self._mirrors[mirror]
         boxes = [tuple(map(float, box)) for box in _BOX.findall(text)]
         elements: dict[tuple[str, int], dict[str, Any]] = {}
-        kind = run_query(text, Extract(Path())).format  # also says what is wrong with the query where nothing is held
+        kind = run_query(text, Extract(Path())).format  # also explains what is wrong with the query
         for extract in self._extracts:
             if not boxes or any(_overlap(box, extract.box) for box in boxes):
                 for one in run_query(text, extract).elements:

@@ -167,7 +167,7 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
             watch.there_at_kills.append(frozenset(_stored_files(workspace)))
     watch.batch_s = time.perf_counter() - started
     watch.asked = bench.scenarios
-    if not watch.plan and bench.minutes is not None:  # time was up: what is there is what was asked for
+    if not watch.plan and bench.minutes is not None:  # time is up: the results so far count
         watch.asked = _count_made(workspace)
         async with _server(bench, folder) as client:
             watch.plan = (await ask(client, "generate_scenarios", **{**wish, "count": watch.asked}))["plan"]

@@ -42,7 +42,7 @@ def trained(samples: PrimitiveSamples, seed: int, units: int = UNITS) -> Primiti
     mean, spread = inputs.mean(axis=0).astype(np.float32), inputs.std(axis=0).astype(np.float32)
     chosen = np.sort(np.random.default_rng(seed).choice(len(inputs), min(units, len(inputs)), replace=False))
     lowest, highest = np.percentile(inputs, (_KNOWN_SHARE, 100.0 - _KNOWN_SHARE), axis=0)
-    lowest[[0, 2, 5]] = 0.0  # speeds may be none, and a bearing straight ahead
+    lowest[[0, 2, 5]] = 0.0  # speeds may be 0, and a bearing straight ahead
     empty = PrimitiveNetwork(
         mean=mean,
         spread=spread,

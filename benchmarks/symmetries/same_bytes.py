@@ -131,7 +131,7 @@ async def _record_map(client: Client, digests: _Digests, path: Path) -> None:
         return
     for density, vehicles in (("low", ["truck=1"]), ("medium", ["bicycle=1", "bus=1"])):
         asked = {"place": map_id[0], "density": density, "vehicles": vehicles, "count": 2, "seed": 3}
-        arguments = {**asked, "goal": "steps:50"}  # what earlier versions took where none was named
+        arguments = {**asked, "goal": "steps:50"}  # the default of earlier versions
         digests.note(f"map {path.name} {density}", await client.call_tool("generate_scenarios", arguments))
 
 

@@ -173,7 +173,7 @@ def _asam(program: Path, scenarios: Sequence[Path], scratch: Path, tally: _Tally
         try:
             write_opendrive(request, _quiet)
         except PlannerForgeError:
-            continue  # a scenario whose lanelets have no area is refused
+            continue  # a scenario is refused if its lanelets have no area
         exported += 1
         issues = asam_issues(program, target, scratch)
         clean += not issues

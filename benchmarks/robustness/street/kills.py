@@ -64,7 +64,7 @@ def measure(bench: StreetBench) -> Figures:
     pieces = _pieces(archive)
     while seen.killed.total() < bench.kills:
         piece = next(pieces)
-        # an import of what is there already takes no time
+        # a repeated import takes no time
         workspace = folder / (f"imported-{seen.killed.total()}" if piece.artifacts else "workspace")
         _carry_out(piece, workspace, chance, seen, bench.kills)
         sys.stderr.write(f"{piece.name}: {dict(seen.killed)} killed, {len(seen.lost)} lost\n")

@@ -48,7 +48,7 @@ def places_of(process: int) -> dict[str, bytes]:
         except OSError:
             continue
         is_file = target.startswith("/") and not target.startswith(("/dev/", "/proc/"))
-        is_mine = process == os.getpid()  # what stands in a pipe of others is theirs: to read it would take it away
+        is_mine = process == os.getpid()  # reading would remove data from another process's pipe
         seen[f"{process} descriptor {descriptor} {target}"] = target.encode() + (
             read(path) if is_file or "memfd" in target else b""
         )

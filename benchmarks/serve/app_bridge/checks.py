@@ -387,7 +387,7 @@ def ending(view: View, origins: tuple[str, ...]) -> Checks:
         view.page.value(gone)
     yield "it answers when it is taken down", view.host_sees("window.tornDown")
     refused = view.page.value("host.received.filter(one => one.message.error).map(one => one.message.error.message)")
-    # What the server refuses the host's own client is an answer that the page shows, and no fault of it.
+    # A refusal by the server is an answer that the page shows, not a fault of the page.
     errors = [error for error in view.page.errors if not error.endswith(f"{origins[0]}/mcp")]
     faults = [*errors, *view.page.value("host.faults"), *refused]
     yield f"no script and no message failed{''.join(f'; {fault}' for fault in faults)}", not faults

@@ -77,7 +77,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._pass_on()
             return
         found = self.files.get(name)
-        # A browser asks each origin for an icon; that there is none is no fault of the page.
+        # A browser requests an icon from each origin; a missing icon is not a fault of the page.
         self.send_response(204 if name == "favicon.ico" else 404 if found is None else 200)
         self.send_header("Content-Type", _TYPES.get(name.rpartition(".")[2], "text/plain"))
         if self.policy:

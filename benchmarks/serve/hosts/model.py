@@ -113,7 +113,7 @@ def scripted_model() -> Iterator[ScriptedModel]:
     model = ScriptedModel()
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
         listener.bind(("127.0.0.1", 0))
-        listener.listen()  # who connects before the server has started waits for it
+        listener.listen()  # early connections wait for the server's start
         model.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         config = uvicorn.Config(
             model_application(model), log_level="error", access_log=False, lifespan="off", timeout_graceful_shutdown=1
@@ -499,7 +499,7 @@ def _stream_ollama(reply: _Reply) -> Iterator[str]:
     yield json.dumps(_ollama_part({}, done=True)) + "\n"
 
 
-# A plain one, for clients whose driver asks what to call next
+# A plain protocol, for clients with a driver that requests the next call
 
 
 def _read_plain(body: Json) -> Asked:

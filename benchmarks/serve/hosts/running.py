@@ -124,7 +124,7 @@ def _driven(host: Host, installed: Installed, folder: Path, given: Mapping[str, 
         except subprocess.TimeoutExpired:
             failure = f"not done in {_TIMEOUT_S:g} s"
         finally:
-            with suppress(ProcessLookupError):  # what the client left running ends with it
+            with suppress(ProcessLookupError):  # processes that the client left running end with it
                 os.killpg(driver.pid, signal.SIGKILL)
             driver.wait()
     if failure:

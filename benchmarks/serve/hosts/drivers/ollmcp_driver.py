@@ -31,7 +31,7 @@ def read_until(words: str, seconds: float) -> str:
             except OSError:
                 break
             sys.stdout.write(part)
-            if "\x1b[6n" in part:  # it asks where the cursor is, as a terminal knows
+            if "\x1b[6n" in part:  # it queries the cursor's position, which a terminal knows
                 os.write(terminal, b"\x1b[1;1R")
             shown += part
             if re.search(words, " ".join(STEPS.sub(" ", shown).split())):
