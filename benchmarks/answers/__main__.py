@@ -116,7 +116,9 @@ async def _faults_told() -> Figures:
                 silent = [word for word in call.words if word not in answer.text]
                 told_all += answer.is_error and not silent
                 if silent or not answer.is_error:
-                    sys.stderr.write(f"NOT TOLD {silent}: {call.tool} {dict(call.arguments)}: {answer.text[:400]}\n")
+                    sys.stderr.write(
+                        f"NOT REPORTED {silent}: {call.tool} {dict(call.arguments)}: {answer.text[:400]}\n"
+                    )
     return {"faulty_calls": len(calls), "faults_told": round(told_all / len(calls), 4)}
 
 

@@ -282,7 +282,7 @@ class _Asking:
                 if truth is _TRAILER:
                     checks = {"scenario_id": scenario, "detail": "checks"}
                     told = _text(await self.client.call_tool("describe_scenario", checks))
-                    collides = "nobody overlaps the ego" not in told
+                    collides = "the ego overlaps" in told
                 else:
                     record = (await self._run(scenario, "idm"))[0]
                     collides = record is not None and record["invalid_reason"] == "initial_collision"

@@ -325,7 +325,7 @@ class _Expected:
         if comparison["headline_code"] != self.code:
             yield f"{comparison['headline_code']}, not {self.code}"
         for unknown in unknown_in_fields(comparison):
-            yield f"a figure of the headline stands in no field: {unknown}"
+            yield f"a figure of the headline is in no field: {unknown}"
         better = {one["name"]: one["better"] for one in comparison["metrics"] if one["better"]}
         if better != self.better:
             yield f"better {better}, not {self.better}"

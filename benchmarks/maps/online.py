@@ -208,11 +208,11 @@ def _faults_of(request: BenchRequest, scenario_id: str, folder: Path, region: Re
         f"shows no {stated}": shows_type(files, stated, region.evidence),
         f"is {stated}": asked.scenario_type in (stated, "any"),
         "lacks vehicles": holds_vehicles(files, _required(asked.vehicles)),
-        "lies elsewhere": lies_in(files, region.extract.box, _BEYOND_DEG),
-        "lies outside the box": asked.bbox is None or lies_in(files, asked.bbox, _BEYOND_BOX_DEG),
-        "lies at another street": request.street is None
+        "is elsewhere": lies_in(files, region.extract.box, _BEYOND_DEG),
+        "is outside the box": asked.bbox is None or lies_in(files, asked.bbox, _BEYOND_BOX_DEG),
+        "is at another street": request.street is None
         or lies_at_street(files, request.street, region.towns, region.evidence, within_m),
-        "lies in another country": asked.country in (None, scenario_id[:3]),
+        "is in another country": asked.country in (None, scenario_id[:3]),
         "density": judge_density(files, asked.density, report.notes).honest,
         "duration": recorded,
     }

@@ -450,7 +450,7 @@ def _lost(workspace: Path, made: Mapping[int, _Made], watch: _Watch, asked: int)
     lost += [f"{key} was made twice" for key in set(ids) if ids.count(key) > 1]
     lost += [f"{key} has no file" for key in set(ids) - now]
     lost += [f"{one.scenario_id} is broken" for one in made.values() if not _is_whole(one.folder)]
-    lost += ["one of those asked for is not there"] * max(asked - len(made), 0)
+    lost += ["a requested scenario is missing"] * max(asked - len(made), 0)
     for text in lost[:20]:
         sys.stderr.write(f"LOST: {text}\n")
     return lost

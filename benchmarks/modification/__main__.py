@@ -195,7 +195,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     for task in (*TASKS, "composite"):
         rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
     later = sum(case.enter_later > 0 for case in made)
-    rows.append(("enter later, as asked", f"{later} files, for which the schema has no form"))
+    rows.append(("enter later, as requested", f"{later} files, for which the schema has no form"))
     given = [errors for case in made for errors in case.handovers]
     jump, step = (max(errors, default=0.0) for errors in (zip(*given, strict=True) if given else ((), ())))
     rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))

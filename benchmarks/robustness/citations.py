@@ -501,7 +501,7 @@ async def drive_services(course: Course) -> None:
     try:
         async with course.server(**settings) as model:
             services.found = [town(1, "Zweistadt", f"East {label.text}"), town(4, "Zweistadt", label.text)]
-            with course.path("places of Nominatim: which one is meant", label, model):
+            with course.path("ambiguous places of Nominatim", label, model):
                 await model.call("generate_scenarios", place="Zweistadt", duration_s=5)
             services.found = [town(2, "Einort")]
             services.body = json.dumps({"elements": [], "remark": f"runtime error: {remark.text}"})

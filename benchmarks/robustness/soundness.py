@@ -90,7 +90,7 @@ def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | s
         sys.stdout.write(told)
         last = told.rstrip("\n").rpartition("\n")[2]
         if not last.startswith("{"):
-            sys.stderr.write(f"{name} broke with {process.returncode} and said no figures\n")
+            sys.stderr.write(f"{name} broke with {process.returncode} and printed no figures\n")
             return {}
         found = {"arguments": arguments, "figures": json.loads(last)}
         kept.write_text(json.dumps(found) + "\n", encoding="utf-8")

@@ -227,9 +227,9 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
         return "of goal lanelets that are equally far, the id chooses" if is_tie else ""
     if relation == "split" and judge == "features":
         other = {*before.get(key, ())} ^ {*after.get(key, ())}
-        return "turns and crossings are told from lanelets that share a fork" if other <= _OF_FORKS else ""
+        return "turns and crossings follow from lanelets that share a fork" if other <= _OF_FORKS else ""
     if relation == "split" and judge == "edit" and before.get("op") == "reroute" and after == _NO_SUCH_BRANCH:
-        return "a turn is told from the lanelet that leaves a fork"
+        return "a turn follows from the lanelet that leaves a fork"
     if relation == "split":
         lanelets = before.get(f"{key.removesuffix(name)}lanelets", ()) if judge == "facts" else ()
         if name in ("signs", "traffic_light") and frame.cut & set(lanelets):
@@ -239,7 +239,7 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
             and _OF_WHOLE_LANELETS.match(key)
             and frame.cut & {int(one) for one in re.findall(r"\d+", key)}
         ):
-            return "the rule is about a whole lanelet, of which there are two"
+            return "the rule concerns a whole lanelet, and there are two"
     return ""
 
 

@@ -208,7 +208,7 @@ SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
         "in full screen": ("dataset.host = context.displayMode", "dataset.shown = context.displayMode"),
         "nothing listens any more": ("this.ended.abort();", ""),
         "what was hidden": ("this.panes.every(pane => pane.camera.scale > 0)", "true"),
-        "nothing was asked of elsewhere": ('<main id="view">', '<img src="http://127.0.0.1:9/x.png"><main id="view">'),
+        "nothing came from elsewhere": ('<main id="view">', '<img src="http://127.0.0.1:9/x.png"><main id="view">'),
     },
 )
 """Of pages that are broken: by words of each check that has to fail, what is replaced by what."""

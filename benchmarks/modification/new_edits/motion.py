@@ -129,7 +129,7 @@ def draw_rate(file: WrittenFile, rng: random.Random) -> Drawn | None:
         if has_time and abs(float(speeds[round(due / new.step_s) - 1]) - final) > 0.35:
             return f"speed {speeds[round(due / new.step_s) - 1]:.2f} after {due:.1f} s, not {final}"
         if not has_time and told.verdicts[0] == "done" and abs(float(speeds[-1]) - final) > 0.35:
-            return "told done, and the speed is not reached"
+            return "reported done, but the speed is not reached"
         return "" if abs(hardest - rate) <= 0.12 * rate + 0.1 else f"brakes with {hardest:.2f} m/s², not {rate}"
 
     return Drawn("rate", (edit,), judge, frozenset([user.key]))
@@ -156,7 +156,7 @@ def draw_relative(file: WrittenFile, rng: random.Random) -> Drawn | None:
         is_right = abs(ratio - 1.0 - percent / 100.0) <= 0.03
         if is_right or told.verdicts[0] != "done":
             return ""
-        return f"drives {ratio:.3f} of its speed, not {1 + percent / 100:g}, and is told done"
+        return f"drives {ratio:.3f} of its speed, not {1 + percent / 100:g}, but is reported done"
 
     return Drawn("relative", (edit,), judge)
 
@@ -251,7 +251,7 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
         gaps = room[near] / np.maximum(speeds[near], 0.5)
         best = float(gaps[np.argmin(np.abs(gaps - gap))])
         if abs(best - gap) > 0.15 and told.verdicts[0] == "done":
-            return f"gap {best:.2f} s, not {gap}, and is told done"
+            return f"gap {best:.2f} s, not {gap}, but is reported done"
         # Drivers do not keep exactly to their lanes, and lanes converge: what counts is the share of the way between
         # the two recorded paths.
         from_own = np.abs(path_of(base.users[user.key]).along(after.places[steps - after.first])[1])
@@ -315,7 +315,7 @@ def draw_run_red_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
         after, here = new.users[user.key], new.lanes[lane.key]
         step = crossed(after, here)
         if step is None:
-            return "" if told.verdicts[1] != "done" else "does not cross, and is told done"
+            return "" if told.verdicts[1] != "done" else "does not cross, but is reported done"
         colours = {new.lights[key].colour(step) for key in here.lights if key in new.lights}
         return "" if colours == {"red"} else f"crosses at {colours}"
 

@@ -154,7 +154,7 @@ def draw_kerb(file: WrittenFile, rng: random.Random) -> Drawn | None:
             return "is not a parked vehicle"
         if turned > 0.1 or float((user.places[0] - place) @ right) < 0.0:
             return "is not along the kerb"
-        return "" if -0.1 <= beside <= 0.6 else f"stands {beside:.2f} m beside the kerb"
+        return "" if -0.1 <= beside <= 0.6 else f"stands {beside:.2f} m from the kerb"
 
     return Drawn("kerb", (edit,), judge)
 

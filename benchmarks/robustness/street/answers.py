@@ -303,7 +303,9 @@ async def _planners(folder: Path, count: int, chance: random.Random, seen: _Seen
     """Let a program give prescribed answers, and query the run."""
     folder.mkdir()
     program = Path(__file__).with_name("told_planner.py")
-    planner = CommandPlanner(summary="says what it was told", command=(sys.executable, "-S", str(program), str(folder)))
+    planner = CommandPlanner(
+        summary="returns the prescribed answer", command=(sys.executable, "-S", str(program), str(folder))
+    )
     settings = Settings(
         workspace=folder / "workspace",
         warm_up=False,

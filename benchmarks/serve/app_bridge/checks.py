@@ -122,11 +122,11 @@ def arrival(view: View) -> Checks:
     )
     yield "it has the theme of the host", _has_theme(view, view.theme)
     yield (
-        "it tells its size until it stands still",
+        "it reports its size until it settles",
         view.stands_still() and view.host_sees(f"host.sizes.length >= 1 && host.sizes.length <= {_MOST_SIZES}"),
     )
     yield (
-        "it fits into the height that it told",
+        "it fits into its reported height",
         view.comes_true(
             "Math.abs(document.documentElement.scrollHeight - innerHeight) <= 1"
             " && document.body.getBoundingClientRect().height >= innerHeight - 1"
@@ -225,7 +225,7 @@ def choosing(view: View, kind: str = "") -> Checks:
     for what in (str(found["id"]), found["kind"].replace("_", " "), f"{found['speed']} m/s", "lanelet"):
         yield f"a click shows {what}", view.comes_true(f"{picked}.includes({json.dumps(what)})")
     yield (
-        "the host is told what the user looks at",
+        "the host learns what the user looks at",
         view.host_sees(
             f"host.told.at(-1)?.endsWith('selected: obstacle {found['id']}')"
             " && host.asked('ui/update-model-context').every(one => one.answered)"
@@ -241,7 +241,7 @@ def driving(view: View) -> Checks:
     yield "figures of the run are shown", view.comes_true("document.querySelector('.now').innerText.includes('gap')")
     view.clicks(".moments button")
     yield (
-        "a click on a moment goes there, and the host is told",
+        "a click on an event goes there, and the host learns of it",
         view.host_sees("/^The user looks at run run_.* s$/.test(host.told.at(-1))"),
     )
     picture = f"{_PLAYER}.panes[0].canvas.toDataURL()"
@@ -296,7 +296,7 @@ def filtering(view: View) -> Checks:
     view.clicks(".bar button")
     yield "a click on a bar shows its outcome", view.comes_true("document.querySelector('.board select').value !== ''")
     view.presses("r")
-    yield "the window stands still", view.stands_still()
+    yield "the window does not move", view.stands_still()
 
 
 def opening(view: View) -> Checks:
@@ -312,7 +312,7 @@ def opening(view: View) -> Checks:
             f" && {_READS}.at(-1).params.uri === 'plannerforge://view/{run}'"
         ),
     )
-    yield "the host is told which run", view.host_sees(f"host.told.at(-1)?.includes('{run}')")
+    yield "the host learns which run", view.host_sees(f"host.told.at(-1)?.includes('{run}')")
     yield "the run is drawn", view.comes_true(_DRAWN)
     yield "the player begins where the window is seen", view.comes_true("scrollY === 0")
     view.frame.press("ArrowRight")
@@ -326,7 +326,7 @@ def opening(view: View) -> Checks:
     )
     view.frame.press("ArrowRight")
     view.clicks(".board .side p button:last-of-type")
-    yield "a run opens beside that of the first column", view.is_shown(f"{_PLAYER}.panes.length === 2")
+    yield "a run opens next to that of the first column", view.is_shown(f"{_PLAYER}.panes.length === 2")
     yield ("both fit", view.stands_still() and view.comes_true(_NO_WIDER))
     view.pictured("beside")
     view.frame.press("Escape")
@@ -356,7 +356,7 @@ def appearing(view: View) -> Checks:
     view.page.value(f"host.bridge.sendToolResult({result})")
     yield "another answer replaces the view", view.is_shown(f"{_PLAYER} !== window.before")
     near = f"{_PLAYER}.follow && {_PLAYER}.panes[0].camera.scale * FOLLOWED_WIDTH_M >= 0.5 * innerWidth"
-    yield "of which nothing listens any more", view.comes_true("window.before.ended.signal.aborted")
+    yield "the old view has no listener left", view.comes_true("window.before.ended.signal.aborted")
     view.page.value("document.getElementById('box').style.display = ''")
     yield (
         "what was hidden shows what it shows at first",
@@ -367,7 +367,7 @@ def appearing(view: View) -> Checks:
 def refusing(view: View) -> Checks:
     """Check that answers without a view appear as text, and a later view is shown."""
     said = "document.body.innerText"
-    yield "a refusal is told", view.comes_true(f"{said}.includes('refused')")
+    yield "a refusal is shown", view.comes_true(f"{said}.includes('refused')")
     view.page.value("host.bridge.sendToolCancelled({ reason: 'by the user' })")
     yield "so is a call that was cancelled", view.comes_true(f"{said}.includes('cancelled')")
     view.page.value("host.bridge.sendToolResult({ content: [{ type: 'text', text: 'no view' }] })")
@@ -392,7 +392,7 @@ def ending(view: View, origins: tuple[str, ...]) -> Checks:
     faults = [*errors, *view.page.value("host.faults"), *refused]
     yield f"no script and no message failed{''.join(f'; {fault}' for fault in faults)}", not faults
     elsewhere = [url for url in view.page.requests if not url.startswith((*origins, "data:", "about:", "blob:"))]
-    yield f"nothing was asked of elsewhere{''.join(f'; {url}' for url in elsewhere)}", not elsewhere
+    yield f"nothing came from elsewhere{''.join(f'; {url}' for url in elsewhere)}", not elsewhere
 
 
 _SEEN = (
