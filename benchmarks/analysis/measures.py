@@ -260,7 +260,7 @@ _NOTHING_STORED = RunMetrics.model_construct(**_NOTHING)
 
 
 def _following(choice: random.Random) -> Made:
-    """Return a slower leader at constant speeds, where the last step with the smallest gap decides."""
+    """Return a slower leader at constant speeds; the last step with the smallest gap is decisive."""
     steps, ego, slower = 11, choice.uniform(8, 30), choice.uniform(2, 6)
     aside, first = choice.uniform(-0.7, 0.7), choice.uniform(20, 45)
     length, width = choice.uniform(3.5, 12), choice.uniform(1.5, 2.4)

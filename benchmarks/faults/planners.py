@@ -91,7 +91,7 @@ class _Tally:
     calls: int = 0
 
     def see(self, text: str) -> None:
-        """Count an error by the code it names; a defect of ours is none."""
+        """Count an error by the code it names; a defect of ours has no code."""
         code = next((word for word in re.findall(r"\[(\w+)\]", text) if word in error_classes()), "")
         if code and code != UnexpectedFailure.code:
             self.errors[code] += 1

@@ -67,7 +67,7 @@ class Growth:
 
     @property
     def figure(self) -> float | str:
-        """The exponent, or in words why there is none."""
+        """The exponent, or the reason why it is missing."""
         refused = next((one.size for one in self.timed if one.refused), None)
         if refused is not None:
             return f"refused from {refused} on" + (f", before that {self.slope}" if self.slope is not None else "")

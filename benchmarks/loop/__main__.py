@@ -1,4 +1,4 @@
-"""``make bench-loop``: whether a verdict on a planner can be relied on.
+"""``make bench-loop``: checks that verdicts on a planner are reliable.
 
 Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``. The module explains
 its keys and judges with code that shares nothing with the product.

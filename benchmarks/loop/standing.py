@@ -1,20 +1,24 @@
-"""Whether analyses find why egos stood and braked, on synthetic runs.
+"""Checks that analyses find why egos stood and braked, on synthetic runs.
 
-Each run is drawn at random on a road of its own, straight or curved, with a light, a crossing road, others and a goal
-as its kind asks. The ego's speed over time and the reason for it are given in closed form, so that the truth is known
-by construction. This module shares no code with the product.
+Each run is drawn at random on its own road, straight or curved, with a light, a crossing road, other road users and a
+goal as its kind requires. The ego's speed over time and the reason for it are given in closed form, so the truth is
+known by construction. This module shares no code with the product.
 
-Kinds of standing: at a red light; at a light that turned green long ago, or was green all the time; behind a vehicle
-that stands; behind one that has driven away; in a queue; before one that crosses; in the goal before its time; behind
-no vehicle, with an empty road, an oncoming one or a vehicle far ahead; and late behind a slower vehicle, or by itself.
-Kinds of braking: for a vehicle, a light, one that crosses, a curve, the goal's time; without a reason, gently or hard,
-with an empty road or a faster vehicle far ahead; and hit from behind after either.
+Kinds of standing: at a red light; at a light that turned green long ago or was always green; behind a standing vehicle;
+behind one that has driven away; in a queue; before a crossing vehicle; in the goal before its time; without a vehicle
+ahead, on an empty road, with an oncoming vehicle or one far ahead; and late, behind a slower vehicle or alone. Kinds of
+braking: for a vehicle, a light, a crossing vehicle, a curve, the goal's time; without a reason, gently or hard, with an
+empty road or a faster vehicle far ahead; and hit from behind after either.
 
-Keys: ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road
-user, beginning within half a second, and no further stretch of standing or being held up (being held up by the same
-vehicle while stopping behind it is also correct); ``braking_right``: the same for the second kinds, and for runs that
-were hit also the attribution of the collision; ``standing_runs``, ``braking_runs``: how many there were. Seed 19 was
-used during development; figures are reported for seed 20.
+Keys:
+
+- ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road user,
+  start within half a second, and no further stretch of standing or being held up (except held up by the same vehicle
+  while stopping behind it).
+- ``braking_right``: the same for the second kinds, and for runs that were hit also the attribution of the collision.
+- ``standing_runs``, ``braking_runs``: their numbers.
+
+Seed 19 was used during development; figures are reported for seed 20.
 """
 
 import math

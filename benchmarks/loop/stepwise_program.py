@@ -1,7 +1,7 @@
-"""A stepwise planner that fails as its first argument says; it uses only the standard library.
+"""A stepwise planner that fails as its first argument says; standard library only.
 
 ``drives`` goes straight on and keeps the protocol of docs/own_planner.md. ``NAME@N`` goes wrong at the N-th planning
-step. Behaviours in ``AT_START`` go wrong when the run begins.
+step. Behaviours in ``AT_START`` go wrong at the start of the run.
 """
 
 import json

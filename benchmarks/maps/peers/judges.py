@@ -28,7 +28,7 @@ _TIME_S = 120
 
 
 def commonroad_verdict(path: Path) -> str:
-    """Return why a CommonRoad file is none, or an empty text: commonroad-io reads it and the schema accepts it."""
+    """Return why a file is not CommonRoad's, or an empty text: commonroad-io reads it and the schema accepts it."""
     try:
         scenario, _ = CommonRoadFileReader(str(path)).open()
     except Exception as error:  # noqa: BLE001 - whatever commonroad-io raises, it does not read the file
