@@ -188,13 +188,13 @@ def test_pages_as_they_are_pass(browser: Browser, views: Mapping[str, str], case
 
 
 SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
-    {"tells its size": ('"ui/notifications/size-changed"', '"ui/notifications/size"')},
+    {"reports its size": ('"ui/notifications/size-changed"', '"ui/notifications/size"')},
     {
         "theme of the host": ("setTheme(context.theme)", "setTheme('dark')"),
         "space plays": ('" ": () => this.toggle()', '" ": () => null'),
         "slider": ("oninput: () => this.seek(", "oninput: () => Math.abs("),
         "F follows the ego": ("if (this.follow) this.centre(pane);", ""),
-        "told what the user looks at": ('this.request("ui/update-model-context"', 'this.request("ui/model-context"'),
+        "learns what the user looks at": ('this.request("ui/update-model-context"', 'this.request("ui/model-context"'),
         "0.6 of the width": ("else if (this.whole) this.fit();", ""),
         "O hides the plans": ("if (showPlans) drawPlan", "drawPlan"),
         "no script and no message failed": (
@@ -206,7 +206,7 @@ SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
         "wider than the host": ("main { padding: 10px 14px 14px; }", "main { width: 2000px; }"),
         "a click shows": ("if (held.delete(event.pointerId)", "if (false"),
         "in full screen": ("dataset.host = context.displayMode", "dataset.shown = context.displayMode"),
-        "nothing listens any more": ("this.ended.abort();", ""),
+        "no listener left": ("this.ended.abort();", ""),
         "what was hidden": ("this.panes.every(pane => pane.camera.scale > 0)", "true"),
         "nothing came from elsewhere": ('<main id="view">', '<img src="http://127.0.0.1:9/x.png"><main id="view">'),
     },
