@@ -7,7 +7,7 @@ before its traffic is generated. Distances in m.
 
 import random
 from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -216,7 +216,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
         where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
-    remedies = [with_values(scenario_type=kind) for kind in held[:1]]
+    turn = request.goal.turn
+    suited = [kind for kind in held if turn is None or turn in TURNS_AT[kind]]
+    remedies = [with_values(scenario_type=kind) for kind in suited[:1]]
+    if held and not suited:
+        remedies = [with_values(scenario_type=held[0], goal=None)]
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
@@ -526,13 +530,22 @@ class SiteFocus:
         return sum(passed) if passed[0] else 0
 
     def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Return whether the car reaches a junction that the site was made of by a step; True at other sites."""
+        """Return whether the car passes a junction that the site was made of by the step; True at other sites.
+
+        It passes one if it is inside it, or comes nearest to it on the way, as on the far carriageway of a wide street.
+        A car that only starts or ends near it does not.
+        """
         from shapely import contains_xy
 
         if self._spot is None:
             return True
-        x, y = car.motion.positions[: last_step + 1].T
-        return bool(contains_xy(self._spot, x, y).any())
+        positions = car.motion.positions[: last_step + 1]
+        if contains_xy(self._spot.area, *positions.T).any():
+            return True
+        away = np.linalg.norm(positions[None] - self._spot.places[:, None], axis=2)
+        nearest = away.argmin(axis=1)
+        is_passed = (away.min(axis=1) < AT_M) & (nearest > 0) & (nearest < last_step)
+        return bool(is_passed.any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """Return the steps at which the car's centre is in an area, as a mask; all False if a road is the site."""
@@ -598,10 +611,18 @@ def _junctions_of(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
     return frozenset(key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit)
 
 
+@dataclass(frozen=True)
+class _Spot:
+    """The junctions that a site was made of: their area, and where the map has them (n, 2)."""
+
+    area: "BaseGeometry"
+    places: Points
+
+
 def _spot(
     site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
-) -> "tuple[frozenset[str], BaseGeometry | None]":
-    """Return the junctions that a site was made of, and the area around its nodes; None if no others are near."""
+) -> tuple[frozenset[str], _Spot | None]:
+    """Return the junctions that a site was made of, and where they are; None if no others are near."""
     from shapely import Point, union_all
 
     near = sorted(junctions) if len(junctions) > 1 else []
@@ -611,8 +632,7 @@ def _spot(
     spot = {min(areas, key=lambda key: areas[key].distance(Point(*place))) for place in places} if areas else set()
     if len(spot) == len(areas):
         return junctions, None
-    around = [Point(*place).buffer(AT_M) for place in places]  # the other carriageway of a wide street
-    return frozenset(spot), union_all([*around, *(areas[key] for key in sorted(spot))])
+    return frozenset(spot), _Spot(union_all([areas[key] for key in sorted(spot)]), np.array(places))
 
 
 def _is_in(junction: str, lanelet: RoadLanelet) -> bool:
