@@ -584,8 +584,8 @@ MEASURES: tuple[Measure, ...] = (
         "higher",
         "the share of the steps that the vehicle can drive as driven: 1 for a feasible motion",
         "share of steps that a kinematic single-track model can drive within the tolerances of CommonRoad's "
-        "drivability checker (0.02 m, 0.03 rad), the friction and the steering-rate limit; the time given is that of the first "
-        "infeasible step",
+        "drivability checker (0.02 m, 0.03 rad), the friction and the steering-rate limit; the time given is that of "
+        "the first infeasible step",
         "Althoff and Würsching 2020",
         "0 to 1",
         _TOO_SHORT,
