@@ -107,7 +107,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
-    if not kinds and len(request.streets) > 1:
+    if not kinds and (len(request.streets) > 1 or "roundabout" in wanted):
         kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find_by_links(kind), request))]
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
         kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
@@ -120,7 +120,14 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     taken = Gathering(SAME_PLACE_M)
     in_turn = [site for sites in zip_longest(*kinds) for site in sites if site is not None]
     at_ramp = _required_ramp_turn(request)
-    for site in sorted(in_turn, key=lambda site: (site.only_passed, at_ramp is not None and at_ramp not in site.turns)):
+    for site in sorted(
+        in_turn,
+        key=lambda site: (
+            site.only_passed,
+            at_ramp is not None and at_ramp not in site.turns,
+            _is_in_corner(site, request),
+        ),
+    ):
         if taken.near(site.position) is None:
             taken.add(site.position)
             different.append(site)
@@ -268,7 +275,7 @@ def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | N
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """Return the sites on all streets of a request and in its box, the nearest to the box's middle first."""
+    """Return the sites on all streets of a request and in its box."""
     if request.streets:
         sites = [
             finder.narrowed(site, partial(_is_on_streets, request.streets))
@@ -276,12 +283,21 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
             if _passes_by(site, request)
         ]
         sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
+    return [site for site in sites if _is_in_box(site, request)]
+
+
+_LEAST_BOX_DEG = 1e-9
+"""Below the size of any box, so that one of no size has no corner."""
+
+
+def _is_in_corner(site: Site, request: GenerationRequest) -> bool:
+    """Return True if a site is outside the ellipse in the requested box: the box of a place stands for a circle."""
     if request.bbox is None:
-        return sites
+        return False
     south, west, north, east = request.bbox
-    middle = (south + north) / 2, (west + east) / 2
-    inside = (site for site in sites if _is_in_box(site, request))
-    return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
+    up = (2 * site.latitude - south - north) / max(north - south, _LEAST_BOX_DEG)
+    aside = (2 * site.longitude - west - east) / max(east - west, _LEAST_BOX_DEG)
+    return up**2 + aside**2 > 1.0
 
 
 def _requested_first(site: Site, request: GenerationRequest) -> Site:
