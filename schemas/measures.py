@@ -21,7 +21,7 @@ from pydantic import Field, field_validator
 from .base import Model
 
 Relation = Literal["ahead", "behind", "beside", "oncoming", "crossing"]
-"""The relation of another to the ego: the side if its heading is within 45° of the ego's, otherwise its heading."""
+"""The relation of a road user to the ego: the side if its heading is within 45° of the ego's, otherwise its heading."""
 Basis = Literal["valid", "both_reached_goal"]
 _NOT_AHEAD = "no vehicle ahead on the ego's path"
 _NO_OTHER_NEAR = "no other road user came within 60 m"
@@ -168,12 +168,13 @@ MEASURES: tuple[Measure, ...] = (
         "m",
         "higher",
         "smallest gap between the bodies of the ego and any other over the run",
-        "smallest distance between the two rectangles over the driven steps: the distance of closest encounter",
+        "smallest distance between the rectangles of the ego and another road user over the driven steps (distance of "
+        "closest encounter)",
         "Eggert 2014 (DCE)",
         "0 to 60",
         _NO_OTHER_NEAR,
         abbreviation="DCE",
-        cap="others with a centre more than 60 m from the ego's do not count",
+        cap="only road users with a centre up to 60 m from the ego's count",
         tolerance=0.01,
     ),
     Measure(
@@ -183,7 +184,7 @@ MEASURES: tuple[Measure, ...] = (
         "higher",
         "the shortest time, over the run, until the ego and another would touch if both kept course and speed "
         "(Hayward 1972)",
-        "both rectangles move on along their headings without turning; first touch by separating axes",
+        "both rectangles move on along their headings without turning; the first contact is found with separating axes",
         "Hayward 1972",
         "0 to 100",
         "never on a collision course within 100 s",
@@ -197,7 +198,7 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "higher",
         "the shortest time in which the ego, at its speed, would have closed the gap to the vehicle ahead on its path",
-        "gap ÷ closing speed, both along the ego's driven path, to the nearest vehicle on it, at constant speeds",
+        "gap to the leader ÷ closing speed, both along the ego's driven path, at constant speeds",
         "Hayward 1972; Minderhoud and Bovy 2001",
         "0 to 100",
         _NEVER_CLOSING,
@@ -210,11 +211,12 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "higher",
         "the shortest time left to begin full braking and still avoid the conflicting road user; 0: too late",
-        "with a = 8 m/s²: to the leader (gap − Δv² ÷ 2a) ÷ Δv; with a crossing one on a planar collision "
-        "course within 10 s, the latest full braking that stays clear until 3 s after it, by bisection",
+        "for the leader, (gap − Δv² ÷ 2a) ÷ Δv with a = 8 m/s²; for a crossing vehicle on a collision course within "
+        "10 s, the latest time at which full braking still avoids contact until 3 s after the predicted collision "
+        "(found by bisection)",
         "Hillenbrand et al. 2006; Tamke et al. 2011",
         "0 to 10",
-        "no vehicle ahead and no crossing one was on a collision course within 10 s",
+        "no leader or crossing vehicle was on a collision course within 10 s",
         abbreviation="TTB",
         cap="only conflicts within 10 s count",
     ),
@@ -224,11 +226,12 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "higher",
         "the shortest time left for the best of braking, swerving and accelerating; 0: nothing would have helped",
-        "the longest of the times to brake, to swerve (8 m/s² across; with a crossing one, 3.5 m aside) and, with a "
-        "crossing one, to accelerate (as the engine allows at that speed); others and the roadside are ignored",
+        "the longest of the times to brake, to swerve (at 8 m/s² lateral; 3.5 m sideways for a crossing vehicle) and, "
+        "for a crossing vehicle, to accelerate (as far as engine power allows); third parties and the roadside are "
+        "ignored",
         "Tamke et al. 2011",
         "0 to 10",
-        "no vehicle ahead and no crossing one was on a collision course within 10 s",
+        "no leader or crossing vehicle was on a collision course within 10 s",
         abbreviation="TTR",
         cap="only conflicts within 10 s count",
     ),
@@ -238,8 +241,7 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "higher",
         "the shortest time until the ego is where the vehicle ahead is now",
-        "front to front along the ego's driven path ÷ its speed; a vehicle ahead is on that path with a heading "
-        "within 45° of it",
+        "distance from the ego's front to the leader's front along the ego's driven path ÷ the ego's speed",
         "Vogel 2003",
         "0 to 100",
         _NOT_AHEAD,
@@ -253,7 +255,7 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "higher",
         "the shortest time until the ego's front is where the rear of the vehicle ahead is now",
-        "bumper to bumper along the ego's driven path ÷ its speed",
+        "distance from bumper to bumper along the ego's driven path ÷ the ego's speed",
         "ISO 15622",
         "0 to 100",
         _NOT_AHEAD,
@@ -267,11 +269,11 @@ MEASURES: tuple[Measure, ...] = (
         "higher",
         "the shortest time between one leaving the area where the paths cross and the other reaching it; 0: both "
         "were there at once",
-        "area: the overlap of the bands that the bodies sweep at different times, with headings at least 45° apart; "
-        "times to 0.005 s, interpolated linearly between the steps",
+        "time between one body leaving the common area and the other entering it. The area is the overlap of the bands "
+        "that both bodies sweep, with headings at least 45° apart; times are interpolated linearly to 0.005 s",
         "Allen, Shin and Cooper 1978",
         "0 to 10",
-        "no other's path crossed the ego's within 10 s",
+        "no other road user's path crossed the ego's within 10 s",
         abbreviation="PET",
         cap="undefined beyond 10 s",
     ),
@@ -281,10 +283,10 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "lower",
         "how long the ego was in the crossing area with the shortest post-encroachment time",
-        "from the first to the last touch of the ego's body with the band that the other's body sweeps",
+        "time from the first to the last contact of the ego's body with the band that the other's body sweeps",
         "Allen, Shin and Cooper 1978",
         "above 0",
-        "no other's path crossed the ego's within 10 s, or the run began or ended in that area",
+        "no other road user's path crossed the ego's within 10 s, or the run began or ended in that area",
         abbreviation="ET",
     ),
     Measure(
@@ -293,7 +295,7 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "lower",
         "how long the time to collision with the leader was 3 s or less",
-        "number of driven steps that end with a time to collision with the leader of at most 3 s × step length",
+        "(number of driven steps at whose end the time to collision with the leader is 3 s or less) × step length",
         "Minderhoud and Bovy 2001",
         "0 to the run's duration",
         _NOT_AHEAD,
@@ -317,8 +319,8 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "higher",
         "the shortest time until the ego and another could touch if both did the worst that tyres allow",
-        "each body as three discs that cover it and grow by 8 m/s² · t² ÷ 2, centres keep their velocities; static "
-        "obstacles do not grow",
+        "each body is covered by three discs, which grow by 8 m/s² · t² ÷ 2 and keep their centres' velocity; the "
+        "discs of static obstacles do not grow",
         "Wachenfeld et al. 2016",
         "0 to 3",
         _NO_OTHER_NEAR,
@@ -330,7 +332,8 @@ MEASURES: tuple[Measure, ...] = (
         "m/s²",
         "lower",
         "the largest constant deceleration that the ego needed to reach the leader's speed before touching it",
-        "Δv² ÷ 2 gap, both along the ego's driven path, at the leader's constant speed; without steps in contact",
+        "Δv² ÷ (2 · gap), both along the ego's driven path, at the leader's constant speed; steps in contact are "
+        "excluded",
         "Cooper and Ferguson 1976",
         "0 to 20",
         _NEVER_CLOSING,
@@ -344,8 +347,9 @@ MEASURES: tuple[Measure, ...] = (
         "lower",
         "the deceleration that the ego needed, given the leader's, divided by the tyres' limit; from 1 on, braking "
         "alone is too weak",
-        "Δv² ÷ 2 gap − the leader's acceleration, or v² ÷ 2 (gap + the leader's stopping distance) if that one "
-        "stops before; ÷ 8 m/s². The acceleration is the central difference of its speeds, within ±8 m/s²",
+        "needed deceleration ÷ 8 m/s². The needed deceleration is Δv² ÷ (2 · gap) − the leader's acceleration, or "
+        "v² ÷ (2 · (gap + the leader's stopping distance)) if the leader stops first. The leader's acceleration is the "
+        "central difference of its speeds, within ±8 m/s²",
         "Jansson 2005; Brännström et al. 2008",
         "0 to 5",
         _NOT_AHEAD,
@@ -359,7 +363,7 @@ MEASURES: tuple[Measure, ...] = (
         "lower",
         "the lateral acceleration that the ego needed to pass the leader, divided by the tyres' limit; from 1 on, "
         "steering is too late",
-        "2 × lateral overlap of the bodies ÷ time to collision with the leader² ÷ 8 m/s²; the leader keeps its "
+        "2 × lateral overlap of the bodies ÷ (time to collision with the leader)² ÷ 8 m/s²; the leader keeps its "
         "lateral position, and the ego passes on the nearer side",
         "Jansson 2005; Brännström et al. 2008",
         "0 to 5",
@@ -374,8 +378,8 @@ MEASURES: tuple[Measure, ...] = (
         "higher",
         "the smallest difference between the gap to the vehicle ahead and RSS's safe distance; below 0 the ego was too "
         "near",
-        "safe distance v · 0.75 s + v² ÷ (2 · 4 m/s²) − v_ahead² ÷ (2 · 8 m/s²), at least 0: the ego keeps its speed "
-        "during its response time; to the nearest vehicle ahead on the ego's driven path",
+        "gap to the leader − safe distance. Safe distance = v · 0.75 s + v² ÷ (2 · 4 m/s²) − v_ahead² ÷ (2 · 8 m/s²), "
+        "but at least 0; the ego keeps its speed during the response time of 0.75 s",
         "Shalev-Shwartz, Shammah and Shashua 2017, definition 1",
         "any, in practice −150 to 60",
         _NOT_AHEAD,
@@ -386,10 +390,10 @@ MEASURES: tuple[Measure, ...] = (
         "m/s",
         "lower",
         "the change of the ego's velocity in the collision",
-        "difference of the velocities at the first touch × the other's mass ÷ both masses: they stay together. Masses "
-        "by class: car 1,500 kg, truck and bus 12,000 kg, motorcycle 250 kg, bicycle 90 kg, pedestrian 75 kg, others "
-        "as cars; static obstacles do not move",
-        "Shelby 2011; masses chosen",
+        "velocity difference at first contact × the other's mass ÷ the total mass (perfectly inelastic collision). "
+        "Masses: car 1,500 kg, truck and bus 12,000 kg, motorcycle 250 kg, bicycle 90 kg, pedestrian 75 kg, all other "
+        "classes 1,500 kg; static obstacles do not move",
+        "Shelby 2011; the masses are our choice",
         "0 to 140",
         "no collision with a road user with a known track",
         abbreviation="ΔV",
@@ -400,8 +404,8 @@ MEASURES: tuple[Measure, ...] = (
         "of 5",
         "higher",
         "the most dangerous time of a run by gap and time to collision: 0 a collision, 5 negligible",
-        "levels at 0, 0.5, 1, 3 and 5 m and s; the mean of both levels truncated to an integer, the minimum over "
-        "others and time steps",
+        "one level for distance and one for time to collision (thresholds 0, 0.5, 1, 3, 5 m or s); the mean of the "
+        "two, rounded down; the minimum over road users and time steps",
         "From Words to Collisions (TUM-AVS, ITSC 2025)",
         "0 to 5",
         f"{_NO_OTHER_NEAR}, or the ego left the road",
@@ -438,9 +442,9 @@ MEASURES: tuple[Measure, ...] = (
         "1",
         "higher",
         "the share of the path to the goal that the ego covered: 1 only in the goal",
-        "arc length of the farthest state ÷ arc length where the goal begins, on the planners' reference path, both "
-        "from the start; for an ego that passed next to the goal: 1 − distance from its nearest state to the goal ÷ "
-        "that arc length",
+        "arc length to the farthest state ÷ arc length to the start of the goal, along the planners' reference path; "
+        "for an ego that passed next to the goal, 1 − (distance from its nearest state to the goal ÷ the arc length to "
+        "the start of the goal)",
         "",
         "0 to 1",
         "the goal has no position, or its path is not known",
@@ -465,7 +469,8 @@ MEASURES: tuple[Measure, ...] = (
         "m/s³",
         "lower",
         "largest change of the longitudinal acceleration between steps, felt as a jolt",
-        "difference of successive accelerations ÷ step, that of the initial state first",
+        "difference of successive accelerations ÷ step length, starting from the initial state's acceleration; the "
+        "largest absolute value",
         "",
         "0 and more",
         _TOO_SHORT,
@@ -478,7 +483,7 @@ MEASURES: tuple[Measure, ...] = (
         "m²/s⁶",
         "lower",
         "mean of the squared jerk over the run: how jerky it was as a whole",
-        "mean over the steps",
+        "mean of the squared jerk over the steps",
         "",
         "0 and more",
         _TOO_SHORT,
@@ -491,7 +496,7 @@ MEASURES: tuple[Measure, ...] = (
         "m/s³",
         "lower",
         "largest change of the lateral acceleration between steps",
-        "difference of successive lateral accelerations ÷ step",
+        "difference of successive lateral accelerations ÷ step length",
         "",
         "0 and more",
         _TOO_SHORT,
@@ -502,7 +507,8 @@ MEASURES: tuple[Measure, ...] = (
         "m/s³",
         "lower",
         "the same for the planar acceleration, including its lateral part",
-        "length of the difference of successive vectors ÷ step; for the first step, the longitudinal part",
+        "magnitude of the difference of successive acceleration vectors ÷ step length; for the first step, only the "
+        "longitudinal part",
         "",
         "0 and more",
         _OLD,
@@ -515,7 +521,7 @@ MEASURES: tuple[Measure, ...] = (
         "m/s²",
         "lower",
         "largest acceleration along the path",
-        "that of the driven states after the first",
+        "largest longitudinal acceleration of the driven states after the first",
         "",
         "0 to 11.5",
         _TOO_SHORT,
@@ -526,7 +532,7 @@ MEASURES: tuple[Measure, ...] = (
         "m/s²",
         "lower",
         "largest deceleration of the run",
-        "the same, with the opposite sign; 0 if the ego never slows down",
+        "largest longitudinal deceleration of the driven states after the first; 0 if the ego never slows down",
         "",
         "0 to 11.5",
         _OLD,
@@ -539,7 +545,7 @@ MEASURES: tuple[Measure, ...] = (
         "m/s²",
         "lower",
         "largest lateral acceleration: speed times yaw rate",
-        "speed × change of heading ÷ step, without its sign",
+        "absolute value of speed × change of heading ÷ step length",
         "",
         "0 and more",
         _TOO_SHORT,
@@ -552,7 +558,7 @@ MEASURES: tuple[Measure, ...] = (
         "m/s²",
         "lower",
         "largest planar acceleration, longitudinal and lateral combined, which the tyres must hold",
-        "length of the vector of both",
+        "magnitude of the combined longitudinal and lateral acceleration",
         "",
         "0 and more",
         _TOO_SHORT,
@@ -563,7 +569,8 @@ MEASURES: tuple[Measure, ...] = (
         "rad/s",
         "lower",
         "fastest turning of the front wheels that the driven path requires",
-        "change of the steering angles that the kinematic single-track model needs before and after a state ÷ step",
+        "difference between the steering angles that the kinematic single-track model needs before and after a state ÷ "
+        "step length",
         "Althoff and Würsching 2020",
         "0 and more",
         _OLD,
@@ -576,8 +583,9 @@ MEASURES: tuple[Measure, ...] = (
         "1",
         "higher",
         "the share of the steps that the vehicle can drive as driven: 1 for a feasible motion",
-        "kinematic single-track model with the tolerances of CommonRoad's drivability checker (0.02 m, 0.03 rad), "
-        "friction, and the limit of the steering rate; its time is the first infeasible step",
+        "share of steps that a kinematic single-track model can drive within the tolerances of CommonRoad's "
+        "drivability checker (0.02 m, 0.03 rad), the friction and the steering-rate limit; the time given is that of "
+        "the first infeasible step",
         "Althoff and Würsching 2020",
         "0 to 1",
         _TOO_SHORT,
@@ -588,7 +596,7 @@ MEASURES: tuple[Measure, ...] = (
         "1",
         "lower",
         "mean cost of the trajectories that the planner chose; it depends on the weights",
-        "mean over the planning steps of the sum of the weighted terms",
+        "mean of the sum of the weighted cost terms over the planning steps",
         "",
         "0 and more",
         "the planner has no costs, or planned nothing",

@@ -36,7 +36,8 @@ def cells() -> list[nbformat.NotebookNode]:
         text(
             "# Thirty runs of your own planner\n\n"
             "A planner is a class with `reset` and `plan`. This one drives along its route at one speed and looks at "
-            "no other road user, so it is easy to beat. Ten scenarios come with the package."
+            "no other road user, so it is easy to beat. The package includes 32 scenarios; ten of them "
+            "are run here."
         ),
         code(INSTALL),
         code(PROGRAM),

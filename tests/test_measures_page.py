@@ -57,14 +57,14 @@ def test_parameters_in_the_definitions_are_those_of_the_code() -> None:
         assert known is not None
         return f"{known.method} {known.cap}"
 
-    assert f"at most {EXPOSED_S:g} s" in told("time_exposed_s")
+    assert f"{EXPOSED_S:g} s or less" in told("time_exposed_s")
     assert f"({EXPOSED_S:g} s −" in told("time_integrated_s2")
     assert f"beyond {LONGEST_S:g} s" in told("leader_time_to_collision_s")
     assert f"beyond {CROSSED_WITHIN_S:g} s" in told("post_encroachment_time_s")
     assert f"{MOST_NEEDED_MPS2:g} means" in told("deceleration_to_avoid_mps2")
     assert f"{MOST_THREAT:g} means" in told("brake_threat_number")
     assert f"÷ {HARDEST_BRAKING_MPS2:g} m/s²" in told("brake_threat_number")
-    assert f"{HARDEST_LATERAL_MPS2:g} m/s² across" in told("time_to_react_s")
+    assert f"{HARDEST_LATERAL_MPS2:g} m/s² lateral" in told("time_to_react_s")
     safe = f"v · {RSS_RESPONSE_S:g} s + v² ÷ (2 · {RSS_OWN_MPS2:g} m/s²) − v_ahead² ÷ (2 · {RSS_FRONT_MPS2:g} m/s²)"
     assert safe in told("rss_margin_m")
     assert f"at most {MOST_MEASURED} valid ones, drawn at random" in PAGE

@@ -160,7 +160,7 @@ def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
         MeasuredValue(
             name="time_to_brake_s", value=0.84, time_s=2.3, obstacle_id=39, obstacle_class="car", relation="ahead"
         ),
-        MeasuredValue(name="post_encroachment_time_s", why="no other's path crossed the ego's within 10 s"),
+        MeasuredValue(name="post_encroachment_time_s", why="no path crossed the ego's within 10 s"),
         MeasuredValue(
             name="maximum_steering_rate_radps", value=0.5, time_s=1.0, note="the vehicle's limit is 0.4 rad/s"
         ),
@@ -170,7 +170,7 @@ def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
     section = run_section(done, analysis, shown)
     assert section.tables[0].rows == (
         ("time to brake (TTB)", "0.84 s", "car 39 ahead", "2.3 s"),
-        ("post-encroachment time (PET)", "not available: no other's path crossed the ego's within 10 s", "–", "–"),
+        ("post-encroachment time (PET)", "not available: no path crossed the ego's within 10 s", "–", "–"),
         ("fastest steering", "0.5 rad/s (the vehicle's limit is 0.4 rad/s)", "–", "1.0 s"),
     )
     assert {"time to brake", "post-encroachment time", "fastest steering"} <= {
