@@ -110,7 +110,7 @@ def test_streets_that_never_meet_are_told_so_with_those_that_hold_the_type_alone
     assert [remedy.changes[0].values for remedy in caught.value.remedies] == [{"place": "North Road, Town"}]
 
 
-def test_a_ring_whose_turns_are_too_tight_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
+def test_a_ring_with_too_tight_turns_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     right = [(2.7, -0.0), (2.6, 0.9), (2.2, 1.7), (1.5, 2.3), (0.7, 2.7), (-0.2, 2.7), (-1.1, 2.5), (-1.8, 2.0)]
     left = [(-2.4, 1.3), (-2.6, 0.5), (-2.7, 0.1), (-2.6, -0.4), (-2.3, -1.2), (-1.8, -1.9), (-1.1, -2.4), (-0.3, -2.6)]

@@ -18,7 +18,7 @@ def request(folder: Path, **asked: object) -> GenerationRequest:
     return GenerationRequest.model_validate({**known, "attribution": "", "folder": "", **asked})
 
 
-def test_a_ramp_of_the_requested_road_comes_before_one_whose_link_leads_to_it(tmp_path: Path) -> None:
+def test_a_ramp_of_the_requested_road_is_preferred_to_one_that_leads_to_it(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-800, 0), (0, 0), (800, 0)], "motorway", "", ref="A 1", oneway="yes")
     sketch.road([(0, 0), (300, -400), (300, -1000)], "motorway_link", "", oneway="yes")

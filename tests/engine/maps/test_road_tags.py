@@ -240,7 +240,7 @@ def test_no_road_in_a_town_has_the_limit_of_a_country_road(tmp_path: Path) -> No
     assert any("median" in note for note in told)
 
 
-def test_a_road_in_the_core_of_a_marked_settlement_is_in_town_even_without_houses_along_it(tmp_path: Path) -> None:
+def test_a_road_in_a_marked_settlement_core_is_in_town_even_without_houses(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (0, 0), (500, 0)], "secondary", "Main Road")
     sketch.road([(4000, 0), (4500, 0), (5000, 0)], "secondary", "Far Road")
@@ -292,7 +292,7 @@ def test_the_net_has_lanes_users_and_turns_of_the_tags(tmp_path: Path) -> None:
         ({"oneway": "yes", "lanes": "2"}, False),
     ],
 )
-def test_a_placement_beside_the_nodes_is_drawn_or_told(tags: dict[str, str], is_told: bool, tmp_path: Path) -> None:
+def test_a_placement_off_the_nodes_is_drawn_or_reported(tags: dict[str, str], is_told: bool, tmp_path: Path) -> None:
     written, told = cut(read_osm(crossing(tmp_path / "map.osm", {"west": tags})), tmp_path)
     assert any("placement" in note for note in told) is is_told
     assert any("placement" in way.tags for way in written.ways) is ("placement" in tags and not is_told)
