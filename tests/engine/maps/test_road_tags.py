@@ -307,3 +307,18 @@ def test_a_road_against_its_nodes_is_written_along_them(tmp_path: Path) -> None:
     assert after.node_ids == before.node_ids[::-1]
     assert (after.tags["oneway"], after.tags["turn:lanes:forward"]) == ("yes", "left|through")
     assert after.tags["sidewalk"] == "right"
+
+
+@pytest.mark.parametrize(("posted", "urban"), [("40", True), ("100", False)])
+def test_posted_limits_of_meeting_roads_tell_whether_a_road_is_in_a_town(
+    tmp_path: Path, posted: str, urban: bool
+) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(5000, 0), (5200, 0), (5400, 0)], "secondary", "Main Road")
+    sketch.road([(5200, 0), (5200, 400)], "secondary", "Side Road", maxspeed=posted)
+    sketch.road([(9000, 0), (9100, 0)], "residential", "Far Road")
+    sketch.write(tmp_path / "map.osm")
+    osm = read_osm(tmp_path / "map.osm")
+    reader = RoadReader(BuiltUp(osm), GERMANY, lefthand=False)
+    main = next(way for way in osm.ways if way.tags["name"] == "Main Road")
+    assert reader.is_urban(main, [osm.nodes[key] for key in main.node_ids]) is urban

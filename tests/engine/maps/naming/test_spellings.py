@@ -72,6 +72,20 @@ def test_other_roads_are_not_mistaken(one: str, other: str) -> None:
     assert not same_street(one, other)
 
 
+@pytest.mark.parametrize(
+    "words", ["Новороссийская / Северная", "Северная & Новороссийская", "Северная / Новороссийская"]
+)
+def test_a_direction_may_be_the_whole_name_of_a_street_of_a_crossing(words: str) -> None:
+    entry = a_map("Новороссийская улица", "Северная улица", "Новая улица")
+    assert {name for street in roads(entry, words) for name in street} == {"Новороссийская улица", "Северная улица"}
+
+
+def test_no_street_of_a_crossing_is_dropped() -> None:
+    entry = a_map("Новороссийская улица", "Новая улица")
+    with pytest.raises(UnknownName):
+        roads(entry, "Новороссийская / Северная")
+
+
 def test_an_exact_name_is_not_a_road_of_another_kind_and_stays_its_abbreviation() -> None:
     assert roads(a_map("6. Cadde", "6. Sokak"), "6. Cadde") == [("6. Cadde",)]
     assert roads(a_map("Main Street", "Main St"), "Main Street") == [("Main Street", "Main St")]
