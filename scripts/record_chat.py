@@ -24,11 +24,11 @@ SHOWN_WORKSPACE = "~/plannerforge"
 HEAD = """\
 # A chat
 
-This page is a recording of `plannerforge chat` in five stages: generate, describe, modify, run and compare. The program,
-the tools and their answers are real. The package includes no model, so a script takes its place, behind a local server
-that speaks Ollama's protocol. It makes the calls that a good model would make, including one wrong call that it corrects,
-and repeats the tools' answers. [The agent](agent.md) explains how to use your own model. To record the page again, run
-`make chat-page` (`scripts/record_chat.py`).
+This page is a recording of `plannerforge chat` in five stages: generate, describe, modify, run and compare. The
+program, the tools and their answers are real. The package includes no model, so a script takes its place, behind a
+local server that speaks Ollama's protocol. It makes the calls that a good model would make, including one wrong call
+that it corrects, and repeats the tools' answers. [The agent](agent.md) explains how to use your own model. To record
+the page again, run `make chat-page` (`scripts/record_chat.py`).
 
 ```
 $ plannerforge chat --model ollama:big:70b
