@@ -24,10 +24,11 @@ SHOWN_WORKSPACE = "~/plannerforge"
 HEAD = """\
 # A chat
 
-This page records `plannerforge chat` through five stages: generate, describe, modify, run, compare. The program, tools
-and answers are real. The model is a script behind a local server that speaks Ollama's protocol, because the package
-includes no model. It makes the calls of a good model, one of them wrong at first, and repeats the tools' answers. `make
-chat-page` records the page again (`scripts/record_chat.py`). [The agent](agent.md) explains how to use your own model.
+This page is a recording of `plannerforge chat` in five stages: generate, describe, modify, run and compare. The
+program, the tools and their answers are real. The package includes no model, so a script takes its place, behind a
+local server that speaks Ollama's protocol. It makes the calls that a good model would make, including one wrong call
+that it corrects, and repeats the tools' answers. [The agent](agent.md) explains how to use your own model. To record
+the page again, run `make chat-page` (`scripts/record_chat.py`).
 
 ```
 $ plannerforge chat --model ollama:big:70b
@@ -56,7 +57,7 @@ def refuse(answers: Answers, state: str) -> Reply:
 
 
 def generate(answers: Answers, state: str) -> Reply:
-    """Generate a scenario; the first call names a place that no map shows."""
+    """Generate a scenario; the first call names a place that no map covers."""
     del state
     if not answers:
         return call("generate_scenarios", place="Springfield", scenario_type="signalised_intersection", duration_s=12)
@@ -109,7 +110,7 @@ def compare(answers: Answers, state: str) -> Reply:
 
 STAGES: Mapping[str, Turn] = {
     "Write me a poem about the sea.": refuse,
-    "I need 12 s of a signalised crossing in Springfield with medium traffic and two trucks.": generate,
+    "I need a 12 s scenario at a signalised intersection in Springfield, with medium traffic and two trucks.": generate,
     "What is going on there? Show me.": look,
     "Make the nearest driver aggressive and put a truck 20 m behind the ego.": modify,
     "Run Frenetix on it, with its default and with the Safety-Conservative preset.": run,

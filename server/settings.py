@@ -48,70 +48,87 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="PLANNERFORGE_", extra="forbid", frozen=True)
 
     workspace: Path = Field(
-        default_factory=lambda: user_data_path(_APPLICATION), description="folder for everything that is created"
+        default_factory=lambda: user_data_path(_APPLICATION), description="folder in which everything is stored"
     )
     workspace_mb: int = Field(
-        0, ge=0, description="size limit of the workspace; caches are removed first, then storing fails; 0: no limit"
+        0,
+        ge=0,
+        description="size limit of the workspace (0: no limit); when it is full, the server removes caches, then "
+        "refuses calls that store something",
     )
     roots: Folders = Field(
-        (), description="folders that files may be read from and written to; default: workspace and start folder"
+        (), description="folders where files may be read and written; default: the workspace and the start folder"
     )
-    map_folders: Folders = Field((), description="folders with .osm maps, in addition to the built-in ones")
-    starter: bool = Field(True, description="put the starter scenarios into a new workspace")
-    workers: int = Field(2, ge=1, le=64, description="worker processes for simulation and planning")
-    cluster: str = Field("", description="Dask scheduler for runs and generation: tcp://host:8786, or a scheduler file")
+    map_folders: Folders = Field((), description="folders with .osm maps, in addition to the built-in maps")
+    starter: bool = Field(True, description="add the starter scenarios to a new workspace")
+    workers: int = Field(2, ge=1, le=64, description="number of worker processes for simulation and planning")
+    cluster: str = Field(
+        "", description="Dask scheduler for runs and generation: tcp://host:8786, or the path of a scheduler file"
+    )
     planners: dict[str, CommandPlanner] = Field(
-        default_factory=dict, description="planners that are programs: a section [planners.NAME] each"
+        default_factory=dict, description="your own planner programs, each in a section [planners.NAME]"
     )
-    worker_memory_mb: int = Field(4096, ge=512, description="data memory of one worker process")
-    operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit of one operation in a worker")
-    file_mb: int = Field(100, ge=1, description="largest file that is read")
+    worker_memory_mb: int = Field(4096, ge=512, description="maximum data memory of each worker process")
+    operation_timeout_s: float = Field(300.0, gt=0, le=3600, description="time limit for an operation in a worker")
+    file_mb: int = Field(100, ge=1, description="maximum size of a file that the server reads")
     embedding_model: str = Field(
         PACKAGED_MODEL,
-        description="model for search by text: packaged; its English half, all-MiniLM-L6-v2; or, with the extra "
-        "embeddings, a folder or a hub name that sentence-transformers loads",
+        description="model for text search: packaged, or its English half all-MiniLM-L6-v2; with the extra embeddings, "
+        "also a folder or hub name that sentence-transformers can load",
     )
-    warm_up: bool = Field(True, description="start workers and prepare the text index before they are needed")
+    warm_up: bool = Field(True, description="start workers and load the text index in advance")
     maps_online: OnlineMode = Field(
-        "online", description="places without a local map: online: fetched; cache: cached answers only; offline: none"
+        "online",
+        description="for places that no local map covers: online asks services, cache uses only cached answers, "
+        "offline refuses",
     )
-    nominatim_url: str = Field(NOMINATIM_URL, description="service that locates places")
-    overpass_urls: Addresses = Field(OVERPASS_URLS, description="services that provide roads, tried in this order")
+    nominatim_url: str = Field(NOMINATIM_URL, description="map service that finds places by name")
+    overpass_urls: Addresses = Field(OVERPASS_URLS, description="map services that provide roads, in the order of use")
     maps_user_agent: str = Field(
         f"PlannerForge-MCP/{__version__} (scenario-based testing of motion planners; by osmnx)",
         min_length=8,
-        description="identifies the program to these services; add your address",
+        description="name that map services receive; add your contact address",
     )
-    maps_delay_s: float = Field(1.0, ge=0, le=3600, description="minimum time between two requests to one service")
-    maps_timeout_s: float = Field(30.0, ge=1, le=300, description="time limit of one request to a service")
-    maps_cache_mb: int = Field(500, ge=1, description="size limit of cached answers of these services")
+    maps_delay_s: float = Field(1.0, ge=0, le=3600, description="minimum time between requests to the same map service")
+    maps_timeout_s: float = Field(30.0, ge=1, le=300, description="time limit for a request to a map service")
+    maps_cache_mb: int = Field(500, ge=1, description="maximum size of cached answers from map services")
     maps_cache_days: float = Field(90.0, gt=0, description="age at which a cached answer is requested again")
-    maps_km2: float = Field(10.0, ge=1, le=100, description="largest area of one fetch")
-    tools: Literal["all", "essential"] = Field("all", description="essential: the small set for small models")
-    read_only: bool = Field(False, description="offer only tools that create nothing")
-    links: bool = Field(True, description="answers link what they created; false if the host cannot handle links")
-    journal: bool = Field(True, description="write one line per call into the workspace's journal")
-    journal_mb: int = Field(20, ge=1, description="size at which the journal is rotated; five are kept")
-    journal_redact: tuple[str, ...] = Field(
-        (), description="regular expressions of text that the journal omits, in addition to keys, tokens and passwords"
+    maps_km2: float = Field(10.0, ge=1, le=100, description="maximum area that is fetched at once")
+    tools: Literal["all", "essential"] = Field(
+        "all", description="tools to offer; essential: a small set for small models"
     )
-    http_host: str = Field("127.0.0.1", description="address that serve --http listens at; another one needs a token")
-    http_port: int = Field(8765, ge=0, le=65535, description="port that serve --http listens at; 0: a free one")
-    http_url: str = Field("", description="address that clients use, such as https://forge.example.org/mcp")
-    http_hosts: Addresses = Field((), description="accepted Host headers, in addition to this machine's own names")
-    http_origins: Addresses = Field((), description="accepted Origin headers of web pages")
+    read_only: bool = Field(False, description="offer only tools that create nothing")
+    links: bool = Field(
+        True, description="link new artifacts in answers; turn this off if your host can't handle links"
+    )
+    journal: bool = Field(True, description="record each call in the workspace's journal")
+    journal_mb: int = Field(20, ge=1, description="size at which the server starts a new journal file; it keeps five")
+    journal_redact: tuple[str, ...] = Field(
+        (),
+        description="regular expressions for text to remove from journal and log, in addition to keys, tokens and "
+        "passwords",
+    )
+    http_host: str = Field(
+        "127.0.0.1", description="address on which serve --http listens; all except loopback require a token"
+    )
+    http_port: int = Field(8765, ge=0, le=65535, description="port on which serve --http listens; 0: any free port")
+    http_url: str = Field("", description="URL that clients use, such as https://forge.example.org/mcp")
+    http_hosts: Addresses = Field((), description="Host headers to accept, in addition to this machine's own names")
+    http_origins: Addresses = Field((), description="Origin headers to accept from web pages")
     http_tokens: Secrets = Field((), description="bearer tokens, separated by commas: NAME TOKEN [read-only]")
-    http_token_file: Path | None = Field(None, description="file of bearer tokens, one a line: NAME TOKEN [read-only]")
-    http_proxies: Addresses = Field((), description="addresses of proxies with a trusted X-Forwarded-For")
-    http_body_mb: int = Field(4, ge=1, le=64, description="largest request by HTTP")
-    http_calls: int = Field(16, ge=1, le=256, description="requests that one client may have in progress by HTTP")
-    http_rate: float = Field(100.0, ge=1, description="requests that one client may make per second by HTTP")
-    http_stop_s: float = Field(10.0, ge=0, le=600, description="time for calls in progress to end at a stop")
-    oauth_issuer: str = Field("", description="OAuth authorization server with accepted tokens; needs http_url")
-    oauth_keys_url: str = Field("", description="address of its public keys; default: from its metadata")
-    server_memory_mb: int = Field(1024, ge=256, description="data memory of the server's own process")
-    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field("WARNING", description="lowest level on stderr")
-    log_format: LogFormat = Field("text", description="form of the log: lines of text or JSON")
+    http_token_file: Path | None = Field(None, description="file with a bearer token per line: NAME TOKEN [read-only]")
+    http_proxies: Addresses = Field((), description="addresses of proxies that may set X-Forwarded-For")
+    http_body_mb: int = Field(4, ge=1, le=64, description="maximum size of an HTTP request")
+    http_calls: int = Field(16, ge=1, le=256, description="maximum concurrent HTTP requests per client")
+    http_rate: float = Field(100.0, ge=1, description="maximum HTTP requests per second and client")
+    http_stop_s: float = Field(10.0, ge=0, le=600, description="time that calls in progress get when the server stops")
+    oauth_issuer: str = Field("", description="OAuth authorization server for tokens; needs http_url")
+    oauth_keys_url: str = Field("", description="URL of the issuer's public keys; default: from its metadata")
+    server_memory_mb: int = Field(1024, ge=256, description="maximum data memory of the server process")
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
+        "WARNING", description="lowest level of logged messages"
+    )
+    log_format: LogFormat = Field("text", description="format of the log lines")
     telemetry_endpoint: str = Field(
         "", description="OpenTelemetry collector for traces and metrics, such as http://127.0.0.1:4318"
     )

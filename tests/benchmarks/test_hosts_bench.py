@@ -563,7 +563,7 @@ def test_the_table_tells_help_failures_and_what_is_left_out(tmp_path: Path) -> N
     )
     unrefused = HostRecord(MADE, "1", (replace(BAD, goes_on=None), helped))
     assert "without the setting" not in table_of([unrefused])
-    assert "only with `retries=3`. Without it: not carried out: render." in told
+    assert "only with `retries=3`. Without this setting, it fails (not carried out: render)." in told
     assert "Made Client is left out: no such package" in told
     page = tmp_path / "hosts.md"
     page.write_text(f"# Hosts\n\n{MARK}\n\nold")

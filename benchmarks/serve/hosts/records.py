@@ -159,7 +159,8 @@ def _notes(record: HostRecord) -> list[str]:
     notes = []
     if any(run.helped for run in record.runs):
         plain = next(run for run in record.runs if not run.helped and run.faults)
-        notes.append(f"- {title} finishes the story only with `{record.host.help}`. Without it: {plain.faults[0]}.")
+        fails = f"Without this setting, it fails ({plain.faults[0]})."
+        notes.append(f"- {title} completes all steps only with `{record.host.help}`. {fails}")
     for transport in record.host.transports:
         run = record.last_by(transport)
         if run is not None and run.faults:

@@ -42,7 +42,7 @@ HOSTS = (
         "langchain_driver.py",
         help="PLANNERFORGE_LINKS=false",
         help_settings=(("PLANNERFORGE_LINKS", "false"),),
-        note="`client.get_tools()` starts a server for each call; the tools of a `client.session(…)` share one.",
+        note="`client.get_tools()` starts a server for each call; tools from a `client.session(…)` share one server.",
     ),
     Host(
         "pydantic_ai",
@@ -51,7 +51,7 @@ HOSTS = (
         ("pydantic-ai-slim[openai,mcp]==2.68.0", "mcp==2.3.0"),
         "pydantic_ai_driver.py",
         help='MCPToolset(…, tool_error_behavior="failed")',
-        note="it waits 5 s for the start; `init_timeout` of the toolset allows more.",
+        note="it waits 5 s for the server to start; raise the toolset's `init_timeout`.",
     ),
     Host(
         "openai_agents",
@@ -59,7 +59,7 @@ HOSTS = (
         "pip",
         ("openai-agents==0.24.0", "mcp==2.3.0"),
         "openai_agents_driver.py",
-        note="it waits 5 s for an answer; `client_session_timeout_seconds` of the server allows more.",
+        note="it waits 5 s for an answer; raise the server's `client_session_timeout_seconds`.",
     ),
     Host(
         "mcp_use",
@@ -67,7 +67,7 @@ HOSTS = (
         "pip",
         ("mcp-use==1.7.1", "langchain-openai==1.7.4", "mcp==1.30.0"),
         "mcp_use_driver.py",
-        note="it ends after 5 steps; `max_steps` of the agent allows more.",
+        note="it stops after 5 steps; raise the agent's `max_steps`.",
     ),
     Host(
         "ollmcp",
@@ -75,7 +75,7 @@ HOSTS = (
         "pip",
         ("ollmcp==0.35.1", "mcp==2.1.1"),
         "ollmcp_driver.py",
-        note="it asks before each call (`/human-in-the-loop` turns that off) and after each seven (`/loop-limit`).",
+        note="it asks before each call (`/human-in-the-loop` turns this off) and after every seventh (`/loop-limit`).",
     ),
     Host(
         "smolagents",
@@ -83,7 +83,7 @@ HOSTS = (
         "pip",
         ("smolagents[mcp]==1.26.0", "mcp[ws]==1.30.0"),
         "smolagents_driver.py",
-        note="it needs `mcp[ws]` below 2, and keeps only an answer's structured content or first item.",
+        note="it needs `mcp[ws]` below version 2, and keeps only an answer's structured content or its first item.",
     ),
     Host(
         "inspector",
@@ -99,7 +99,7 @@ HOSTS = (
         "npm",
         ("@anthropic-ai/claude-code@2.1.331",),
         "claude_code_driver.py",
-        note="its model searches for tools; with `ENABLE_TOOL_SEARCH=false`, as here, it gets all of them.",
+        note="by default, its model searches for tools; we set `ENABLE_TOOL_SEARCH=false`, so it gets all tools.",
     ),
     Host(
         "codex",
@@ -107,7 +107,7 @@ HOSTS = (
         "npm",
         ("@openai/codex@0.169.0",),
         "codex_driver.py",
-        note="with `required = true` in its section, as here, the first request of `codex exec` waits for the server.",
+        note="we set `required = true` in its section, so the first request of `codex exec` waits for the server.",
     ),
 )
 
