@@ -61,7 +61,7 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
     """
     if edit.at is None:
         raise InvalidRequest(
-            "add_vehicle needs a place",
+            f"{edit.op} needs a place",
             valid=["at=LANELET with position", "at=ego with lane and offset_m", "at=VEHICLE with lane and offset_m"],
             next_step="give one in 'at'",
             remedies=[with_values(at="ego", offset_m=far) for far in _USUAL_OFFSETS_M],
