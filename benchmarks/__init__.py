@@ -1,1 +1,1 @@
-"""Measurements: each prints a table for people and, as its last line, one JSON object for comparison."""
+"""Measurements. Each prints a table for people and ends with one JSON object for comparison."""

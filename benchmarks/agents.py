@@ -1,16 +1,21 @@
-"""``make bench-agent``: what the tools allow at best, what agents without a model reach, and what an ideal agent needs.
+"""``make bench-agent``: the ceiling of the tools, agents without a model, and an ideal agent's tokens.
 
-Keys: ``oracle_TASK``: share of the corpus' requests that the ground truth as calls gets done, judged in the workspace;
-``oracle_e2e_made``: the same of conversations that are made for it (``--conversations``); ``spoiled_first_try``,
-``spoiled_after_refusal``: shares of requests that get done by calls as small models write them, at once and after two
-refusals at most, ``spoiled_unnoticed``: how many end wrongly without a refusal; ``regex_routing``,
-``bm25_top1`` and ``bm25_any5``: what keywords alone reach (the paper: 0.455, 0.675 and 0.86); ``misbehaviours``: kinds
-of misbehaviour of models and servers that the agent's tests stand for and that it survives; ``tokens_e2e``: tokens
-that an ideal agent needs for a conversation in the mean: prompt, tools, calls and answers, each counted once
-(o200k_base); ``tool_tokens`` and ``essential_tokens``: what the list of tools costs.
+Keys:
 
-The development corpora are taken where the shared folder is, the package's own elsewhere. Rows, tables and the report
-stay in ``--out``, and the same command goes on where it was broken off.
+- ``oracle_TASK``: share of the corpus's requests that succeed if the ground truth is sent as calls; the workspace
+  decides.
+- ``oracle_e2e_made``: the same for generated conversations (``--conversations``).
+- ``spoiled_first_try``, ``spoiled_after_refusal``: share of requests that succeed with calls as small models write
+  them, at once and after at most two refusals.
+- ``spoiled_unnoticed``: number of these that end wrongly without a refusal.
+- ``regex_routing``, ``bm25_top1``, ``bm25_any5``: what keywords alone reach (paper: 0.455, 0.675 and 0.86).
+- ``misbehaviours``: kinds of misbehaviour of models and servers that the agent survives in its tests.
+- ``tokens_e2e``: mean tokens of an ideal agent for a conversation: prompt, tools, calls and answers, each counted once
+  (o200k_base).
+- ``tool_tokens``, ``essential_tokens``: tokens of the list of tools.
+
+The bench reads the development corpora from the shared folder, or the packaged ones if there is no such folder. Rows,
+tables and the report stay in ``--out``; the same command resumes an interrupted run.
 """
 
 import argparse
@@ -58,16 +63,18 @@ MISBEHAVIOURS: Mapping[str, tuple[str, ...]] = {
     "a call written as text": ("written_as_text", "stays_text"),
     "a claim that a call was made": ("claim",),
 }
-"""Kinds of misbehaviour, and words in the names of the tests that stand for each."""
+"""Kinds of misbehaviour, and words in the names of the tests for each."""
 
 
 def main() -> None:
     """Measure, print the tables and the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--limit", type=int, help="only the first requests of each corpus")
-    parser.add_argument("--workers", type=int, default=1, help="requests at a time")
-    parser.add_argument("--conversations", type=int, default=100, help="conversations that are made; 0: none")
-    parser.add_argument("--out", type=Path, help="where rows and reports stay; default: gone at the end")
+    parser.add_argument("--workers", type=int, default=1, help="number of concurrent requests")
+    parser.add_argument(
+        "--conversations", type=int, default=100, help="number of generated conversations (0 for no conversations)"
+    )
+    parser.add_argument("--out", type=Path, help="folder for rows and reports (default: temporary)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.out or Path(scratch)
@@ -102,7 +109,7 @@ def main() -> None:
 
 
 def _order(folder: Path, agent: str, task: str, limit: int | None, workers: int) -> EvaluationOrder:
-    """An evaluation over the development corpora, or over the package's own where those are not here."""
+    """Return an evaluation over the development corpora, or over the packaged ones if there are none."""
     shared = shared_folder() / "corpora" / "dev"
     data = shared_folder() / "data" if shared.is_dir() else None
     return EvaluationOrder(
@@ -136,7 +143,7 @@ def _rows(order: EvaluationOrder) -> Sequence[Row]:
 
 
 def tokens_of(conversations: Sequence[Row]) -> Figures:
-    """What conversations and the list of tools cost, each text counted once."""
+    """Count the tokens of conversations and of the list of tools, each text once."""
     full, essential = (
         sum(tool_cost(spec) for spec in offered_tools(Settings(tools=tools))) for tools in ("all", "essential")
     )
@@ -155,9 +162,9 @@ def tokens_of(conversations: Sequence[Row]) -> Figures:
 
 
 def spoiled_figures(rows: Sequence[Row]) -> Figures:
-    """How the tools bear calls as small models write them, of the requests that can be done here.
+    """Measure how the tools handle calls as small models write them, over the requests that can be done here.
 
-    Routing is left out: its verdicts are about the calls that were made, and not about what came of them.
+    Routing is left out, because its verdicts concern the calls, not their results.
     """
     there = [
         row

@@ -1,22 +1,28 @@
 """``make bench-chain``: how long a chain of calls takes on scenarios of the size that the generator makes.
 
-Through a client, on a server of its own with two workers that are warm and know no scenario; medians of ``--repeats``.
-The scenarios are 20 s of traffic at the crossings of the built-in town; the ego's goal is 50 steps ahead, the paper's.
+A client calls its own server with two warm workers that have not seen the scenarios; figures are medians over
+``--repeats``. The scenarios are 20 s of traffic at the crossings of the built-in town, and the ego's goal is 50 steps
+ahead, as in the paper.
 
-Keys: ``generate_140_s``, ``describe_140_s``, ``edit_140_s`` (the first edit), ``edit_again_140_s``, ``run_140_s``,
-``run_again_140_s``, ``reactive_140_s``, ``picture_140_s``: each call on a scenario of 140 cars. ``chain_80_s`` and
-``chain_80_warm_s``: generate, describe, edit, two runs, compare and picture on 80 cars, on a fresh server and once more
-with another scenario on the same one. ``generate_exponent``, ``edit_exponent``, ``run_exponent``: growth of the time
-from the fewest to the most cars of ``--cars``. ``run_small_s``: a run of a public file, the median of ``--files``.
-``read_ratio``: processor time in which commonroad-io reads public files and generated ones, over ours where their
-recordings are on disk, as after a scenario was made or described once; ``read_ratio_new``: where they are not.
+Keys:
 
-``import_10k_per_s``: files a second of ``--imports`` copies of public files with ids of their own, the larger half of
-the files left out; ``import_memory_slope_mb``: by how much the server's memory grows for a thousand files after those
-of two calls, in which it has loaded all that it needs (left out where there were no more). ``million_search_ms``: a
-filtered search among ``--entries`` entries made of the facts of those, the median of the corpus when all of it was
-asked once before; ``million_first_search_ms``: the same when the server has just started; ``million_memory_mb``: the
-memory of that server after all searches. ``demo_stages_s``: all calls of the demo.
+- ``generate_140_s``, ``describe_140_s``, ``edit_140_s`` (the first edit), ``edit_again_140_s``, ``run_140_s``,
+  ``run_again_140_s``, ``reactive_140_s``, ``picture_140_s``: each call on a scenario with 140 cars.
+- ``chain_80_s``, ``chain_80_warm_s``: generate, describe, edit, two runs, compare and picture with 80 cars, on a fresh
+  server and again with another scenario on the same server.
+- ``generate_exponent``, ``edit_exponent``, ``run_exponent``: growth of the time from the fewest to the most cars of
+  ``--cars``.
+- ``run_small_s``: a run of a public file, the median of ``--files``.
+- ``read_ratio``: processor time of commonroad-io for public and generated files over ours, if their recordings are on
+  disk (after a scenario was created or described once); ``read_ratio_new``: if they are not.
+- ``import_10k_per_s``: files per second for ``--imports`` copies of public files with unique ids, without the larger
+  half of the files.
+- ``import_memory_slope_mb``: growth of the server's memory per thousand files after the first two calls (omitted if
+  there were no more).
+- ``million_search_ms``: a filtered search among ``--entries`` entries built from the facts of those files, the median
+  over the corpus once every search ran before; ``million_first_search_ms``: the same right after the server's start;
+  ``million_memory_mb``: memory of that server after all searches.
+- ``demo_stages_s``: all calls of the demo.
 """
 
 import argparse
@@ -66,11 +72,11 @@ from .selection.pages import search_ms
 from .selection.speed import make_catalog
 
 CARS = (20, 80, 140, 300)
-"""Sizes that are measured; growth is from the least to the largest."""
+"""Measured sizes; growth is from the smallest to the largest."""
 TABLE_CARS, CHAIN_CARS = 140, 80
-"""Of these the table and the chain."""
+"""Sizes for the table and the chain."""
 _A_FOLDER = 1_000
-"""Files that are imported by one call."""
+"""Number of files for one import call."""
 CONFIGS = ("frenetix:Default", "frenetix:Safety-Conservative")
 WORKERS = 2
 Times = dict[str, float]
@@ -78,13 +84,13 @@ Times = dict[str, float]
 
 @dataclass
 class _Clock:
-    """A client whose calls are timed; the seconds of each by the name that it is given."""
+    """A client that measures its calls; the seconds of each are stored by a given name."""
 
     client: Client
     times: Times
 
     async def call(self, name: str, tool: str, **arguments: Any) -> Any:
-        """The structured answer of a tool, whose time is noted; None of one that has none.
+        """Return the structured answer of a tool (None if it has none), and record its time.
 
         Raises:
             RuntimeError: the tool refused.
@@ -98,7 +104,7 @@ class _Clock:
 
 
 async def _table(client: Client, cars: int, seed: int) -> Times:
-    """Seconds of every call on one scenario of some cars."""
+    """Return the seconds of every call on one scenario with some cars."""
     clock = _Clock(client, {})
     scenario = await _generated(clock, cars, seed)
     await clock.call("describe", "describe_scenario", scenario_id=scenario)
@@ -112,7 +118,7 @@ async def _table(client: Client, cars: int, seed: int) -> Times:
 
 
 async def _chain(client: Client, cars: int, seed: int) -> Times:
-    """Seconds of the calls of a user's chain."""
+    """Return seconds of the calls of a user's chain."""
     clock = _Clock(client, {})
     scenario = await _generated(clock, cars, seed)
     await clock.call("describe", "describe_scenario", scenario_id=scenario)
@@ -144,7 +150,7 @@ def _edit(preset: str) -> Mapping[str, Any]:
 
 @asynccontextmanager
 async def _warm_server(workspace: Path) -> AsyncIterator[Client]:
-    """The client of a server of its own, whose workers have imported what they will need."""
+    """Open a client of a separate server with workers that have imported everything they need."""
     async with Client(create_server(settings_for(workspace, shared_scenarios(), WORKERS))) as client:
         async with anyio.create_task_group() as tasks:
             for seed in range(WORKERS):
@@ -175,7 +181,7 @@ async def _measure(repeats: int, cars: Sequence[int], files: int, imports: int, 
 
 
 async def _small_runs(workspace: Path, files: int) -> list[float]:
-    """Seconds of a run of each of some public files."""
+    """Return seconds of a run of each of some public files."""
     chosen, seconds = scenario_files(shared_scenarios(), files), list[float]()
     async with _warm_server(workspace) as client:
         await import_scenarios(client, chosen)
@@ -187,7 +193,7 @@ async def _small_runs(workspace: Path, files: int) -> list[float]:
 
 
 def _read_ratios(files: int, generated: Sequence[Path], store: RecordingStore) -> tuple[list[float], list[float]]:
-    """commonroad-io's processor time over ours for public files and the generated ones: known on disk, and new."""
+    """Return commonroad-io's processor time over ours for public and generated files, cached on disk and new."""
     known, new = [], []
     for path in [*scenario_files(shared_scenarios(), files), *generated]:
         by_commonroad_io_s = _cpu_s(_read_by_commonroad_io, path)
@@ -200,10 +206,10 @@ def _read_ratios(files: int, generated: Sequence[Path], store: RecordingStore) -
 
 
 def _read_known(store: RecordingStore, path: Path) -> None:
-    """As ``kept_recording`` reads a file whose recording is on disk, its tracks included."""
+    """Read a file, tracks included, as ``kept_recording`` does if its recording is on disk."""
     found = store.find(_content_of(path))
     if found is None:
-        raise RuntimeError(f"the recording of {path.name} is gone")
+        raise RuntimeError(f"the stored recording of {path.name} is missing")
     loaded = LoadedScenario(found.scenario, found.planning_problems, path, found.declared_id, found.plain_states)
     _ = loaded.tracks
 
@@ -222,7 +228,7 @@ def _read_by_commonroad_io(path: Path) -> None:
 
 
 def _cpu_s(read: Callable[[Path], object], path: Path) -> float:
-    """The better of two processor times."""
+    """Return the better of two processor times."""
     times = []
     for _ in range(2):
         gc.collect()
@@ -233,17 +239,17 @@ def _cpu_s(read: Callable[[Path], object], path: Path) -> float:
 
 
 def _demo_s(folder: Path) -> float:
-    """Seconds of all calls of the demo, as it tells them itself."""
+    """Return the seconds of all calls of the demo, by its own report."""
     plannerforge = Path(sys.executable).parent / "plannerforge"
     told = subprocess.run([plannerforge, "demo", "--folder", folder], capture_output=True, text=True, check=True)
     taken = re.search(r"calls took ([\d.]+) s", told.stdout)
     if taken is None:
-        raise RuntimeError(f"the demo does not tell how long its calls took: {told.stdout[-500:]}")
+        raise RuntimeError(f"the demo does not report the duration of its calls: {told.stdout[-500:]}")
     return float(taken[1])
 
 
 async def _volume(folder: Path, imports: int, entries: int) -> Figures:
-    """Many files imported, and a search among many entries made of their facts: each by a server in its own process."""
+    """Import many files, and search among many entries made of their facts, each with a server in its own process."""
     folders = _copies(folder / "files", imports)
     memory_mb: list[tuple[int, float]] = []
     async with _server_process(folder / "workspace", folder) as (client, server):
@@ -276,7 +282,7 @@ async def _volume(folder: Path, imports: int, entries: int) -> Figures:
 
 
 def _copies(folder: Path, count: int) -> list[Path]:
-    """Folders of scenario files with ids of their own, copied from the smaller half of the public files."""
+    """Return folders of scenario files with unique ids, copied from the smaller half of the public files."""
     by_size = sorted(scenario_files(shared_scenarios(), None), key=lambda path: path.stat().st_size)
     contents = [path.read_bytes() for path in by_size[: len(by_size) // 2]]
     folders = [folder / f"{number:03d}" for number in range(math.ceil(count / _A_FOLDER))]
@@ -291,7 +297,7 @@ def _copies(folder: Path, count: int) -> list[Path]:
 
 @asynccontextmanager
 async def _server_process(workspace: Path, root: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
-    """A client of a server in a process of its own, and that process."""
+    """Open a client of a server in its own process, and return that process too."""
     arguments = ["-m", "plannerforge", "serve", "--workspace", str(workspace), "--roots", str(root)]
     settings = {"STARTER": "false", "WARM_UP": "false", "WORKERS": str(WORKERS)}
     environment = {**os.environ, **{f"PLANNERFORGE_{name}": value for name, value in settings.items()}}
@@ -349,10 +355,10 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Seconds of the calls of a chain.")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--cars", type=int, nargs="+", default=CARS, help="ascending")
+    parser.add_argument("--files", type=int, default=40, help="number of public files to run and read (a fixed sample)")
+    parser.add_argument("--imports", type=_at_least_one, default=10_000, help="number of files to import")
     parser.add_argument(
-        "--files", type=int, default=40, help="public files, always the same sample, of run and reading"
+        "--entries", type=_at_least_one, default=1_000_000, help="number of entries in the searched catalogue"
     )
-    parser.add_argument("--imports", type=_at_least_one, default=10_000, help="files of the import")
-    parser.add_argument("--entries", type=_at_least_one, default=1_000_000, help="entries of the searched catalogue")
     given = parser.parse_args()
     anyio.run(_measure, given.repeats, given.cars, given.files, given.imports, given.entries)

@@ -1,7 +1,7 @@
-"""What all benchmarks share: the form of their output, their files, their server and its client.
+"""The frame of all benchmarks: the form of their output, their files, their server and its client.
 
-Each prints a table for people and, as its last line, one JSON object for comparison. A benchmark of several parts is a
-package whose modules have a function ``measure(bench) -> Figures`` each, which explains its keys (:class:`Parts`).
+Each benchmark prints a table for people and ends with one JSON object for comparison. A benchmark of several parts is a
+package; each of its modules has a function ``measure(bench) -> Figures`` and explains its keys (:class:`Parts`).
 """
 
 import hashlib
@@ -41,11 +41,11 @@ from plannerforge.workflows.context import Services, WorkflowContext
 
 Content = TypeVar("Content", bound=Model)
 Bench = TypeVar("Bench")
-"""What the parts of a benchmark are given."""
+"""The input of the parts of a benchmark."""
 _POLL_S = 50
-"""For which the server is asked to wait for a job: the most that it accepts."""
+"""Requested waiting time for a job: the most that the server accepts."""
 Figures = Mapping[str, float | int | str]
-"""What a benchmark measured, by the keys that its module explains."""
+"""A benchmark's measurements, by the keys that its module explains."""
 
 
 def print_figures(
@@ -54,7 +54,7 @@ def print_figures(
     rows: Iterable[tuple[str, str]] | None = None,
     more_rows: Iterable[tuple[str, str]] = (),
 ) -> None:
-    """Print a table of ``(what, figure)`` rows, the figures where none are given, and the figures as the last line."""
+    """Print a table of ``(what, figure)`` rows (default: the figures), and the figures as the last line."""
     table = Table("figure", "value", title=title)
     for what, value in (*(figures.items() if rows is None else rows), *more_rows):
         table.add_row(what, str(value))
@@ -63,50 +63,50 @@ def print_figures(
 
 
 def as_measured(figures: Mapping[str, float | int | str | None]) -> Figures:
-    """The figures that were measured; what could not be is left out, and a key that is owed is named then."""
+    """Return the measured figures without missing ones; the caller then names a missing key that a part owes."""
     return {key: value for key, value in figures.items() if value is not None}
 
 
 def spread(values: Sequence[float], unit: str, digits: int = 2) -> str:
-    """Median with minimum and maximum, in words."""
+    """Return the median with minimum and maximum as text."""
     middle = statistics.median(values)
     return f"{middle:.{digits}f} {unit} (min {min(values):.{digits}f}, max {max(values):.{digits}f}, n {len(values)})"
 
 
 def share(values: Iterable[object]) -> float:
-    """The share of true values, rounded to four digits; 0 without any value."""
+    """Return the share of true values, rounded to four digits; 0 without any value."""
     verdicts = [bool(value) for value in values]
     return round(sum(verdicts) / len(verdicts), 4) if verdicts else 0.0
 
 
 def percentile_95(values: Iterable[float]) -> float:
-    """The value that 95 of 100 do not exceed, one of those given."""
+    """Return the smallest of the values that 95 of 100 do not exceed."""
     ordered = sorted(values)
     return ordered[int(0.95 * len(ordered))]
 
 
 def shared_folder() -> Path:
-    """The folder of public scenarios, maps and corpora: ``PLANNERFORGE_SHARED``, or ``shared`` beside the checkout."""
+    """Return the folder of public scenarios, maps and corpora: ``PLANNERFORGE_SHARED``, or ``../shared``."""
     beside = Path(__file__).resolve().parent.parent.parent / "shared"
     return Path(os.environ.get("PLANNERFORGE_SHARED", beside))
 
 
 def shared_scenarios() -> Path:
-    """The folder of public CommonRoad scenarios in the shared folder."""
+    """Return the folder of public CommonRoad scenarios in the shared folder."""
     return shared_folder() / "data" / "commonroad"
 
 
 def existing(folder: Path) -> Path:
-    """A folder that a benchmark needs; where there is none, the program ends and says how to name it."""
+    """Return a folder that a benchmark needs; if it is missing, exit with a hint how to set it."""
     if not folder.is_dir():
-        sys.exit(f"there is no folder {folder}: name it by an option (see --help), or set PLANNERFORGE_SHARED")
+        sys.exit(f"the folder {folder} does not exist; give it by an option (see --help), or set PLANNERFORGE_SHARED")
     return folder.resolve()
 
 
 def scenario_arguments(
     text: str | None, option: str = "--limit", default: int | None = None
 ) -> tuple[Path, int | None]:
-    """The command line of a benchmark over a folder of scenarios: the folder, and how many of its files it takes."""
+    """Read the command line of a benchmark over a folder of scenarios: the folder and the number of its files."""
     parser = ArgumentParser(description=text, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument(option, dest="limit", type=int, default=default, help="only a sample of this many files")
@@ -115,12 +115,12 @@ def scenario_arguments(
 
 
 def drawn(names: Iterable[str], limit: int | None) -> list[str]:
-    """At most ``limit`` of the names, always the same ones and in the same order; all of them without a limit."""
+    """Return at most ``limit`` of the names, always the same ones in the same order; all without a limit."""
     return sorted(names, key=lambda name: hashlib.sha256(name.encode()).hexdigest())[:limit]
 
 
 def scenario_files(folder: Path, limit: int | None) -> list[Path]:
-    """The scenario files of a folder; with a limit, always the same sample."""
+    """Return the scenario files of a folder; with a limit, always the same sample."""
     files = {path.name: path for path in sorted(folder.rglob("*.xml")) if not path.name.endswith(".net.xml")}
     return [files[name] for name in (sorted(files) if limit is None else drawn(files, limit))]
 
@@ -134,7 +134,7 @@ class Spent:
 
     @classmethod
     def now(cls) -> "Spent":
-        """What this process has spent so far; only differences mean something."""
+        """Return the time that this process has spent so far; only differences are meaningful."""
         times = os.times()
         processor_s = times.user + times.system + times.children_user + times.children_system
         return cls(time.perf_counter(), processor_s)
@@ -147,13 +147,13 @@ class Spent:
 
 
 def process_pool(workers: int) -> ProcessPoolExecutor:
-    """Spawned processes that have imported what a warm worker has."""
+    """Return spawned processes with the imports of a warm worker."""
     spawn, modules = get_context("spawn"), PRELOAD["compute"]
     return ProcessPoolExecutor(workers, mp_context=spawn, initializer=warm_up, initargs=(modules,))
 
 
 def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
-    """A server on the benchmark's own workspace."""
+    """Return settings for a server on the benchmark's workspace."""
     return Settings(
         workspace=workspace,
         roots=(folder,),
@@ -166,14 +166,14 @@ def settings_for(workspace: Path, folder: Path, workers: int) -> Settings:
 
 
 async def call_ms(client: Client, tool: str, **arguments: Any) -> float:
-    """Milliseconds from a call of a tool to its answer, as the client waits for it."""
+    """Return the milliseconds from a tool call to its answer at the client."""
     started = time.perf_counter()
     await client.call_tool(tool, arguments)
     return (time.perf_counter() - started) * 1000
 
 
 async def ask(client: Client, tool: str, **arguments: Any) -> Any:
-    """The structured answer of a tool.
+    """Return the structured answer of a tool.
 
     Raises:
         RuntimeError: the tool refused.
@@ -185,10 +185,10 @@ async def ask(client: Client, tool: str, **arguments: Any) -> Any:
 
 
 async def ask_to_the_end(client: Client, tool: str, **arguments: Any) -> Any:
-    """The structured answer of a tool; of one that makes a job of it, the job when it is done.
+    """Return the structured answer of a tool, or the finished job if the call becomes one.
 
     Raises:
-        RuntimeError: the tool refused, or the job could not be carried out.
+        RuntimeError: the tool refused, or the job failed.
     """
     answer = await ask(client, tool, **arguments)
     while answer["state"] == "running":
@@ -218,7 +218,7 @@ async def finished_batch(client: Client, **arguments: Any) -> str:
 
 
 def attempted_runs(folder: Path, batch_id: str) -> list[RunRecord]:
-    """The runs of a batch in the workspace of a folder, without those that could not be attempted."""
+    """Return the runs of a batch in the workspace of a folder, without those that could not be attempted."""
     workspace = Workspace(folder)
     batch = workspace.get(batch_id, "batch").read(BatchRecord)
     records = [workspace.get(run_id, "run").read(RunRecord) for run_id in batch.runs]
@@ -227,7 +227,7 @@ def attempted_runs(folder: Path, batch_id: str) -> list[RunRecord]:
 
 
 def read_run_file(workspace: Workspace, run_id: str, name: str, model: type[Content]) -> Content:
-    """A file that is kept with a run, such as ``steps.json``."""
+    """Return a file stored with a run, such as ``steps.json``."""
     return model.model_validate_json(workspace.file("run", run_id, name).read_bytes())
 
 
@@ -238,30 +238,30 @@ class _InProcess:
     notice = ""
 
     async def run(self, operation: Operation[Request, Response], request: Request, **options: object) -> Response:
-        """The operation's response."""
+        """Return the operation's response."""
         del options
         return operation.load()(request, silent)
 
 
 def call_in_process(workspace: Workspace | None = None) -> WorkflowContext:
-    """A tool's call without server and workers: it can run operations, and store where it has a workspace."""
+    """Return a tool's call without server and workers: it can run operations, and store artifacts given a workspace."""
     nothing = cast("Any", None)
     services = Services(workspace or nothing, _InProcess(), nothing, nothing, nothing, with_starter=False)
     return WorkflowContext(services, no_progress)
 
 
 class LeftOut(Exception):
-    """What a part needs is not to be had on this machine; the message says what."""
+    """A requirement of a part is not available on this machine; the message names it."""
 
 
 def made_environment(name: str, title: str, requirements: Path) -> Path:
-    """The folder of an environment for what is set beside this program, made where it is not there.
+    """Return the folder of an environment for another program, creating it if necessary.
 
-    It lies where ``PLANNERFORGE_NAME`` says, otherwise among temporary files; the file that marks it as whole bears the
-    requirements' digest.
+    The folder is the one in ``PLANNERFORGE_NAME``, or a temporary one; its completion marker carries the requirements'
+    digest.
 
     Raises:
-        LeftOut: it cannot be made here.
+        LeftOut: it cannot be created here.
     """
     digest = hashlib.sha256(requirements.read_bytes()).hexdigest()[:12]
     default = Path(tempfile.gettempdir()) / f"plannerforge-{name}-{digest}"
@@ -270,10 +270,10 @@ def made_environment(name: str, title: str, requirements: Path) -> Path:
 
 
 def installed_environment(folder: Path, title: str, digest: str, wanted: Sequence[str]) -> Path:
-    """The same in a folder, of what pip is to install; ``digest`` is the name of what is wanted.
+    """Do the same in a given folder with a list for pip; ``digest`` identifies the requirements.
 
     Raises:
-        LeftOut: it cannot be made here.
+        LeftOut: it cannot be created here.
     """
     whole = folder / f"{digest}.whole"
     if whole.exists():
@@ -287,7 +287,7 @@ def installed_environment(folder: Path, title: str, digest: str, wanted: Sequenc
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             last = (done.stderr.strip().splitlines() or ["no reason"])[-1]
-            raise LeftOut(f"{title}'s environment cannot be made here: {last}")
+            raise LeftOut(f"{title}'s environment cannot be created here: {last}")
     whole.touch()
     return folder
 
@@ -297,9 +297,9 @@ class NoAnswer(Exception):
 
 
 class LineProcess:
-    """A program of another environment that answers a line of JSON with a line of JSON, one thread each way.
+    """A program of another environment that answers each line of JSON with one, using a thread for each direction.
 
-    It is started when it is first asked, and again after it ended. What it writes to standard error goes to the log.
+    It starts at the first request, and again after it ended. Its standard error goes to the log.
     """
 
     def __init__(
@@ -319,10 +319,10 @@ class LineProcess:
         self._end()
 
     def answer(self, asked: Mapping[str, object]) -> Any:
-        """What the process answers.
+        """Return the process's answer.
 
         Raises:
-            NoAnswer: there was none in time, or the process ended; the next question goes to a new one.
+            NoAnswer: it gave none in time, or ended; the next request starts a new process.
         """
         process = self._running()
         assert process.stdin is not None  # noqa: S101 - it was opened with a pipe
@@ -354,7 +354,7 @@ class LineProcess:
         return self._process
 
     def _end(self) -> int | None:
-        """End the process where one runs; its status."""
+        """End the process if one runs, and return its status."""
         if self._process is None or self._listener is None:
             return None
         process, self._process = self._process, None
@@ -368,7 +368,7 @@ class LineProcess:
 
 
 def _listen(process: "subprocess.Popen[str]", answers: "queue.Queue[str]") -> None:
-    """Pass on what a process prints, and an empty line when it has ended."""
+    """Forward the lines of a process, and an empty line when it has ended."""
     assert process.stdout is not None  # noqa: S101 - it was opened with a pipe
     for line in process.stdout:
         answers.put(line)
@@ -378,19 +378,19 @@ def _listen(process: "subprocess.Popen[str]", answers: "queue.Queue[str]") -> No
 
 @dataclass(frozen=True)
 class Parts(Generic[Bench]):
-    """The parts of a benchmark in the order in which they are measured, with the keys that each owes.
+    """The parts of a benchmark in the order of measurement, with the keys that each owes.
 
-    ``package``: where their modules are.
+    ``package``: the package of their modules.
     """
 
     package: str
     keys: Mapping[str, tuple[str, ...]]
 
     def chosen(self, only: Sequence[str]) -> tuple[str, ...]:
-        """The parts that measure some keys, or are named themselves; all of them where nothing is named.
+        """Return the parts that measure the given keys or have the given names; all by default.
 
         Raises:
-            ValueError: a word that is neither a part nor a key.
+            ValueError: a word is neither a part nor a key.
         """
         known = {*self.keys, *(key for keys in self.keys.values() for key in keys)}
         if unknown := sorted(set(only) - known):
@@ -398,7 +398,7 @@ class Parts(Generic[Bench]):
         return tuple(part for part, keys in self.keys.items() if not only or {part, *keys} & set(only))
 
     def find(self, part: str) -> Callable[[Bench], Figures] | None:
-        """The function of a part; None where its module is not there."""
+        """Return the function of a part, or None if its module is missing."""
         if find_spec(f"{self.package}.{part}") is None:
             return None
         measure: Callable[[Bench], Figures] = import_module(f"{self.package}.{part}").measure
@@ -407,7 +407,7 @@ class Parts(Generic[Bench]):
     def measured(
         self, parts: Sequence[str], bench: Bench, find: Callable[[str], Callable[[Bench], Figures] | None] | None = None
     ) -> tuple[dict[str, float | int | str], list[str]]:
-        """The figures of some parts, and in words what is wrong: a part is not there, failed, or owes a key."""
+        """Return the figures of some parts, and the problems: a part is missing, failed, or owes a key."""
         figures: dict[str, float | int | str] = {}
         faults: list[str] = []
         for part in parts:
@@ -436,13 +436,13 @@ class Parts(Generic[Bench]):
         make: Callable[[Namespace, Path], Bench],
         broken: Callable[[Figures], Sequence[str]] | None = None,
     ) -> int:
-        """Read the command line, measure the chosen parts, print the figures; return the exit status.
+        """Read the command line, measure the chosen parts, print the figures, and return the exit status.
 
-        ``make`` returns what the parts receive, from the options and an empty scratch folder. ``broken`` returns in
-        words what the figures must not be. The status is 1 if a part is missing or failed, or if anything is broken.
+        ``make`` returns the parts' input, from the options and an empty scratch folder. ``broken`` describes figures
+        that must not occur. The status is 1 if a part is missing or failed, or if anything is broken.
         """
-        parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only the parts of these keys")
-        parser.add_argument("--json", action="store_true", help="print nothing but the figures as JSON")
+        parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="only these parts or keys")
+        parser.add_argument("--json", action="store_true", help="print only the figures as JSON")
         given = parser.parse_args()
         try:
             parts = self.chosen(given.only)
@@ -467,11 +467,10 @@ def part_options(text: str | None) -> ArgumentParser:
 
 @dataclass(frozen=True)
 class SeededBench:
-    """What the parts of a benchmark receive that draw their cases, or take them from the shared folder.
+    """The input of the parts of a benchmark that draw their cases or take them from the shared folder.
 
     ``shared``: the folder that contains ``data``; ``scratch``: an empty folder that is deleted afterwards; ``seed``: of
-    everything that is drawn (19 is looked at during development, 20 is reported); ``limit``: the number of cases per
-    part, or None for all of them.
+    all draws (19 for development, 20 for reports); ``limit``: the number of cases per part, or None for all of them.
     """
 
     shared: Path
@@ -490,11 +489,11 @@ class SeededBench:
         """Return a parser with the options of these fields."""
         parser = part_options(text)
         parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder that contains data/commonroad")
-        parser.add_argument("--seed", type=int, default=20, help="of everything that is drawn (default: 20)")
-        parser.add_argument("--limit", type=int, default=None, help="only this many cases per part: a sample")
+        parser.add_argument("--seed", type=int, default=20, help="seed of all draws (default: 20)")
+        parser.add_argument("--limit", type=int, default=None, help="number of cases per part (a sample)")
         return parser
 
     @classmethod
     def of(cls, given: Namespace, scratch: Path) -> Self:
-        """Return what the parts receive, from the command line and a scratch folder."""
+        """Return the parts' input, from the command line and a scratch folder."""
         return cls(existing(given.shared), scratch, given.seed, given.limit)

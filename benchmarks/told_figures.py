@@ -1,13 +1,13 @@
-"""Whether each figure in the text of an answer stands in its structured content too: one rule, without any English.
+"""Checks that each figure in the text of an answer is also in its structured content, by one rule without any English.
 
-A figure is a number that stands by itself in a text: it is no part of a name, an id, an address or a word. It is known
-if a field holds it, rounded to the digits that are shown. The text may show a value as a percentage, without its sign,
-or as the length of a list. It may tell how many entries it leaves out: a length or a whole number of the fields, less
-the names in the line, or less the items that the lines list. It may repeat the arguments of the call. The figures of a
-sentence that is a field itself, such as the statement of a finding, have to stand next to it, in the same object.
-Whatever is left is unknown: either the text says more than the fields, or one of both is wrong.
+A figure is a number by itself in a text, not a part of a name, an id, an address or a word. It is known if a field
+holds it, rounded to the digits shown. The text may show a value as a percentage, without its sign, or as the length of
+a list. It may state the number of omitted entries: a length or a whole number of the fields, minus the names in the
+line or the items that the lines list. It may repeat the arguments of the call. If a sentence is a field itself, such as
+the statement of a finding, its figures must be next to it, in the same object. Any other figure is unknown: either the
+text says more than the fields, or one of them is wrong.
 
-The fields themselves are judged elsewhere, by code that recomputes them.
+Other judges recompute the fields themselves.
 """
 
 import re
@@ -18,16 +18,17 @@ from typing import Any
 NAME_KEYS = frozenset(
     ["unit", "source", "label", "name", "before", "after", "planner_version", "config_name", "reason", "next_step"]
 )
-"""Fields in which a digit is no figure of the answer: names, what was stored with a run, and the next call."""
+"""Fields with digits that are no figures of the answer: names, data stored with a run, and the next call."""
 CONSTANTS = (0.0, 5.0, 10.0, 95.0)
-"""What texts say and no field holds: the ends of the scale of risk scores, the seconds that measures look ahead, the
-points by which rates have to differ at least (``docs/statistics.md``), and the level of every interval in percent."""
+"""Figures in texts that no field holds: the ends of the risk scale, the seconds that measures look ahead, the least
+difference of rates in points (``docs/statistics.md``), and the level of every interval in percent.
+"""
 _FIGURE = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _BETWEEN = re.compile(r"(?<!\d),|,(?!\d{3}(?!\d))|\.\.|[.?!](?=\s|$)|[\s()\[\]{};\"'“”‘’|<>=≥≤≈×→–/…:%*~&#·]+")
 
 
 def agrees(shown: str, value: float | None) -> bool:
-    """Return whether a figure is a value rounded to the digits shown, either way if it lies between."""
+    """Return True if a figure is a value rounded to the digits shown, either way if it is between."""
     return value is not None and abs(_value_of(shown) - value) <= _half_a_unit(shown)
 
 
@@ -41,7 +42,7 @@ def _half_a_unit(shown: str) -> float:
 
 
 def figures_in(text: str, names: re.Pattern[str] | None = None) -> list[str]:
-    """Return the numbers that stand by themselves in a text, without those in the names that a pattern finds."""
+    """Return the numbers by themselves in a text, without those in the names that a pattern finds."""
     rest = text if names is None else names.sub(" ", text)
     tokens = (token.replace(",", "") for token in _BETWEEN.split(rest) if token)
     return [token for token in tokens if _FIGURE.fullmatch(token)]
@@ -88,13 +89,13 @@ class Held:
         self._shown = sorted(shown)
 
     def has(self, figure: str) -> bool:
-        """Return whether one of them is a figure, rounded to its digits."""
+        """Return True if one of them is the figure, rounded to its digits."""
         value, half = abs(_value_of(figure)), _half_a_unit(figure)
         place = bisect_left(self._shown, value - half)
         return place < len(self._shown) and self._shown[place] <= value + half
 
     def has_rest(self, figure: str, named: Collection[int]) -> bool:
-        """Return whether a whole figure and the number of entries that are named make one of them."""
+        """Return True if a whole figure and the number of named entries add up to one of them."""
         if not figure.lstrip("+").isdigit():
             return False
         return any(_is_in(self._whole, _value_of(figure) + count) for count in named if count)

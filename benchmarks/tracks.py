@@ -1,4 +1,4 @@
-"""Where road users are, whose bodies overlap and which tracks can be driven, for the judges of all benches."""
+"""Positions, overlaps and feasibility of road users' tracks, for the judges of all benches."""
 
 import math
 
@@ -11,28 +11,28 @@ from plannerforge.engine.geometry import Points, Values
 from plannerforge.engine.vehicles import Motion, check_drivability, nearest_class
 
 _LEAST_SIZE_M = 0.01
-"""What is left of a body that is made smaller by more than its size."""
+"""Remaining size of a body that is reduced by more than its size."""
 
 
 def directions(headings_rad: Values) -> Points:
-    """Unit vectors (n, 2) along headings."""
+    """Return unit vectors (n, 2) along headings."""
     return np.column_stack([np.cos(headings_rad), np.sin(headings_rad)])
 
 
 def fronts(track: Track) -> Points:
-    """The front bumper at every step, (n, 2) in m."""
+    """Return the front bumper at every step, (n, 2) in m."""
     return np.asarray(track.positions + track.length_m / 2 * directions(track.headings_rad))
 
 
 def ahead_and_left_m(point: Points, position: Points, heading_rad: float) -> tuple[float, float]:
-    """How far a point lies ahead and to the left of a position with a heading."""
+    """Return how far a point is ahead and to the left of a position with a heading."""
     dx, dy = float(point[0] - position[0]), float(point[1] - position[1])
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def bodies(track: Track, indices: NDArray[np.int_], larger_m: float = 0.0) -> NDArray[np.object_]:
-    """The rectangles (shapely) of a road user at indices of its track, larger by a distance on every side."""
+    """Return the rectangles (shapely) of a road user at indices of its track, larger by a distance on every side."""
     length_m, width_m = (max(size + 2 * larger_m, _LEAST_SIZE_M) for size in (track.length_m, track.width_m))
     centers, headings_rad = track.positions[indices], track.headings_rad[indices]
     ahead, left = directions(headings_rad) * length_m / 2, directions(headings_rad + np.pi / 2) * width_m / 2
@@ -41,7 +41,7 @@ def bodies(track: Track, indices: NDArray[np.int_], larger_m: float = 0.0) -> ND
 
 
 def overlap_steps(one: Track, other: Track, depth_m: float) -> list[int]:
-    """The steps at which two road users overlap, both made smaller by a depth on every side."""
+    """Return the steps at which two road users overlap, both reduced by a margin on every side."""
     steps = np.arange(max(one.first_step, other.first_step), min(one.last_step, other.last_step) + 1)
     apart_m = one.positions[steps - one.first_step] - other.positions[steps - other.first_step]
     reach_m = (one.length_m + one.width_m + other.length_m + other.width_m) / 2
@@ -51,7 +51,7 @@ def overlap_steps(one: Track, other: Track, depth_m: float) -> list[int]:
 
 
 def is_drivable(track: Track, step_s: float, begin: int = 0, end: int | None = None) -> bool:
-    """Whether the drivability checker accepts a part of a track, with the axles of the vehicle's class."""
+    """Return True if the drivability checker accepts a part of a track, with the axles of the vehicle's class."""
     chassis, part = nearest_class(track.kind, track.length_m), slice(begin, end)
     speeds_mps = track.speeds_mps[part]
     motion = Motion(track.positions[part], track.headings_rad[part], speeds_mps, np.zeros(len(speeds_mps)))

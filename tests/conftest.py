@@ -48,7 +48,7 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def _workers_import_what_they_need() -> None:
-    """Workers of this process load a library when an order needs it: a test needs few of those loaded ahead."""
+    """Let workers load a library only when an order needs it, because a test needs few of them."""
     pool.PRELOAD.update(dict.fromkeys(pool.PRELOAD, ()))
 
 
@@ -62,7 +62,7 @@ def _no_settings_of_the_machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
 
 @pytest.fixture(autouse=True)
 def _not_inside_a_loop(request: pytest.FixtureRequest) -> Iterator[None]:
-    """A test that is no coroutine may start a loop, though fixtures of a module keep one of theirs."""
+    """Let a synchronous test start an event loop although fixtures of a module keep one of theirs."""
     if inspect.iscoroutinefunction(getattr(request.node, "function", None)):
         yield
         return
@@ -73,7 +73,7 @@ def _not_inside_a_loop(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    """Settings with a workspace of the test's own."""
+    """Settings with a workspace for this test."""
     return Settings(workspace=tmp_path / "workspace", roots=(tmp_path,), workers=1, warm_up=False)
 
 
@@ -85,20 +85,20 @@ def era() -> str:
 
 @pytest.fixture(scope="session")
 async def kept_workers(anyio_backend: str, tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[KeptWorkers]:
-    """Worker processes for the servers of all tests that look at answers, not at processes."""
+    """Worker processes for the servers of all tests that examine answers, not processes."""
     async with KeptWorkers.until_left(tmp_path_factory.mktemp("workers") / "workers.log") as kept:
         yield kept
 
 
 @pytest.fixture
 def warm_workers(kept_workers: KeptWorkers, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Servers find warm workers and leave them warm; a module whose tests count or end workers overrides this."""
+    """Warm workers for servers, which leave them warm; a module that counts or ends workers overrides this."""
     monkeypatch.setattr(WorkerPool, "open", kept_workers.lent)
 
 
 @pytest.fixture
 def connect(warm_workers: None, settings: Settings, era: str, tmp_path: Path) -> Connect:
-    """A real client session with a server of these settings, in memory."""
+    """A real client session in memory with a server of these settings."""
 
     @asynccontextmanager
     async def session(other: Settings | None = None, **options: Any) -> AsyncIterator[Client]:
@@ -111,14 +111,14 @@ def connect(warm_workers: None, settings: Settings, era: str, tmp_path: Path) ->
 
 @pytest.fixture
 def own_workers() -> Callable[[], set[psutil.Process]]:
-    """Tells which workers of this process run that did not run before the test."""
+    """Returns the running workers of this process that did not run before the test."""
     before = worker_processes()
     return lambda: worker_processes() - before
 
 
 @pytest.fixture(scope="session")
 def starter_workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A workspace that holds the starter catalogue and nothing else; not to be written to."""
+    """A read-only workspace with only the starter catalogue."""
     workspace = Workspace(tmp_path_factory.mktemp("starter") / "workspace")
     open_catalogue(workspace)
     workspace.close()
@@ -127,7 +127,7 @@ def starter_workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def starter_ready(starter_workspace: Path, settings: Settings) -> None:
-    """The test's workspace holds the starter catalogue already: linked, since artifacts are never written again."""
+    """The starter catalogue in the test's workspace, linked, because artifacts are never rewritten."""
 
     def linked(source: str, target: str) -> str:
         if Path(source).parent == starter_workspace:  # the database
@@ -141,13 +141,15 @@ def starter_ready(starter_workspace: Path, settings: Settings) -> None:
 
 @pytest.fixture
 def importable_tests(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lets worker processes import ``support.worker_operations``, the operations that only tests have."""
+    """Lets worker processes import ``support.worker_operations``, the operations for tests only."""
     folders = [str(CHECKOUT / "tests"), os.environ.get("PYTHONPATH", "")]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, folders)))
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Leave what the imports made out of garbage collections, and collect less often: a fifth of the processor time."""
+    """Exclude imported objects from garbage collection and collect less often, which saves a fifth of the processor
+    time.
+    """
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 10, 10)

@@ -45,7 +45,7 @@ def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
-def test_links_of_pages_beside_the_docs_lead_somewhere(page: str) -> None:
+def test_links_of_pages_outside_the_docs_are_valid(page: str) -> None:
     """Those of the docs are looked at, with their headings, in ``test_site.py``."""
     for target in re.findall(r"\]\((?!https?://|#)([^)#]+)", (CHECKOUT / page).read_text(encoding="utf-8")):
         assert (CHECKOUT / target).exists(), target

@@ -95,14 +95,14 @@ def test_an_engine_package_is_imported_through_its_face_only() -> None:
         ("from ..engine.criticality import gaps_m", False),
     ],
 )
-def test_an_import_beside_the_face_is_seen(statement: str, wrong: bool) -> None:
+def test_an_import_past_the_face_is_detected(statement: str, wrong: bool) -> None:
     faces = {"plannerforge.engine.edits": ["apply_edits"]}
     assert bool(beside_the_face("plannerforge.tools.made_up", statement, faces)) is wrong
     assert beside_the_face("plannerforge.engine.edits.made_up", statement.replace("..engine.edits", ".."), faces) == []
 
 
 @pytest.mark.parametrize("package", engine_packages())
-def test_a_face_explains_each_name_and_none_is_called_like_a_module(package: str) -> None:
+def test_a_face_explains_each_name_and_no_name_equals_a_module(package: str) -> None:
     folder = CHECKOUT / "engine" / package
     text = (folder / "__init__.py").read_text(encoding="utf-8").split('"""')[1]
     explained = dict(re.findall(r"^``(\w+)``: (.+?\.)$(?=\n``|\n*\Z)", text, re.MULTILINE | re.DOTALL))

@@ -1,1 +1,1 @@
-"""``make bench-analysis``: whether what an analysis says of runs is so."""
+"""``make bench-analysis``: checks that statements of analyses about runs are true."""

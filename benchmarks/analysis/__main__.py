@@ -1,25 +1,25 @@
-"""``make bench-analysis``: whether what an analysis says of runs is so.
+"""``make bench-analysis``: checks that statements of analyses about runs are true.
 
-Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``, which explains its
-keys and judges by code apart from the product. The keys that count:
+Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``. The module explains
+its keys and judges with code that shares nothing with the product. The main keys:
 
-``causes``: ``class_right`` (share of made collisions whose kind is told as it is), ``fault_right`` (told to be
-preventable or not, as the truth has it), and both of recorded ones.
-``rules``: ``rules_right`` (the share of made drives for which the traffic rule that they are about is told as it is).
-``nulls``: ``false_findings_rate`` (of batches in which nothing differs, those in which a comparison states that
-something does), ``interval_coverage`` (95 % intervals that hold the truth).
-``planted``: ``planted_found`` (of batches with one cause of failure planted, those in which a finding names it).
-``trivial``: ``trivial_marked`` (share of reached goals that are told to ask for no driving, or not, as it is so).
-``advice``: ``advice_helped`` (of changes of a weight that a trial tells to help, those that help on other roads).
-``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows give once more).
-``solutions``: ``solutions_valid`` (of runs to the goal that are told to be drivable, those whose exported solution
-CommonRoad's checker accepts).
-``measures``: ``measures_agree`` (share of the measured values that closed forms, or CriMe on recorded traffic, give
-too). CriMe runs in an environment of its own, which the part makes where it is not there.
-``questions``: ``questions_answered`` (share of the corpora's questions about results that one call answers).
+- ``causes``: ``class_right`` (share of synthetic collisions reported with the right kind), ``fault_right`` (share
+  reported correctly as preventable or not), and both for recorded collisions.
+- ``rules``: ``rules_right`` (share of synthetic drives with their traffic rule reported correctly).
+- ``nulls``: ``false_findings_rate`` (share of batches without a difference in which a comparison states one),
+  ``interval_coverage`` (share of 95 % intervals that contain the truth).
+- ``planted``: ``planted_found`` (share of batches with one planted cause of failure in which a finding names it).
+- ``trivial``: ``trivial_marked`` (share of reached goals marked correctly as requiring driving or not).
+- ``advice``: ``advice_helped`` (share of the weight changes reported to help that help on other roads).
+- ``statements``: ``statements_recomputed`` (share of the figures in answers and reports that raw rows reproduce).
+- ``solutions``: ``solutions_valid`` (share of successful runs reported as drivable for which CommonRoad's checker
+  accepts the exported solution).
+- ``measures``: ``measures_agree`` (share of measured values that closed forms, or CriMe on recorded traffic, confirm).
+  CriMe runs in its own environment, which the part creates if it is missing.
+- ``questions``: ``questions_answered`` (share of the corpora's questions about results that one call answers).
 
-``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
-1. ``--json`` prints the last line alone.
+``--only`` takes keys and parts. A part that fails or is missing is named, and the exit status is then 1. ``--json``
+prints only the last line.
 """
 
 import sys
@@ -41,7 +41,7 @@ PARTS: Parts[SeededBench] = Parts(
         "questions": ("questions_answered",),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 
 
 if __name__ == "__main__":

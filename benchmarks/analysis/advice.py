@@ -1,13 +1,15 @@
-"""Advice that was tried: whether what is told to help on some scenarios helps on scenarios of other roads.
+"""Checks that advice that helps in a trial also helps on other roads.
 
-Frenetix' default is spoiled by one weight at a time. A spoiled configuration runs on scenarios of half of the roads;
-``analyze_results`` with ``trial=true`` suggests changes and tries them there. Each change that is told to help is then
-run on scenarios of the other half, which neither the analysis nor the trial has seen, beside the spoiled configuration.
-The roads are divided anew for each spoiled configuration.
+The bench spoils one weight of Frenetix's default at a time and runs the configuration on scenarios of half of the
+roads. ``analyze_results`` with ``trial=true`` suggests changes and tries them there. Each change that is reported to
+help then runs on the other half next to the spoiled configuration. The split of the roads is drawn again for each
+spoiled configuration.
 
-Keys: ``advice_helped``: of the changes told to help, the share under which more scenarios of the other roads reach the
-goal than without; ``advice_told``: of how many; ``advice_tried``: changes that were tried in all; ``advice_gain``: mean
-difference of the success rates of those told to help.
+Keys:
+
+- ``advice_helped``: share of the changes reported to help that raise the success on the other roads.
+- ``advice_told``: number of these changes; ``advice_tried``: number of all changes tried.
+- ``advice_gain``: mean difference in success rate of the changes reported to help.
 """
 
 import random
@@ -25,9 +27,9 @@ from ..harness import Figures, SeededBench, ask, ask_to_the_end, attempted_runs,
 from .public_runs import DEFAULT, PREDICTION, import_public, public_folder, public_server
 
 ENOUGH = 30
-"""Changes told to help after which no more are asked for (the issue's number)."""
+"""Helpful changes after which the search stops (chosen)."""
 HALF = 40
-"""Scenarios that are run of either half of the roads, at most (chosen)."""
+"""Largest number of scenarios for either half of the roads (chosen)."""
 SPOILED = (
     "velocity_offset=0",
     "prediction=20",
@@ -54,12 +56,12 @@ SPOILED = (
     "lateral_jerk=5",
     "responsibility=10",
 )
-"""One weight of the default moved far enough that some scenarios fail (chosen), those that fail most first."""
+"""One weight of the default, changed enough that some scenarios fail (chosen), most failures first."""
 
 
 @dataclass(frozen=True)
 class _Advice:
-    """A change that was told to help, and the goals reached on the other roads."""
+    """A change reported to help, and the goals reached on the other roads."""
 
     change: str
     before: int
@@ -68,7 +70,7 @@ class _Advice:
 
     @property
     def helped(self) -> bool:
-        """Whether more scenarios reach the goal with it."""
+        """True if more scenarios reach the goal with it."""
         return self.after > self.before
 
     @property
@@ -78,18 +80,18 @@ class _Advice:
 
 
 def road_of(scenario_id: str) -> str:
-    """The place that a scenario lies in: ``DEU_Aachen`` of ``DEU_Aachen-2_7_T-1``."""
+    """Return the place of a scenario: ``DEU_Aachen`` for ``DEU_Aachen-2_7_T-1``."""
     return scenario_id.removeprefix("C-").split("-", maxsplit=1)[0]
 
 
 def halves(scenarios: Sequence[str], choice: random.Random) -> tuple[list[str], list[str]]:
-    """Two sets of scenarios that share no place, at most :data:`HALF` of each."""
+    """Return two sets of scenarios without a common place, at most :data:`HALF` of each."""
     first, second = (sorted(choice.sample(side, min(HALF, len(side)))) for side in sides(scenarios, choice))
     return first, second
 
 
 def sides(scenarios: Iterable[str], choice: random.Random) -> tuple[list[str], list[str]]:
-    """All scenarios on two sides of about the same size that share no place."""
+    """Divide all scenarios into two sides of about the same size without a common place."""
     roads: dict[str, list[str]] = {}
     for name in sorted(scenarios):
         roads.setdefault(road_of(name), []).append(name)
@@ -102,7 +104,7 @@ def sides(scenarios: Iterable[str], choice: random.Random) -> tuple[list[str], l
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many spoiled configurations."""
+    """Measure the keys above; a limit restricts the number of spoiled configurations."""
     return anyio.run(_measured, bench)
 
 
@@ -136,15 +138,17 @@ def _scenarios(bench: SeededBench) -> list[str]:
 async def _round(
     bench: SeededBench, client: Client, spoiled: str, sides: tuple[list[str], list[str]]
 ) -> tuple[int, list[_Advice]]:
-    """How many changes were tried for a spoiled configuration, and those told to help with what they do elsewhere."""
+    """Return the number of changes tried for a spoiled configuration, and the helpful ones with their effect."""
     seen, unseen = sides
     base = (await ask(client, "configure_planner", base=DEFAULT, weights=[spoiled]))["config_id"]
     batch_id = await finished_batch(client, scenarios=seen, configs=[base], prediction=PREDICTION)
     changes = await _changes(client, batch_id)
     for tried in changes:
         words = f"+{tried['gained']} of {tried['failing']}, -{tried['lost']} of {tried['passing']}"
-        sys.stderr.write(f"{spoiled}: {tried['change']}: {words}{', told to help' if _told(tried) else ''}\n")
-    told = {tried["config_id"]: tried["change"] for tried in changes if _told(tried)}
+        sys.stderr.write(
+            f"{spoiled}: {tried['change']}: {words}{', reported to help' if _is_reported_helpful(tried) else ''}\n"
+        )
+    told = {tried["config_id"]: tried["change"] for tried in changes if _is_reported_helpful(tried)}
     if not told:
         return len(changes), []
     judged = await finished_batch(client, scenarios=unseen, configs=[base, *told], prediction=PREDICTION)
@@ -162,7 +166,7 @@ def _elsewhere(change: str, before: Mapping[str, bool], after: Mapping[str, bool
 
 
 async def _changes(client: Client, batch_id: str) -> list[Mapping[str, Any]]:
-    """What was tried."""
+    """Return the changes that were tried."""
     answer = await ask(client, "analyze_results", results=[batch_id], trial=True)
     while answer["job_id"]:
         await ask_to_the_end(client, "get_job", job_id=answer["job_id"], wait_s=0)
@@ -171,13 +175,13 @@ async def _changes(client: Client, batch_id: str) -> list[Mapping[str, Any]]:
     return [one["tried"] for one in suggestions if one["tried"]]
 
 
-def _told(tried: Mapping[str, Any]) -> bool:
-    """Whether the answer calls it a help: more gained than lost, at the level of docs/analysis.md."""
+def _is_reported_helpful(tried: Mapping[str, Any]) -> bool:
+    """Return True if the answer calls it a help: more gained than lost, at the level of docs/analysis.md."""
     return bool(tried["gained"] > tried["lost"] and tried["p"] <= 1 / 16)
 
 
 def _goals(bench: SeededBench, batch_id: str, configs: Sequence[str]) -> dict[str, dict[str, bool]]:
-    """By configuration: scenario → whether it reached its goal; runs that could not be attempted are left out."""
+    """Return by configuration whether each scenario reached its goal, without runs that could not be attempted."""
     records = attempted_runs(public_folder(bench), batch_id)
     return {
         config_id: {

@@ -1,20 +1,25 @@
-"""Who hit whom and whether an ego could have prevented it, on collisions made for it.
+"""Checks the kind and the preventability of collisions on synthetic encounters.
 
-The collisions are drawn at random (a seed, 12 of each kind): a recorded follower, a standing ego, a slower or standing
-leader, a leader that brakes, one that cuts in, one that crosses, one that comes the other way. The truth is that of
-this module, which shares nothing with the product: the kind follows from how the encounter was made and which sides
-met, and whether full braking prevents it is found by trying every moment with steps of 5 ms and overlaps of rectangles
-by separating axes, until 30 s after the contact. What the other drivers prevent is judged by ``evals.loop.verdicts``.
+The seed draws 12 collisions of each kind: a recorded follower, a standing ego, a slower or standing leader, a braking
+leader, a cut-in, a crossing vehicle and an oncoming one. The construction determines the kind and the sides that meet.
+This module shares no code with the product: it decides whether full braking prevents the collision by trying every
+start in steps of 5 ms, with separating axes for overlaps, until 30 s after the contact. ``loop.verdicts`` judges
+the other drivers.
 
-Keys: ``class_right``: share of the collisions whose kind is told as it is; ``fault_right``: of those where braking
-decides clearly, the share that is told to be preventable or not as the truth has it; ``braking_until_error_s``: the
-largest difference of the latest moment; ``causes_collisions``: how many there were; ``unclear``: those left out of
-``fault_right``, because 2 % more speed or 0.1 m more width would turn the truth. ``recorded_class_right``,
-``recorded_fault_right``: the same of the collisions that Frenetix' and IDM's runs on the public scenarios end in, the
-latter of each verdict on full braking, the careful and the fuzzy driver and RSS from the moment before the contact, by
-the truth of ``recorded`` and ``recorded_drivers``; ``recorded_collisions``, ``recorded_verdicts``,
-``recorded_unclear``: how many collisions and verdicts there were, and how many verdicts were left out. What drivers do
-from the start is judged by ``evals.loop.verdicts``.
+Keys:
+
+- ``class_right``: share of collisions reported with the right kind.
+- ``fault_right``: share reported correctly as preventable or not, among the clear cases.
+- ``braking_until_error_s``: largest error of the latest start of braking.
+- ``causes_collisions``: number of collisions; ``unclear``: collisions left out of ``fault_right``, because 2 % more
+  speed or 0.1 m more width changes the truth.
+- ``recorded_class_right``, ``recorded_fault_right``: the same for collisions of Frenetix and IDM on the public
+  scenarios. The second covers each verdict on full braking, the careful and the fuzzy driver and RSS just before the
+  contact; the truth comes from ``recorded`` and ``recorded_drivers``.
+- ``recorded_collisions``, ``recorded_verdicts``, ``recorded_unclear``: numbers of collisions, verdicts and verdicts
+  left out.
+
+``loop.verdicts`` judges the drivers from the start of a scenario.
 """
 
 import math
@@ -48,7 +53,7 @@ Pose = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Body:
-    """How something moves on: where it is and how fast at a time, in closed form."""
+    """A motion in closed form: position and speed at a time."""
 
     pose: Callable[[float], Pose]
     speed: Callable[[float], float]
@@ -64,13 +69,13 @@ class Made:
 
 
 def straight(x: float, y: float, heading: float, speed: float) -> Body:
-    """Straight on at an even speed."""
+    """Return a straight motion at constant speed."""
     along, across = math.cos(heading), math.sin(heading)
     return Body(lambda t: (x + speed * t * along, y + speed * t * across, heading), lambda _: speed)
 
 
 def braking(x: float, speed: float, begins: float, by: float) -> Body:
-    """Straight on along the x axis, and from a time on braking to a stop."""
+    """Return a motion along the x axis that brakes to a stop from a time on."""
 
     def place(t: float) -> Pose:
         after = min(max(t - begins, 0.0), speed / by)
@@ -80,7 +85,7 @@ def braking(x: float, speed: float, begins: float, by: float) -> Body:
 
 
 def cutting_in(x: float, speed: float, begins: float, takes: float) -> Body:
-    """Straight on beside the x axis, and from a time on across to it, evenly."""
+    """Return a motion parallel to the x axis that moves evenly across to it from a time on."""
 
     def place(t: float) -> Pose:
         share_across = min(max((t - begins) / takes, 0.0), 1.0)
@@ -91,7 +96,7 @@ def cutting_in(x: float, speed: float, begins: float, takes: float) -> Body:
 
 
 def drawn(choice: random.Random) -> Iterator[Made]:
-    """One encounter of each kind; not all of them end in a collision."""
+    """Return one encounter of each kind; not all of them end in a collision."""
     ego, other = choice.uniform(4, 14), choice.uniform(3, 12)
     aside = choice.uniform(-0.6, 0.6)
     yield Made("rear_end_by_other", ego, straight(-choice.uniform(8, 25), 0.0, 0.0, ego + choice.uniform(3, 9)))
@@ -108,7 +113,7 @@ def drawn(choice: random.Random) -> Iterator[Made]:
 
 
 def overlap(one: Pose, other: Pose, more_m: float = 0.0) -> bool:
-    """Whether two cars overlap (separating axes), the second one larger by so much on every side."""
+    """Return True if two cars overlap (separating axes), with the second one enlarged by a margin on every side."""
     corners = [_corners(one, 0.0), _corners(other, more_m)]
     for _, _, heading in (one, other):
         for axis in (heading, heading + math.pi / 2):
@@ -127,7 +132,7 @@ def _corners(pose: Pose, more_m: float) -> list[tuple[float, float]]:
 
 
 def first_touch_s(made: Made, step_s: float = STEP_S) -> float | None:
-    """When the ego, driving evenly, first overlaps the other at a step; None: it does not, or it began so."""
+    """Return when the ego at constant speed first overlaps the other at a step; None if never, or from the start."""
     for step in range(round(HORIZON_S / step_s)):
         t = step * step_s
         if overlap((made.ego_mps * t, 0.0, 0.0), made.other.pose(t)):
@@ -136,7 +141,7 @@ def first_touch_s(made: Made, step_s: float = STEP_S) -> float | None:
 
 
 def kind_at(made: Made, touch_s: float) -> ContactKind:
-    """What an encounter has come to one step before its touch: a leader may stand, one that cuts in be beside."""
+    """Return the kind of an encounter one step before contact: a leader may stand, a cut-in may still be alongside."""
     before = touch_s - STEP_S
     x, y, heading = made.other.pose(before)
     if made.kind == "rear_end_by_ego" and made.other.speed(before) < 0.1:
@@ -147,7 +152,7 @@ def kind_at(made: Made, touch_s: float) -> ContactKind:
 
 
 def _kind_of_cut_in(own: Array, other: Array) -> ContactKind:
-    """Return what a car that comes in from the side runs into, or what runs into it, by the sides that met."""
+    """Return the kind of a collision with a vehicle that cuts in, by the sides that met."""
     size = np.array([LENGTH_M, WIDTH_M])
     ours = side_of(own, size, corners(other, size))
     if ours == "front":
@@ -156,7 +161,7 @@ def _kind_of_cut_in(own: Array, other: Array) -> ContactKind:
 
 
 def braked_m(speed: float, begins: float) -> list[float]:
-    """How far an ego has come at each fine step that brakes fully from a time on."""
+    """Return the distance covered at each fine step by an ego that brakes fully from a time on."""
     way, stations, force = 0.0, [0.0], 0.0
     for step in range(round((HORIZON_S + AFTER_S) / FINE_S)):
         if step * FINE_S >= begins:
@@ -168,7 +173,7 @@ def braked_m(speed: float, begins: float) -> list[float]:
 
 
 def latest_braking_s(made: Made, touch_s: float, more_m: float = 0.0) -> float | None:
-    """The latest moment, in steps of a run, from which full braking keeps the ego clear until after the touch."""
+    """Return the latest time, in run steps, from which full braking keeps the ego clear until after the contact."""
     others = {i: made.other.pose(i * FINE_S) for i in range(0, round((touch_s + AFTER_S) / FINE_S), 4)}
     near = {i: pose for i, pose in others.items() if abs(pose[1]) < 2 * LENGTH_M}
     for step in range(round(touch_s / STEP_S), -1, -1):
@@ -180,7 +185,7 @@ def latest_braking_s(made: Made, touch_s: float, more_m: float = 0.0) -> float |
 
 
 def told(made: Made, touch_s: float, folder: Path) -> RunReview:
-    """What the product says of a run of this encounter."""
+    """Return the product's statements about a run of this encounter."""
     steps = range(round(touch_s / STEP_S) + 1)
     shown = [made.other.pose(step * STEP_S) for step in range(len(steps) + round(AFTER_S / STEP_S) + 1)]
     other = DrivenObstacle(
@@ -245,14 +250,14 @@ def _record(touch_s: float, speed: float) -> RunRecord:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; 12 made collisions of each kind, or the bench's limit, and all recorded ones."""
+    """Measure the keys above on 12 synthetic collisions of each kind (or the bench's limit) and all recorded ones."""
     figures = dict(compared(bench.seed, bench.limit or 12, bench.folder("causes")))
     hits, contacts = anyio.run(public_hits, bench)
     return figures | _of_recorded(hits, contacts)
 
 
 def _of_recorded(hits: Sequence[Hit], contacts: Mapping[str, Mapping[str, Any] | None]) -> dict[str, float]:
-    """The figures of collisions on public scenarios."""
+    """Return the figures of collisions on public scenarios."""
     classes, faults, unclear = list[bool](), list[bool](), 0
     for hit in hits:
         contact, kind = contacts[hit.record.run_id], kind_of(hit)
@@ -281,7 +286,7 @@ def _of_recorded(hits: Sequence[Hit], contacts: Mapping[str, Mapping[str, Any] |
 
 
 def compared(seed: int, each: int, folder: Path) -> Figures:
-    """Make so many collisions of each kind, and compare what is told of them with the truth."""
+    """Create the given number of collisions of each kind, and compare the statements with the truth."""
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
     classes: list[bool] = []
     faults: list[bool] = []

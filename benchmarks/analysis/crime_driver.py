@@ -1,14 +1,14 @@
-"""Runs CriMe inside its own environment: ``python -P crime_driver.py``, by ``measures.py`` alone.
+"""Runs CriMe in its own environment: ``python -P crime_driver.py``, started only by ``measures.py``.
 
-A line of JSON in is a moment to judge, a line of JSON out is what CriMe measures there (``measures.py`` names the
-fields). What its libraries print goes to standard error. Nothing of this project is imported here.
+Each input line is a JSON object with a situation, and each output line holds CriMe's measures of it (``measures.py``
+defines the fields). Output of its libraries goes to standard error. This file imports nothing of the project.
 
-Of states that know both components of their velocity, as those of trajectories in files do, CriMe takes the speed for
-the component along x: it is given states without components and derives them. It takes speeds along a lanelet
-by the lanelet's angle to the x axis, puts half a length on both coordinates, takes an angle of 0 for none, and averages
-angles on both sides of 0 to one in between. So each moment is turned until the lane is 1° off that axis, and bodies are
-shortened by what that adds to half a length. Where a measure of ours takes the speeds as constant, the accelerations
-that CriMe derives are set to 0. What it rounds is what it gives.
+The driver works around limits of CriMe. Given both velocity components, as in trajectories of files, CriMe takes the
+speed for the x component, so the driver omits the components. CriMe measures speeds along a lanelet by the angle to the
+x axis, adds half a length to both coordinates, treats an angle of 0 as missing, and averages angles around 0 wrongly.
+The driver therefore turns each situation until the lane is 1° off that axis, and shortens the bodies by what this adds
+to half a length. It sets the accelerations that CriMe derives to 0 if our measure assumes constant speed. Values keep
+CriMe's rounding.
 """
 
 import copy
@@ -31,7 +31,7 @@ def _read(path: str) -> Any:
 
 
 def _work(asked: dict[str, Any]) -> dict[str, Any]:
-    """What CriMe measures between two recorded vehicles at a step: one of the three kinds that can be asked."""
+    """Return CriMe's measures between two recorded vehicles at a step, for one of the three kinds of requests."""
     from commonroad.scenario.scenario import Scenario
 
     whole = _read(asked["file"])
@@ -45,7 +45,7 @@ def _work(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(obstacle: Any) -> Any:
-    """The obstacle with states of position, heading and speed only."""
+    """Return the obstacle with states of position, heading and speed only."""
     from commonroad.prediction.prediction import TrajectoryPrediction
     from commonroad.scenario.state import CustomState
     from commonroad.scenario.trajectory import Trajectory
@@ -57,7 +57,7 @@ def _plain(obstacle: Any) -> Any:
 
 
 def _worst(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
-    """The worst time to collision, unrounded, of bodies so short that all discs of a body are one."""
+    """Return the worst time to collision, unrounded, for bodies so short that all discs of a body coincide."""
     import numpy as np
     from commonroad.geometry.shape import Rectangle
     from commonroad_crime.utility import general, solver
@@ -73,7 +73,7 @@ def _worst(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _closest(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
-    """The distance of closest encounter over the recording."""
+    """Return the distance of closest encounter over the recording."""
     from commonroad_crime.data_structure.configuration import CriMeConfiguration
     from commonroad_crime.measure.distance.dce import DCE
 
@@ -88,7 +88,7 @@ def _closest(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _leader(scenario: Any, asked: dict[str, Any]) -> dict[str, Any]:
-    """Gap, time to collision, deceleration and brake threat number, and how the lane lies at both."""
+    """Return gap, time to collision, deceleration and brake threat number, and the lane's direction at both."""
     import numpy as np
     from commonroad.geometry.shape import Rectangle
     from commonroad.scenario.lanelet import LaneletNetwork
@@ -153,11 +153,11 @@ def _finite(value: float) -> float | None:
 
 
 def _lanelet(scenario: Any, state: Any) -> int:
-    """The lanelet at a state whose direction is nearest to its heading."""
+    """Return the lanelet at a state with the direction nearest to its heading."""
     network = scenario.lanelet_network
     there = network.find_lanelet_by_position([state.position])[0]
     if not there:
-        raise ValueError("off the lanelets")
+        raise ValueError("the position is on no lanelet")
     position = state.position
     return int(
         min(
@@ -168,7 +168,7 @@ def _lanelet(scenario: Any, state: Any) -> int:
 
 
 def _heading(lanelet: Any, position: Any) -> float:
-    """The direction of a lanelet's centre line at the segment nearest to a place."""
+    """Return the direction of a lanelet's centre line at the segment nearest to a place."""
     import numpy as np
 
     vertices = lanelet.center_vertices
@@ -183,7 +183,7 @@ def _wrapped(angle: float) -> float:
 
 
 def _main() -> None:
-    """Answer line by line; a moment that CriMe cannot judge is answered with the reason."""
+    """Answer line by line; if CriMe cannot judge a situation, answer with the reason."""
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)  # native libraries print past sys.stdout
     sys.stdout = sys.stderr

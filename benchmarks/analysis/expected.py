@@ -1,9 +1,9 @@
-"""What the fields of an analysis or a comparison should hold, recomputed from the runs of a batch.
+"""The expected fields of an analysis or comparison, recomputed from the runs of a batch.
 
-``Expected`` builds content of the same form as an answer, with the figures that it can recompute from records, steps
-and scenario files by the code of ``recomputed``; ``Tally`` holds both side by side. Taken from the answers on single
-runs are how a collision came about, where an ego stood or braked, and the encounters of a run (``causes`` and
-``loop.standing`` judge these), and by how much a run breaks a traffic rule (``rules``).
+``Expected`` builds content in the form of an answer with the figures that ``recomputed`` derives from records, steps
+and scenario files. ``Tally`` compares both. Three things come from the answers about single runs instead: how a
+collision came about, where an ego stood or braked, and the encounters of a run (judged by ``causes`` and
+``loop.standing``), as well as the degree of a rule violation (``rules``).
 """
 
 import math
@@ -25,7 +25,7 @@ from .recomputed import METRICS, Costs, Pairs, correlation, goal, holm, late_bec
 from .trivial import problem_of, truth
 
 LATE = ("timeout", "goal_late")
-"""Outcomes of runs that came too late, or not at all in time."""
+"""Outcomes of runs that were late or never arrived."""
 _FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
 _OWN = {
     "stood_without_cause": ("stood_at_green", "stood_without_cause"),
@@ -37,19 +37,19 @@ _WORKS_AGAINST = {
     **dict.fromkeys(("lane_center_offset", "distance_to_reference_path"), ("off_road",)),
     **dict.fromkeys(("velocity_offset", "velocity"), LATE),
 }
-"""By weight, the failures that it works against (``docs/analysis.md``)."""
+"""The failures that each weight works against (``docs/analysis.md``)."""
 _OF_ALL_CONFIGURATIONS = ("harder_group", "hard_scenarios")
 
 
 def is_close(record: RunRecord) -> bool:
-    """Return whether a run came closer than half a metre or a second and a half to a collision."""
+    """Return True if a run came closer than half a metre or 1.5 s to a collision."""
     gap, time = metric(record, "minimum_distance_m"), metric(record, "minimum_time_to_collision_s")
     return (gap is not None and gap < 0.5) or (time is not None and time < 1.5)
 
 
 @dataclass
 class Tally:
-    """Figures in fields that agree with what was recomputed, that do not, and that nothing recomputes."""
+    """Figures in fields that agree with the recomputed ones, that differ, and that nothing recomputes."""
 
     agreeing: int = 0
     wrong: list[str] = field(default_factory=list)
@@ -61,7 +61,7 @@ class Tally:
         return self.agreeing + len(self.wrong) + len(self.unread)
 
     def hold(self, told: Any, expected: Any, place: str = "") -> None:
-        """Hold the figures of a field against what is expected; ``expected``: None if nothing recomputes it."""
+        """Compare the figures of a field with the expected ones (None if nothing recomputes it)."""
         if isinstance(told, Mapping):
             for key, part in told.items():
                 if key not in _NO_STATEMENTS:
@@ -80,14 +80,14 @@ class Tally:
 
 
 _NO_STATEMENTS = frozenset(["next_offset", "obstacle_id", "also_touched", "flips_asked"])
-"""Numbers that are ids, or that repeat what was asked."""
+"""Numbers that are ids, or that repeat the request."""
 
 
 class Expected:
-    """What answers on the runs of a batch should hold.
+    """The expected content of answers about the runs of a batch.
 
-    ``reviews``: the moments of runs by run id; ``broken``: verdicts on traffic rules, by run id and rule; ``weights``:
-    by configuration id, and as ``default`` those of the planner's first preset; ``findings``: how many there are.
+    ``reviews``: the events of runs by run id; ``broken``: verdicts on traffic rules, by run id and rule; ``weights``:
+    by configuration id, with ``default`` for the planner's first preset; ``findings``: their number.
     """
 
     def __init__(
@@ -121,13 +121,13 @@ class Expected:
 
     @cached_property
     def contacts(self) -> dict[str, Any]:
-        """How the runs that ended in a collision came to it."""
+        """How the collisions of the runs came about."""
         found = {one.run_id: self.reviews[one.run_id]["contact"] for one in self.of("collision")}
         return {run_id: contact for run_id, contact in found.items() if contact is not None}
 
     @cached_property
     def judged(self) -> dict[str, Any]:
-        """Return which drivers would have prevented the collisions, where a verdict is known."""
+        """Return the drivers that would have prevented the collisions, if a verdict is known."""
         return {key: one["prevention"] for key, one in self.contacts.items() if one["prevention"] is not None}
 
     @cached_property
@@ -163,7 +163,7 @@ class Expected:
 
     @cached_property
     def laid_to(self) -> Counter[str]:
-        """What the collisions are laid to: the first of the rules of ``docs/runs.md`` that holds."""
+        """The attribution of the collisions: the first rule of ``docs/runs.md`` that applies."""
         found: Counter[str] = Counter()
         for one in self.raw.valid:
             contact = self.contacts.get(one.run_id)
@@ -186,7 +186,7 @@ class Expected:
 
     @cached_property
     def trivial(self) -> dict[str, str]:
-        """Goals that asked for no driving, by the judge of ``trivial``."""
+        """Goals that require no driving, by the judge of ``trivial``."""
         kinds = {
             one.run_id: truth(problem_of(self.raw.files[one.scenario_id], one), self.raw.steps[one.run_id])
             for one in self.of("goal_reached")
@@ -211,7 +211,7 @@ class Expected:
     # ---- an analysis
 
     def analysis(self, told: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what the fields of an answer of ``analyze_results`` on all of these runs should hold."""
+        """Return the expected fields of an answer of ``analyze_results`` on all of these runs."""
         valid, records = self.raw.valid, self.raw.records
         by_any = [(one.scenario_id, float(one.outcome in ("goal_reached", "goal_refused"))) for one in valid]
         correlated = correlation(self.raw)
@@ -245,7 +245,7 @@ class Expected:
         }
 
     def _causes_and_goals(self, told: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what is told of collisions, goals and vehicles, of all runs or of one configuration's."""
+        """Return the expected content about collisions, goals and vehicles, of all runs or of one configuration."""
         hits, asked = self.of("collision"), self.trivial if told.get("trivial") else {}
         beyond = [{excess.name for excess in one.beyond_vehicle} for one in self.raw.valid if one.beyond_vehicle]
         evidence = (told.get("causes") or {}).get("evidence", ())
@@ -350,7 +350,7 @@ class Expected:
         }
 
     def _moment(self, told: Mapping[str, Any]) -> float | None:
-        """Return the moment of a run that is meant: of those that are known the nearest."""
+        """Return the requested event of a run: the nearest of the known ones."""
         one, review = self.records[told["run_id"]], self.reviews.get(told["run_id"]) or {}
         known = [0.0, one.metrics.duration_s if one.metrics else 0.0]
         known += [one.collision.time_s] if one.collision else []
@@ -364,7 +364,7 @@ class Expected:
 
     @property
     def _hits(self) -> dict[str, float]:
-        """How many collisions were looked at: all of them."""
+        """Return the number of examined collisions: all of them."""
         return dict.fromkeys(("looked_at", "collisions"), float(len(self.of("collision"))))
 
     def _main_failure(self, _: str) -> dict[str, float]:
@@ -475,7 +475,7 @@ class Expected:
     # ---- a comparison
 
     def comparison(self, told: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what the fields of an answer of ``compare_results`` on the two configurations should hold."""
+        """Return the expected fields of an answer of ``compare_results`` on the two configurations."""
         pairs = Pairs(self.raw, self.raw.batch.configs)
         adjusted = pairs.adjusted(name for name in METRICS if name != "mean_total_cost")
         before, after = (self.weights[config] for config in self.raw.batch.configs)
@@ -550,7 +550,7 @@ def _time_of(record: RunRecord | None) -> float | None:
 
 
 def _by_ego(review: Mapping[str, Any]) -> bool:
-    """Return whether the ego came near to another ahead or crossing, faster than 2 m/s."""
+    """Return True if the ego came near a road user ahead or crossing, faster than 2 m/s."""
     moments = [(review["closest"], "gap_m", 0.5), (review["most_urgent"], "time_to_collision_s", 1.5)]
     return any(
         one is not None

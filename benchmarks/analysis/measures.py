@@ -1,25 +1,31 @@
-"""Whether the measures of a run are what they are defined to be: closed forms, and CriMe on recorded traffic.
+"""Checks the measures of a run against closed forms, and against CriMe on recorded traffic.
 
-**Closed forms.** Encounters are drawn at random (a seed; turned and moved at random in the plane): a slower leader, a
-leader that brakes, one that crosses at any angle, a collision, an ego that turns along a spiral, one that jolts. What
-``analyze_results`` with ``detail=measures`` tells of a run of each is held against formulas of this module, which
-shares no code with the product: solved by hand, or for the times that are left found by trying every begin in steps of
-5 ms. A value agrees within 1 %, or its resolution where that is more (``RESOLUTION``: PET and ET 0.01 s, times
-left to one that crosses 0.02 s). The other and the moment have to be right too.
+**Closed forms.** The seed draws encounters, turned and moved at random: a slower leader, a braking leader, a vehicle
+that crosses at any angle, a collision, an ego that turns along a spiral, and one that jolts. Formulas of this module,
+which shares no code with the product, check ``analyze_results`` with ``detail=measures`` on a run of each. The formulas
+are closed, or try every start of a reaction in steps of 5 ms. A value agrees within 1 % or its resolution, if that is
+larger (``RESOLUTION``: PET and ET 0.01 s, reaction times to a crossing vehicle 0.02 s). The other road user and the
+time must also be right.
 
-**CriMe** (Lin and Althoff 2023, ``commonroad-crime``) runs in an environment of its own (``crime_requirements.txt``; in
-the folder that ``PLANNERFORGE_CRIME`` names, otherwise in one for temporary files, where it is made once). In each
-public file recorded vehicles stand for the ego; what the product tells of them, at the moment and with the other that
-it tells, is what CriMe is asked for (``crime_driver.py``). A value agrees within 1 %, or half of the last digit that
-CriMe gives. What is not compared, by conditions on the moment and never by the result, is counted by class:
-``not straight`` (the lane, the ego or the other is turned by more than 1° against the lane at the ego: CriMe measures
-along that), ``leader brakes`` (CriMe takes the leader's acceleration without its sign), ``not on one lane`` (CriMe
-needs both on a lanelet, or on successive ones), ``not ahead there`` (CriMe measures from the middle of the ego's lane
-and gives none).
+**CriMe** (Lin and Althoff 2023, ``commonroad-crime``) runs in its own environment (``crime_requirements.txt``), in the
+folder that ``PLANNERFORGE_CRIME`` gives or a temporary one, created once. Recorded vehicles of each public file act as
+the ego. CriMe measures the same time and road user that the product reports (``crime_driver.py``). A value agrees
+within 1 % or half of CriMe's last digit. Comparisons are left out by conditions on the situation, never by the result,
+and counted by class:
 
-Keys: ``measures_agree``: share of all compared values, of both parts, that agree; ``closed_form_agree``,
-``closed_form_values``; ``crime_agree``, ``crime_values``, ``crime_files``, ``crime_not_compared``. Each measure's share
-and each deviation go to standard error.
+- ``not straight``: the lane, the ego or the other is turned by more than 1° against the lane at the ego, along which
+  CriMe measures.
+- ``leader brakes``: CriMe ignores the sign of the leader's acceleration.
+- ``not on one lane``: CriMe needs both on one lanelet or on successive ones.
+- ``not ahead there``: CriMe measures from the middle of the ego's lane and gives no value.
+
+Keys:
+
+- ``measures_agree``: share of all compared values that agree.
+- ``closed_form_agree``, ``closed_form_values``: the same share and count for closed forms.
+- ``crime_agree``, ``crime_values``, ``crime_files``, ``crime_not_compared``: the same for CriMe.
+
+The share of each measure and each deviation go to standard error.
 """
 
 import json
@@ -56,12 +62,12 @@ RESOLUTION = {
     "crossing time_to_brake_s": 0.02,
     "crossing time_to_react_s": 0.02,
 }
-"""Largest difference beside 1 %, of what the product looks for on a grid of times."""
+"""Largest difference, in addition to 1 %, of values that the product searches on a grid of times."""
 EACH = 40
 """Encounters of each kind."""
 EGOS_A_FILE, FEWEST_STEPS = 3, 20
 SHORT_M = 0.01
-"""Length of the bodies on which worst times are compared: we cover a body by three discs, CriMe has the middle one."""
+"""Length of the bodies for comparing worst times: we cover a body by three discs, CriMe uses the middle one."""
 STRAIGHT_RAD = math.radians(1.0)
 CRIME_DIGITS = {
     "leader_time_to_collision_s": 0.005,
@@ -70,13 +76,13 @@ CRIME_DIGITS = {
     "minimum_time_gap_s": 0.005,
     "minimum_distance_m": 0.005,
 }
-"""Half of the last digit that CriMe gives; of the time gap, that of the gap in m."""
+"""Half of CriMe's last digit; for the time gap, that of the gap in m."""
 _REQUIREMENTS, _DRIVER = (Path(__file__).with_name(f"crime_{name}") for name in ("requirements.txt", "driver.py"))
 
 
 @dataclass
 class Tally:
-    """Values that agree and that do not, by measure; what was not compared, by class."""
+    """Values that agree and that differ, by measure, and comparisons left out, by class."""
 
     agreeing: Counter[str] = field(default_factory=Counter)
     compared: Counter[str] = field(default_factory=Counter)
@@ -97,7 +103,7 @@ class Tally:
         return round(self.agreeing.total() / self.compared.total(), 4) if self.compared else 0.0
 
     def tell(self, title: str) -> None:
-        """Shares by measure, deviations and what was left out, to standard error."""
+        """Print shares by measure, deviations and omissions to standard error."""
         for name, count in sorted(self.compared.items()):
             sys.stderr.write(f"{title}: {name} {self.agreeing[name]} of {count}\n")
         sys.stderr.writelines(f"{title}: {one}\n" for one in self.deviations)
@@ -105,10 +111,10 @@ class Tally:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over 40 encounters of each kind and all files, or the bench's limit of both.
+    """Measure the keys above over 40 encounters of each kind and all files, or the bench's limit of both.
 
     Raises:
-        LeftOut: CriMe's environment cannot be made here.
+        LeftOut: CriMe's environment cannot be created here.
     """
     closed = closed_forms(bench.seed, bench.limit or EACH, bench.folder("measures"))
     closed.tell("closed form")
@@ -139,7 +145,7 @@ class Moving:
     key: int = 7
 
     def moved(self, x: float, y: float, turn: float) -> "Moving":
-        """Turned about the origin, then moved."""
+        """Return the motion turned about the origin, then moved."""
         cosine, sine = math.cos(turn), math.sin(turn)
         poses = tuple(
             (x + px * cosine - py * sine, y + px * sine + py * cosine, heading + turn, speed)
@@ -150,9 +156,10 @@ class Moving:
 
 @dataclass(frozen=True)
 class Made:
-    """An encounter, what is true of it by measure, with the step of the moment (None: not asked), and who is met.
+    """An encounter with its true values by measure, each with its time step (None if not required), and the other
+    party.
 
-    ``hit``: whether it ends in a collision; ``relation``: how the other lies, as far as it is asked.
+    ``hit``: whether it ends in a collision; ``relation``: the other's relative position, if required.
     """
 
     name: str
@@ -165,20 +172,20 @@ class Made:
 
 
 def straight(x: float, y: float, heading: float, speed: float, steps: int, **changes: Any) -> Moving:
-    """Straight on at an even speed."""
+    """Return a straight motion at constant speed."""
     along = math.cos(heading), math.sin(heading)
     times = [step * STEP_S for step in range(steps)]
     return Moving(tuple((x + speed * t * along[0], y + speed * t * along[1], heading, speed) for t in times), **changes)
 
 
 def closed_forms(seed: int, each: int, folder: Path) -> Tally:
-    """All drawn encounters, each told by the product and held against its truth."""
+    """Compare the product's values with the truth for all drawn encounters."""
     choice, tally = random.Random(seed), Tally()  # noqa: S311 - reproducible, not secret
     for make in (_following, _braking_leader, _crossing, _conflict, _crash, _spiral, _jolting):
         for _ in range(each):
             made = make(choice)
             place = choice.uniform(-500, 500), choice.uniform(-500, 500), choice.uniform(-math.pi, math.pi)
-            told = told_of(made.ego.moved(*place), [made.other.moved(*place)], STEP_S, folder, hit=made.hit)
+            told = reported_measures(made.ego.moved(*place), [made.other.moved(*place)], STEP_S, folder, hit=made.hit)
             for name, truth in made.truth.items():
                 resolution = RESOLUTION.get(f"{made.name} {name}", RESOLUTION.get(name, 0.0))
                 tally.compare(f"{made.name} {name}", told[name].value, truth, resolution, made.name)
@@ -190,10 +197,10 @@ def closed_forms(seed: int, each: int, folder: Path) -> Tally:
     return tally
 
 
-def told_of(
+def reported_measures(
     ego: Moving, others: Sequence[Moving], step_s: float, folder: Path, *, hit: bool = False, first: Sequence[int] = ()
 ) -> dict[str, MeasuredValue]:
-    """What the product tells of a run in which the ego and others moved so; ``first``: the others' first steps."""
+    """Return the product's statements about a run with these motions; ``first``: the others' first time steps."""
     x, y, heading, speed = (tuple(column) for column in zip(*ego.poses, strict=True))
     driven = tuple(
         DrivenObstacle(
@@ -249,11 +256,11 @@ def told_of(
 _COLUMNS = ("x_m", "y_m", "heading_rad", "speed_mps")
 _NOTHING: dict[str, Any] = dict.fromkeys(RunMetrics.model_fields)
 _NOTHING_STORED = RunMetrics.model_construct(**_NOTHING)
-"""So that every value is that of the analysis: a stored one would be told as it is."""
+"""Disables stored values, so that the analysis computes every value."""
 
 
 def _following(choice: random.Random) -> Made:
-    """A slower leader at even speeds: all is decided at the last step, when the gap is least."""
+    """Return a slower leader at constant speeds; the last step with the smallest gap is decisive."""
     steps, ego, slower = 11, choice.uniform(8, 30), choice.uniform(2, 6)
     aside, first = choice.uniform(-0.7, 0.7), choice.uniform(20, 45)
     length, width = choice.uniform(3.5, 12), choice.uniform(1.5, 2.4)
@@ -291,7 +298,7 @@ _RISK = (0.0, 0.5, 1.0, 3.0, 5.0)
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Where a falling function is 0, by bisection."""
+    """Find the root of a falling function by bisection."""
     for _ in range(80):
         middle = (low + high) / 2
         low, high = (middle, high) if function(middle) > 0 else (low, middle)
@@ -299,7 +306,7 @@ def _root(function: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _braking_leader(choice: random.Random) -> Made:
-    """A leader that brakes from as fast as the ego: exposure by adding up, and the largest threat of all steps."""
+    """Return a leader that brakes from the ego's speed, with exposure summed and the largest threat over all steps."""
     steps, speed, by, gap = 21, choice.uniform(8, 25), choice.uniform(1, 6), choice.uniform(12, 30)
     times = [step * STEP_S for step in range(steps)]
     places = [(speed * min(t, speed / by) - by * min(t, speed / by) ** 2 / 2, max(speed - by * t, 0.0)) for t in times]
@@ -328,9 +335,9 @@ def _braking_leader(choice: random.Random) -> Made:
 
 
 def _needed(gap: float, ego: float, leader: float, slope: float) -> float:
-    """The least even deceleration that stays clear of a leader with an even one, found by trying.
+    """Find the smallest constant deceleration that stays clear of a leader with a constant one, by trying.
 
-    The gap while both brake is least where both are equally fast, or where both stand.
+    The gap while both brake is smallest when both are equally fast, or when both stand.
     """
 
     def clear(braking: float) -> bool:
@@ -356,7 +363,7 @@ def _needed(gap: float, ego: float, leader: float, slope: float) -> float:
 
 
 def _crossing(choice: random.Random) -> Made:
-    """Paths that cross at an angle; each is in the band of the other for as long as its corners are."""
+    """Return paths that cross at an angle; each is in the other's band as long as its corners are."""
     angle = choice.uniform(math.radians(55), math.radians(125)) * choice.choice((-1, 1))
     ego, other = choice.uniform(5, 15), choice.uniform(5, 15)
     length, width = choice.uniform(3.5, 8), choice.uniform(1.5, 2.4)
@@ -379,7 +386,7 @@ def _crossing(choice: random.Random) -> Made:
 
 
 def _conflict(choice: random.Random) -> Made:
-    """One that crosses on a course to a collision: what is left of the time to act, by trying every begin."""
+    """Return the remaining reaction times to a vehicle on a crossing collision course, by trying every start."""
     ego, other = choice.uniform(6, 16), choice.uniform(4, 12)
     side = choice.choice((-1.0, 1.0))
     met_m, late = choice.uniform(18, 35), choice.uniform(-0.25, 0.25)
@@ -409,7 +416,7 @@ def _conflict(choice: random.Random) -> Made:
 
 
 _Places = tuple[Any, Any]
-"""How far ahead and aside the ego is, by times."""
+"""The ego's distance ahead and to the side, by times."""
 
 
 def _brakes(speed: float, t: Any, begin: float) -> _Places:
@@ -437,7 +444,7 @@ _MANOEUVRES = {"brake": _brakes, "accelerate": _accelerates, "left": _swerves(1.
 
 
 def _crash(choice: random.Random) -> Made:
-    """A collision at any angle: the ego takes up the share of the other's mass of the difference of velocities."""
+    """Return a collision at any angle; the ego absorbs the velocity difference by the other's share of the mass."""
     kind, mass = choice.choice((("car", 1500.0), ("truck", 12_000.0), ("motorcycle", 250.0), ("pedestrian", 75.0)))
     ego, speed, heading = choice.uniform(3, 20), choice.uniform(0, 15), choice.uniform(-math.pi, math.pi)
     steps = 11
@@ -450,7 +457,7 @@ def _crash(choice: random.Random) -> Made:
 
 
 def _spiral(choice: random.Random) -> Made:
-    """An ego that speeds up or brakes evenly into a clothoid: what it feels is known at every moment."""
+    """Return an ego that accelerates or brakes evenly into a clothoid, with its accelerations in closed form."""
     steps, fine = 31, 200
     speed, by = choice.uniform(8, 15), choice.uniform(-2.0, 2.0)
     sharper = choice.uniform(0.001, 0.003) * choice.choice((-1, 1))
@@ -485,12 +492,12 @@ def _spiral(choice: random.Random) -> Made:
         truth["maximum_planar_acceleration_mps2"] = math.hypot(max(across), by)
         truth["maximum_lateral_jerk_mps3"] = max(rate)
         truth["maximum_steering_rate_radps"] = max(steering)
-    nobody = straight(10_000.0, 0.0, 0.0, 0.0, steps)
-    return Made("spiral", Moving(tuple(poses)), nobody, truth)
+    far_away = straight(10_000.0, 0.0, 0.0, 0.0, steps)
+    return Made("spiral", Moving(tuple(poses)), far_away, truth)
 
 
 def _jolting(choice: random.Random) -> Made:
-    """An ego on a straight line whose acceleration is a cosine over whole periods: its jerk is a sine."""
+    """Return an ego on a straight line with a cosine over full periods as acceleration, so its jerk is a sine."""
     steps, most, speed = 61, choice.uniform(0.5, 3.0), choice.uniform(10, 25)
     last = (steps - 1) * STEP_S
     turning = 2 * math.pi / last
@@ -517,10 +524,10 @@ def _jolting(choice: random.Random) -> Made:
 
 
 def against_crime(bench: SeededBench) -> tuple[Tally, int]:
-    """What the product tells of recorded vehicles, and what CriMe measures there; over how many files.
+    """Compare the product's values for recorded vehicles with CriMe's; also return the number of files.
 
     Raises:
-        LeftOut: CriMe's environment cannot be made here.
+        LeftOut: CriMe's environment cannot be created here.
     """
     interpreter = prepared_environment() / "bin" / "python"
     folder, tally, files = bench.folder("crime"), Tally(), 0
@@ -534,14 +541,14 @@ def against_crime(bench: SeededBench) -> tuple[Tally, int]:
 
 
 MOST_FILES = 80
-"""Public files that are looked at (chosen): some have no vehicle that follows another."""
+"""Number of public files (chosen): some have no vehicle that follows another."""
 
 
 def prepared_environment() -> Path:
-    """The folder of the environment, made where it is not there.
+    """Return the folder of the environment, creating it if necessary.
 
     Raises:
-        LeftOut: it cannot be made here.
+        LeftOut: it cannot be created here.
     """
     return made_environment("crime", "CriMe", _REQUIREMENTS)
 
@@ -567,7 +574,7 @@ class _Crime:
         self._process.communicate()
 
     def ask(self, **asked: Any) -> dict[str, Any]:
-        """What CriMe measures; ``fault`` where it does not."""
+        """Return CriMe's measures, or ``fault`` if it fails."""
         assert self._process.stdin is not None and self._process.stdout is not None  # noqa: S101, PT018 - pipes
         self._process.stdin.write(json.dumps(asked) + "\n")
         self._process.stdin.flush()
@@ -583,7 +590,7 @@ _Recorded = tuple[Moving, float, list[tuple[int, Moving]]]
 
 
 def _recorded(path: Path) -> Iterator[_Recorded]:
-    """Recorded vehicles in the place of the ego, always the same ones; the last state is left out, as CriMe does."""
+    """Return recorded vehicles in place of the ego, always the same; the last state is left out, as in CriMe."""
     scenario, _ = CommonRoadFileReader(str(path)).open(lanelet_assignment=False)
     moving: dict[int, tuple[int, Moving]] = {}
     for one in scenario.dynamic_obstacles:
@@ -611,11 +618,11 @@ _OF_LEADER = {
     "brake_threat_number": "threat",
     "minimum_time_gap_s": "gap_m",
 }
-"""Our measures of the leader, and what the driver calls CriMe's."""
+"""Our measures of the leader, and the driver's names of CriMe's."""
 
 
 def _compare(path: Path, recorded: _Recorded, crime: _Crime, tally: Tally, folder: Path) -> None:
-    """The values that the product tells of a recorded vehicle, each held against CriMe's."""
+    """Compare the product's values for a recorded vehicle with CriMe's."""
     ego, step_s, others = recorded
     where = f"{path.stem}, {ego.key}"
 
@@ -624,7 +631,7 @@ def _compare(path: Path, recorded: _Recorded, crime: _Crime, tally: Tally, folde
             return one if length_m is None else Moving(one.poses, (length_m, one.size_m[1]), one.kind, one.key)
 
         moved = [body(one) for _, one in others]
-        return told_of(body(ego), moved, step_s, folder, first=[first for first, _ in others])
+        return reported_measures(body(ego), moved, step_s, folder, first=[first for first, _ in others])
 
     def asked(kind: str, one: MeasuredValue) -> dict[str, Any]:
         step = round((one.time_s or 0.0) / step_s)

@@ -1,16 +1,18 @@
-"""Batches in which nothing differs, and batches in which something does: what the product's statistics make of them.
+"""Tests the product's statistics on batches with and without a true difference.
 
-Each batch has 25 to 60 scenarios under two configurations, one or two predictions, one to three planning problems. The
-runs of a scenario are alike: it has an effect of its own on success (normal on the logit scale, so that runs of a
-scenario correlate by about 0.4), another one under each prediction, and effects on each metric. In a null batch the
-configurations are drawn from the same numbers; in a planted one the second has a higher logit.
+Each batch has 25 to 60 scenarios under two configurations, one or two predictions, and one to three planning problems.
+Runs of one scenario are similar: the scenario has its own effect on success (normal on the logit scale, so that its
+runs correlate by about 0.4), another under each prediction, and effects on each metric. A null batch draws both
+configurations from the same distribution; in a planted batch the second has a higher logit.
 
-Keys: ``false_findings_rate``: null batches in which the comparison states any difference; ``interval_coverage``: 95 %
-intervals that hold the truth of the population of scenarios: the mean of ``rate_coverage`` and ``difference_coverage``,
-over both kinds of batches; ``false_correlations_rate``: null batches in which a feature is stated to go with success;
-``planted_shift``: the true difference in planted batches, ``power``: the share of them in which it is stated. What
-methods that take runs as independent make of the same batches: ``naive_findings_rate`` (McNemar), ``naive_coverage``
-(Wilson).
+Keys:
+
+- ``false_findings_rate``: share of null batches in which the comparison states a difference.
+- ``interval_coverage``: share of 95 % intervals that contain the truth of the population, over both kinds of batches:
+  the mean of ``rate_coverage`` and ``difference_coverage``.
+- ``false_correlations_rate``: share of null batches in which a feature is reported as correlated with success.
+- ``planted_shift``: true difference in planted batches; ``power``: share of these in which it is reported.
+- ``naive_findings_rate`` (McNemar), ``naive_coverage`` (Wilson): results of methods that treat runs as independent.
 """
 
 import math
@@ -30,7 +32,7 @@ from ..harness import Figures, SeededBench, share
 
 BATCHES, PLANTED = 1000, 300
 _LOGIT, _SCENARIO, _PREDICTION, _GAIN = 1.0, 1.7, 0.6, 1.4
-"""Mean, deviation of scenarios and of predictions on the logit scale; what a planted configuration gains."""
+"""Mean, deviation of scenarios and of predictions on the logit scale; the gain of a planted configuration."""
 _PREDICTIONS: tuple[Prediction, ...] = ("constant_velocity", "ground_truth")
 _CONFIGS = ("cfg_a", "cfg_b")
 
@@ -45,13 +47,13 @@ class _Batch:
 
 
 def _population(gain: float) -> float:
-    """The true success over all scenarios and predictions that could be drawn."""
+    """Return the true success over all scenarios and predictions that could be drawn."""
     effects = np.random.default_rng(1).normal(0.0, math.hypot(_SCENARIO, _PREDICTION), 400_000)
     return float((1 / (1 + np.exp(-(_LOGIT + gain + effects)))).mean())
 
 
 def drawn(seed: int, count: int, gain: float) -> Iterator[_Batch]:
-    """So many batches; ``gain``: of the second configuration on the logit scale."""
+    """Draw a number of batches; ``gain``: of the second configuration on the logit scale."""
     truth = (_population(0.0), _population(gain))
     for number in range(count):
         yield _batch(np.random.default_rng((seed, number, round(100 * gain))), gain, truth)
@@ -94,7 +96,7 @@ def _record(
     level: np.ndarray,
     generator: np.random.Generator,
 ) -> RunRecord:
-    """A run whose metrics are those of its scenario, times noise with heavy tails."""
+    """Return a run with the metrics of its scenario, times noise with heavy tails."""
     noise = np.exp(0.6 * level + 0.2 * generator.standard_t(3, 4))
     config = _CONFIGS[place]
     return RunRecord(
@@ -138,26 +140,26 @@ def _compared(batch: _Batch) -> CompareResultsResult:
 
 
 def _states_a_difference(result: CompareResultsResult) -> bool:
-    """Whether the headline says that something differs, as its reader would take it."""
+    """Return True if the headline states a difference, as a reader would understand it."""
     comparison = result.comparisons[0]
     is_shown = comparison.headline_code in ("better", "worse", "mixed")
     return is_shown or "Differs after" in comparison.verdict or any(one.better for one in comparison.metrics)
 
 
 def _naive_p(result: CompareResultsResult) -> float:
-    """McNemar's exact p, each pair by itself."""
+    """Return McNemar's exact p with independent pairs."""
     test = result.comparisons[0].success
     flips, fewer = test.only_before + test.only_after, min(test.only_before, test.only_after)
     return float(min(1.0, 2 * sum(math.comb(flips, k) for k in range(fewer + 1)) / 2**flips))
 
 
 def _naive_covers(rate: Rate, truth: float) -> bool:
-    """Whether the truth is in Wilson's interval, each run by itself: where its score test does not refuse it."""
+    """Return True if the truth is in Wilson's interval of independent runs, that is, if its score test accepts it."""
     return abs(rate.count / rate.of - truth) <= 1.96 * math.sqrt(truth * (1 - truth) / rate.of)
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; 1,000 null and 300 planted batches, or the bench's limit of each."""
+    """Measure the keys above on 1,000 null and 300 planted batches, or the bench's limit of each."""
     stated: dict[float, list[bool]] = {0.0: [], _GAIN: []}
     naive_stated: list[bool] = []
     correlated: list[bool] = []

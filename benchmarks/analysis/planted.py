@@ -1,15 +1,17 @@
-"""Batches with one cause of failure planted, and batches with none: what the findings name.
+"""Tests findings on batches with one planted cause of failure, and on batches without one.
 
-A batch has 24 scenarios of a straight road, one run each under a planner's configuration; one run in ten fails for no
-reason. Planted is one of five causes, six batches of each: a weight set to zero (a third of the runs fail as it works
-against), a predictor made blind (others turn into the ego's way within a second, which straight on they would not
-have), a class of scenarios made harder (those with a truck fail three times of four), a slower vehicle ahead in a third
-of the scenarios, and a goal too far for its time in a third. All drives are drawn here, by closed forms; the product
-sees records, steps and CommonRoad files as of any run.
+A batch has 24 scenarios of a straight road with one run each; one run in ten fails for no reason. Each of five causes
+is planted in six batches: a weight of zero (a third of the runs fail accordingly), a blind predictor (others turn into
+the ego's path within a second), a harder class of scenarios (those with a truck fail three times out of four), a slower
+leader in a third of the scenarios, and a goal that is too far for its time in a third. The drives follow closed forms,
+and the product sees records, steps and CommonRoad files as of any run.
 
-Keys: ``planted_found``: of the batches with a cause, those in which a finding names it (its weight, its class);
-``planted_misnamed``: those in which another of the five causes is named; ``planted_quiet``: of as many batches without,
-those in which none of the five is named; ``planted_batches``.
+Keys:
+
+- ``planted_found``: share of batches with a cause in which a finding names it (its weight, its class).
+- ``planted_misnamed``: share in which a finding names another of the five causes.
+- ``planted_quiet``: share of as many batches without a cause in which no finding names any of them.
+- ``planted_batches``: number of batches with a cause.
 """
 
 import json
@@ -44,7 +46,7 @@ _WEIGHTS = {"prediction": 0.2, "velocity_offset": 1.0, "distance_to_reference_pa
 _GUARDED: Mapping[str, Outcome] = {"prediction": "collision", "velocity_offset": "timeout"}
 _ROAD_M = 1200.0
 Cause = str
-"""``weight NAME``, ``blind``, ``class truck``, ``slower``, ``late``, or empty for none."""
+"""``weight NAME``, ``blind``, ``class truck``, ``slower``, ``late``, or empty."""
 
 
 @dataclass
@@ -62,7 +64,7 @@ class _Run:
 
 
 def _drawn(cause: Cause, choice: random.Random) -> Iterator[_Run]:
-    """The runs of a batch."""
+    """Yield the runs of a batch."""
     for number in range(SCENARIOS):
         run = _Run(speed_mps=choice.uniform(8, 13), classes={"car": choice.randint(1, 12)})
         if choice.random() < 0.35:
@@ -97,7 +99,7 @@ def _plant(run: _Run, cause: Cause, number: int, choice: random.Random) -> None:
 
 
 def _into_a_slower_one(run: _Run, choice: random.Random) -> None:
-    """The ego drives on into one ahead that it sees all the time."""
+    """Return a drive into a slower leader that the ego sees all the time."""
     slow, touch = run.speed_mps * choice.uniform(0.2, 0.4), choice.uniform(3.0, 5.0)
     ahead = (run.speed_mps - slow) * touch + _LENGTH_M
     run.outcome, run.touch_s = "collision", _next_step_s(touch)
@@ -105,7 +107,7 @@ def _into_a_slower_one(run: _Run, choice: random.Random) -> None:
 
 
 def _hit_by_one_that_turns(run: _Run, choice: random.Random) -> None:
-    """Another drives beside the ego, ahead of it, and turns across its way within the last second."""
+    """Return a road user that drives next to and ahead of the ego and turns into its path within the last second."""
     touch, aside, speed = choice.uniform(3.0, 5.0), choice.uniform(3.4, 3.8), run.speed_mps
     across = aside / 0.9
 
@@ -124,7 +126,7 @@ def _next_step_s(time_s: float) -> float:
 
 
 def _steps_of(run: _Run, weights: Mapping[str, float], choice: random.Random) -> RunSteps:
-    """What was driven: the ego evenly, or behind the slower one with a gap; and what the plans cost."""
+    """Return the driven steps (the ego at constant speed, or with a gap to its slower leader) and the plans' costs."""
     last = round(run.touch_s / _STEP_S) if run.touch_s is not None else _STEPS - 1
     times = np.arange(_STEPS) * _STEP_S
     other = [run.other(float(t)) for t in times] if run.other else []
@@ -165,7 +167,7 @@ def _steps_of(run: _Run, weights: Mapping[str, float], choice: random.Random) ->
 
 
 def _write_scenario(path: Path, scenario_id: str, run: _Run) -> None:
-    """A straight road with the ego's task on it, by commonroad-io."""
+    """Write a straight road with the ego's planning problem, by commonroad-io."""
     from commonroad.common.file_writer import CommonRoadFileWriter, OverwriteExistingFile
     from commonroad.common.util import Interval
     from commonroad.geometry.shape import Rectangle
@@ -232,7 +234,7 @@ def _record(scenario_id: str, run: _Run) -> RunRecord:
 
 
 def findings_of(cause: Cause, choice: random.Random, folder: Path) -> Sequence[Finding]:
-    """What the product finds in a batch with a cause."""
+    """Return the product's findings in a batch with a cause."""
     kind, _, name = cause.partition(" ")
     weights = _WEIGHTS | ({name: 0.0} if kind == "weight" else {})
     runs, scenarios = [], []
@@ -255,7 +257,7 @@ def findings_of(cause: Cause, choice: random.Random, folder: Path) -> Sequence[F
 
 
 def names(cause: Cause, findings: Sequence[Finding]) -> bool:
-    """Whether a finding names the cause."""
+    """Return True if a finding names the cause."""
     kind, _, word = cause.partition(" ")
     return any(one.name == _NAMES[kind] and word in one.statement for one in findings)
 
@@ -272,7 +274,7 @@ _CAUSES = ("weight prediction", "weight velocity_offset", "blind", "class truck"
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; six batches of each cause, or the bench's limit."""
+    """Measure the keys above on six batches of each cause, or the bench's limit."""
     choice = random.Random(bench.seed)  # noqa: S311 - reproducible, not secret
     each = bench.limit or EACH
     causes = [cause for cause in ("weight", *_CAUSES[2:]) for _ in range(each)]

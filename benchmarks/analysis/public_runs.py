@@ -1,4 +1,4 @@
-"""Runs on public scenarios that parts of ``make bench-analysis`` read, made once and kept in the bench's scratch."""
+"""Runs on public scenarios for the parts of ``make bench-analysis``, made once and kept in the scratch folder."""
 
 import random
 from collections.abc import Mapping
@@ -17,23 +17,23 @@ from ..harness import SeededBench, finished_batch, import_scenarios, read_run_fi
 DEFAULT, SAFETY = "frenetix:Default", "frenetix:Safety-Conservative"
 PREDICTION = "constant_velocity"
 COMPARED = 40
-"""Scenarios on which two configurations are compared (chosen: a minute of runs)."""
+"""Scenarios for comparing two configurations (chosen: a minute of runs)."""
 _FOLDER, _DONE = "public", "imported"
 
 
 def public_folder(bench: SeededBench) -> Path:
-    """The workspace of the runs, which all parts share."""
+    """Return the workspace of the runs, which all parts share."""
     return bench.scratch / _FOLDER
 
 
 def public_server(bench: SeededBench) -> Client:
-    """A client of a server with one worker, which may write into the scratch; all parts have the same workspace."""
+    """Open a client of a server with one worker that may write into the scratch; all parts share the workspace."""
     settings = settings_for(public_folder(bench), bench.shared, 1)
     return Client(create_server(settings.model_copy(update={"roots": (bench.shared, bench.scratch)})))
 
 
 async def import_public(bench: SeededBench, client: Client, limit: int | None = None) -> None:
-    """Import every public scenario, or as many as a limit; what was imported by another part is there."""
+    """Import every public scenario up to a limit; scenarios that another part imported are already there."""
     marker = public_folder(bench) / f"{_DONE}-{limit or 'all'}"
     if not marker.exists():
         await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", limit))
@@ -41,13 +41,13 @@ async def import_public(bench: SeededBench, client: Client, limit: int | None = 
 
 
 async def public_batch(bench: SeededBench, client: Client) -> str:
-    """The batch of Frenetix' default on every public scenario, or on as many as the bench's limit."""
+    """Return the batch of Frenetix' default on every public scenario, or on as many as the bench's limit."""
     await import_public(bench, client, bench.limit)
     return await finished_batch(client, scenarios=["preset:500"], configs=[DEFAULT], prediction=PREDICTION)
 
 
 async def compared_batch(bench: SeededBench, client: Client, batch_id: str) -> str:
-    """Two configurations on forty of the scenarios of a batch, drawn by the bench's seed."""
+    """Run two configurations on forty of a batch's scenarios, drawn by the bench's seed."""
     names = raw_runs(bench, batch_id).batch.scenarios
     chosen = random.Random(bench.seed).sample(sorted(names), min(COMPARED, len(names)))  # noqa: S311 - no secret
     return await finished_batch(client, scenarios=sorted(chosen), configs=[DEFAULT, SAFETY], prediction=PREDICTION)
@@ -55,7 +55,7 @@ async def compared_batch(bench: SeededBench, client: Client, batch_id: str) -> s
 
 @dataclass(frozen=True)
 class RawRuns:
-    """What is stored of the runs of a batch, by run id and by scenario id, in the order of the batch."""
+    """The stored data of a batch's runs, by run id and by scenario id, in the order of the batch."""
 
     batch: BatchRecord
     records: tuple[RunRecord, ...]
@@ -65,7 +65,7 @@ class RawRuns:
 
     @property
     def valid(self) -> tuple[RunRecord, ...]:
-        """Those that could be attempted."""
+        """The runs that could be attempted."""
         return tuple(record for record in self.records if record.outcome != "invalid")
 
 

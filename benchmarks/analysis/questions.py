@@ -1,12 +1,12 @@
-"""The questions of the corpora about results, each asked of stored runs by one call.
+"""Asks the corpora's questions about results, each with one call on stored runs.
 
-Every turn of ``corpora/dev/e2e.jsonl`` that analyses or compares is asked, and every line of ``routing.jsonl`` that
-is about results (what each of these asks for was read by hand: ``_ROUTED``). A question about one run is asked of a run
-that collided, one that reached its goal and one that missed it, where it can be meant of all; a question about a batch
-of forty public scenarios, a comparison of two configurations on them, of all pairs or of one. It is answered if the
-fields of the one call hold what is asked for, as the raw rows have it, and if its text shows the same figures.
+The questions are every turn of ``corpora/dev/e2e.jsonl`` that analyses or compares, and every line of ``routing.jsonl``
+about results (``_ROUTED`` states what each requests, read by hand). A question about one run is asked of a run that
+collided, one that succeeded and one that missed its goal, if it fits each. A question about a batch is asked of forty
+public scenarios, and a comparison of two configurations on all pairs or on one pair. It counts as answered if the
+fields hold what it requests, as the raw rows have it, and the text shows the same figures.
 
-Keys: ``questions_answered``: share of the questions that were answered in all of these, of ``questions``.
+``questions_answered`` is the share answered in all these cases, and ``questions`` is their number.
 """
 
 import json
@@ -51,7 +51,7 @@ _ROUTED: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "rt-d-092": ("batches", ("success", "metrics")),
     "rt-d-096": ("batches", ("success", "metrics")),
 }
-"""By line: what the question is about, and what it asks for."""
+"""By line: the subject of the question, and its requests."""
 _DETAIL = {
     "cost_terms": "costs",
     "correlation": "findings",
@@ -59,7 +59,7 @@ _DETAIL = {
     "ranking": "rows",
     "span": "timeline",
 }
-"""What else than the summary a client asks for, by what the user asks for."""
+"""The detail that a client requests in addition to the summary, by the user's request."""
 _SPAN = (2.0, 4.0)
 _COMPARE_WORDS = {"cost": "cost", "distance": "distance", "ttc": "time", "safer": "safety"}
 
@@ -75,12 +75,12 @@ class Told:
     text: str = ""
 
     def shows(self, *values: float) -> bool:
-        """Return whether the text holds each of some values, rounded, as a number or in percent."""
+        """Return True if the text holds each of some values, rounded, as a number or in percent."""
         figures = figures_in(self.text)
         return all(any(agrees(one, value) or agrees(one, 100 * value) for one in figures) for value in values)
 
     def has(self, told: float | None, value: float | None) -> bool:
-        """Return whether a field is what was recomputed and the text shows it; None if there is no such value."""
+        """Return True if a field equals the recomputed value and the text shows it; None if there is no such value."""
         if told is None or value is None:
             return told is value
         return math.isclose(told, value, rel_tol=1e-6, abs_tol=1e-9) and self.shows(value)
@@ -88,7 +88,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Question:
-    """A line, what it is about (a run by its outcome, ``run`` any, ``batch``, ``pair``, ``batches``), what it asks."""
+    """A line, its subject (a run by its outcome, ``run`` any, ``batch``, ``pair``, ``batches``), and its requests."""
 
     line_id: str
     text: str
@@ -97,7 +97,7 @@ class Question:
 
 
 def questions(corpora: Path) -> tuple[Question, ...]:
-    """All questions about results of both files."""
+    """Return all questions about results of both files."""
     chained = [json.loads(line) for line in (corpora / "e2e.jsonl").read_text(encoding="utf-8").splitlines()]
     routed = [json.loads(line) for line in (corpora / "routing.jsonl").read_text(encoding="utf-8").splitlines()]
     found = [question for line in chained for question in _of_chain(line)]
@@ -123,13 +123,13 @@ def _of_chain(line: Mapping[str, Any]) -> list[Question]:
 
 
 def _compared(text: str) -> tuple[str, ...]:
-    """What a comparison is asked for by name; the outcome and the verdict always."""
+    """Return the metrics that a comparison requests by name, always with the outcome and the verdict."""
     low = text.lower()
     return ("success", *(what for word, what in _COMPARE_WORDS.items() if word in low))
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over forty public scenarios or the bench's limit."""
+    """Return the keys above, over forty public scenarios or the bench's limit."""
     asked, faults = anyio.run(_measured, bench)
     for fault in faults:
         sys.stderr.write(f"{fault}\n")
@@ -138,7 +138,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 async def _measured(bench: SeededBench) -> tuple[int, list[str]]:
-    """How many questions there are, and of those not answered: the line, what was asked, and the answer's beginning."""
+    """Count the questions; for each unanswered one, return the line, the request and the beginning of the answer."""
     asked = questions(bench.shared / "corpora" / "dev")
     faults = []
     async with Client(create_server(settings_for(bench.folder("no_runs"), bench.shared, 1))) as client:
@@ -169,7 +169,7 @@ def _text_of(answer: Any) -> str:
 
 @dataclass(frozen=True)
 class _Situation:
-    """One call, and whether an answer holds what is asked for."""
+    """One call, and whether its answer holds what was requested."""
 
     tool: str
     arguments: dict[str, Any]
@@ -177,7 +177,7 @@ class _Situation:
 
 
 class Situations:
-    """The runs of a batch of two configurations, as what questions are about."""
+    """The runs of a batch of two configurations, as subjects of questions."""
 
     def __init__(self, raw: RawRuns) -> None:
         self._raw = raw
@@ -186,7 +186,7 @@ class Situations:
         self._pairs = Pairs(raw, (self._first, second))
 
     def of(self, question: Question) -> list[_Situation]:
-        """The calls by which a client asks the question."""
+        """Return the calls by which a client asks the question."""
         if question.about == "pair":
             return [self._pair(before, after) for before, after in self._chosen_pairs()]
         if question.about == "batches":
@@ -198,14 +198,14 @@ class Situations:
         return [self._run(record, detail) for record in self._chosen_runs(question.about)]
 
     def _chosen_runs(self, about: str) -> list[RunRecord]:
-        """The first run of each outcome, or of the one that is asked about."""
+        """Return the first run of each outcome, or of the requested one."""
         first: dict[str, RunRecord] = {}
         for record in self._raw.valid:
             first.setdefault(record.outcome, record)
         return [record for outcome, record in first.items() if about in ("run", outcome)]
 
     def _chosen_pairs(self) -> list[tuple[RunRecord, RunRecord]]:
-        """The first pair of each combination of outcomes."""
+        """Return the first pair of each combination of outcomes."""
         first: dict[tuple[str, str], tuple[RunRecord, RunRecord]] = {}
         for before, after in self._pairs.pairs:
             first.setdefault((before.outcome, after.outcome), (before, after))
@@ -319,4 +319,4 @@ _OF_RUNS = {
     "ttc": "minimum_time_to_collision_s",
     "min_distance": "minimum_distance_m",
 }
-"""The metric of a run that answers what is asked for."""
+"""The metric of a run that answers the request."""

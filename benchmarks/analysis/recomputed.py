@@ -1,6 +1,6 @@
-"""The figures of analyses once more, from records, steps and files, by code of its own.
+"""Recomputes the figures of analyses from records, steps and files.
 
-It follows what ``docs/statistics.md`` and ``docs/analysis.md`` say and shares nothing with ``engine/analysis``.
+It implements ``docs/statistics.md`` and ``docs/analysis.md`` and shares nothing with ``engine/analysis``.
 """
 
 import math
@@ -36,27 +36,27 @@ METRICS = {
     "maximum_steering_rate_radps": (0.001, "reached"),
     "mean_total_cost": (0.0, "reached"),
 }
-"""By the name of the metric: what is equal, and over which pairs it is compared."""
+"""By metric: its tolerance for equality, and the pairs over which it is compared."""
 Z = float(norm.ppf(0.975))
 CAR_MPS2, CAR_TOP_MPS = 11.5, 50.8
 """The largest acceleration and speed of vehicle 2 of CommonRoad's vehicle models (3.0.2), the ego of public runs."""
 Trial = tuple[str, float]
-"""A scenario, and what came out."""
+"""A scenario and its result."""
 
 
 def goal(record: RunRecord) -> bool:
-    """Whether a run reached its goal."""
+    """Return True if a run reached its goal."""
     return record.outcome == "goal_reached"
 
 
 def metric(record: RunRecord, name: str) -> float | None:
-    """A metric of a run; None without any."""
+    """Return a metric of a run, or None if it has none."""
     value: float | None = getattr(record.metrics, name, None)
     return value
 
 
 def worth(trials: Sequence[Trial], mean: float, variance: float) -> float:
-    """How many independent trials these are worth, the scenario being the unit."""
+    """Return the number of independent trials that these are worth, with the scenario as the unit."""
     groups: dict[str, list[float]] = {}
     for name, value in trials:
         groups.setdefault(name, []).append(value)
@@ -71,7 +71,7 @@ def worth(trials: Sequence[Trial], mean: float, variance: float) -> float:
 
 
 def rate(trials: Sequence[Trial]) -> list[float]:
-    """Count, of, and in per cent the share with its interval; the scenarios where these are another number."""
+    """Return count, total, and the share with its interval in percent; also the number of scenarios if it differs."""
     of, count = len(trials), sum(value for _, value in trials)
     if not of:
         return [0, 0]
@@ -84,12 +84,12 @@ def rate(trials: Sequence[Trial]) -> list[float]:
 
 
 def goals(records: Iterable[RunRecord]) -> list[float]:
-    """The rate of runs that reached the goal."""
+    """Return the rate of runs that reached the goal."""
     return rate([(record.scenario_id, float(goal(record))) for record in records])
 
 
 def holm(p_values: Mapping[str, float]) -> dict[str, float]:
-    """Holm's adjustment by name."""
+    """Return Holm's adjustment by name."""
     adjusted, highest = dict[str, float](), 0.0
     for place, name in enumerate(sorted(p_values, key=lambda key: p_values[key])):
         highest = max(highest, min(1.0, (len(p_values) - place) * p_values[name]))
@@ -98,7 +98,7 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
 
 
 def sign_flip_p(sizes: Sequence[float], positive: float) -> float:
-    """Two-sided p of a sum of positive parts where each sign is a fair coin: exact, or normal above sixty."""
+    """Return the two-sided p of a sum of positive parts if each sign is a fair coin: exact, or normal above sixty."""
     values = [value for value in sizes if value]
     if not values:
         return 1.0
@@ -134,11 +134,11 @@ class Pairs:
         self.flips = [(one.scenario_id, float(goal(other) - goal(one))) for one, other in self.pairs]
 
     def count(self, before: bool, after: bool) -> int:
-        """Pairs whose runs reached the goal before, and after, or not."""
+        """Count the pairs with runs that reached the goal before, and after, or not."""
         return sum((goal(one), goal(other)) == (before, after) for one, other in self.pairs)
 
     def success(self) -> dict[str, float]:
-        """Difference and interval in points, p, and the scenarios that would show ten points."""
+        """Return difference and interval in points, p, and the number of scenarios that would show ten points."""
         of, totals = len(self.flips), dict[str, float]()
         for name, flip in self.flips:
             totals[name] = totals.get(name, 0.0) + flip
@@ -167,7 +167,7 @@ class Pairs:
         }
 
     def values(self, name: str) -> list[tuple[str, float, float]]:
-        """Scenario, value before and after, of the pairs over which the metric is compared."""
+        """Return scenario, value before and after, for the pairs over which the metric is compared."""
         found = []
         for one, other in self.pairs:
             before, after = metric(one, name), metric(other, name)
@@ -177,7 +177,7 @@ class Pairs:
         return found
 
     def tested(self, name: str) -> dict[str, float] | None:
-        """Wilcoxon's test on the means of scenarios with shift, interval and effect; None without pairs."""
+        """Return Wilcoxon's test on the means of scenarios with shift, interval and effect; None without pairs."""
         tolerance, groups = METRICS[name][0], dict[str, list[float]]()
         values = self.values(name)
         for scenario, before, after in values:
@@ -206,9 +206,9 @@ class Pairs:
         }
 
     def adjusted(self, names: Iterable[str]) -> dict[str, float]:
-        """The adjusted p of success and of each metric: Holm's within the metrics, half of the level for either.
+        """Return the adjusted p of success and of each metric: Holm's within the metrics, half of the level for either.
 
-        Only tests count in which six scenarios and more differ: with fewer no p can be below 5 %.
+        Only tests with at least six differing scenarios count, because with fewer no p can be below 5 %.
         """
         success = self.success()
         families = [
@@ -220,7 +220,7 @@ class Pairs:
 
 
 def _ordered_interval(averages: Sequence[float], count: int) -> tuple[float, float]:
-    """The distribution-free interval of the pseudomedian from the ordered Walsh averages."""
+    """Return the distribution-free interval of the pseudomedian from the ordered Walsh averages."""
     if count < 6:
         return math.nan, math.nan
     if count <= 60:
@@ -241,7 +241,7 @@ class Costs:
         self._raw = raw
 
     def terms(self, record: RunRecord, since_step: int = 0) -> dict[str, float]:
-        """The mean of each term over the planning steps of a run; empty without any."""
+        """Return the mean of each term over the planning steps of a run; empty without any."""
         steps = self._raw.steps.get(record.run_id)
         if steps is None:
             return {}
@@ -250,19 +250,21 @@ class Costs:
         return {term: fmean(values) for term, values in pairs.items() if values}
 
     def means(self, records: Sequence[RunRecord]) -> dict[str, float]:
-        """The mean of each term over runs, each run alike."""
+        """Return the mean of each term over runs with equal weights."""
         found = [self.terms(record) for record in records if record.run_id in self._raw.steps]
         return {name: fmean(one.get(name, 0.0) for one in found) for name in sorted({n for one in found for n in one})}
 
     def median_shares(self, records: Sequence[RunRecord]) -> dict[str, float]:
-        """The share in per cent of each term in the median of the runs that have any cost."""
+        """Return the share in per cent of each term in the median of the runs that have any cost."""
         found = [terms for record in records if sum((terms := self.terms(record)).values()) > 0]
         names = sorted({name for one in found for name in one})
         return {name: median(100 * one.get(name, 0.0) / sum(one.values()) for one in found) for name in names}
 
 
 def correlation(raw: RawRuns) -> dict[str, list[float]]:
-    """By feature: Spearman's ρ, p, Holm's p, scenarios, and ρ and p with the other features and the road held fixed."""
+    """Return for each feature Spearman's ρ, p, Holm's p, scenarios, and partial ρ and p (other features, road
+    fixed).
+    """
     from plannerforge.schemas.vocabulary import ROAD_KINDS
 
     runs: dict[str, list[RunRecord]] = {}
@@ -306,7 +308,7 @@ def _features(raw: RawRuns, name: str, records: Sequence[RunRecord]) -> dict[str
 
 
 def _partial(one: Sequence[float], other: Sequence[float], held: Sequence[Sequence[float]]) -> list[float]:
-    """Spearman's partial ρ from the inverse of the matrix of correlations of ranks, and its p."""
+    """Return Spearman's partial ρ from the inverse of the rank correlation matrix, and its p."""
     ranks = np.array([rankdata(column) for column in (one, other, *held) if len(set(column)) > 1])
     inverse = np.linalg.inv(np.corrcoef(ranks))
     left = float(-inverse[0, 1] / math.sqrt(inverse[0, 0] * inverse[1, 1]))
@@ -322,12 +324,12 @@ _LATE_BY: Mapping[str, tuple[str, ...]] = {
 
 
 def late_because(raw: RawRuns, record: RunRecord, pace: Sequence[Mapping[str, Any]]) -> str:
-    """Why a run came late: no ego is at the goal in time, or what took most of the drive; empty if that is neither.
+    """Return why a run was late: the goal is out of reach, or what took most of the drive; empty if neither.
 
-    A place is out of reach if it is farther away than a car comes on a straight line that accelerates as hard as
-    CommonRoad's vehicle 2 can, up to the highest posted limit or the vehicle's own; most of the drive is the largest
-    sum of the stretches of one group, if it is 40 % of it. The stretches are those that the answer on the run alone
-    has; ``evals.loop.standing`` judges these.
+    A place is out of reach if it is farther away than a car gets on a straight line at the highest acceleration of
+    CommonRoad's vehicle 2, up to the highest posted limit or the vehicle's own. A group of stretches took most of the
+    drive if its sum is the largest and at least 40 %. The stretches come from the answer on the run alone;
+    ``benchmarks.loop.standing`` judges these.
     """
     if record.scenario_id not in raw.files:
         return ""

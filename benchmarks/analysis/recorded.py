@@ -1,7 +1,7 @@
-"""Collisions of runs on public scenarios: who hit whom, apart from the product.
+"""Determines who hit whom in runs on public scenarios, independently of the product.
 
-The others are commonroad-io's own obstacles, the ego is what was driven. Kinds are told by the rules of
-``docs/runs.md``, written once more.
+The other road users are commonroad-io's obstacles, and the ego is the driven motion. The kinds follow the rules of
+``docs/runs.md``.
 """
 
 import math
@@ -23,7 +23,7 @@ from ..harness import SeededBench, ask, finished_batch
 from .public_runs import PREDICTION, RawRuns, public_batch, public_server, raw_runs
 
 SECOND_PLANNER = "idm:Default"
-"""Keeps its lane and gives way, so that it collides where Frenetix does not."""
+"""Keeps its lane and yields, so that it collides in cases in which Frenetix does not."""
 Array = NDArray[np.float64]
 
 
@@ -48,7 +48,7 @@ class Hit:
         return np.array([s.x_m[index], s.y_m[index], s.heading_rad[index], s.speed_mps[index]])
 
     def other(self, index: int) -> Array | None:
-        """The same of the other at a driven state, or at one after the run; None where it is not there."""
+        """Return the same for the other at a driven state or one after the run; None if it is not there."""
         return pose_of(self.obstacle, self.steps.first_step + index)
 
     @property
@@ -79,7 +79,7 @@ def size_of(obstacle: Any) -> Array:
 
 
 def corners(pose: Array, size: Array, more_m: float = 0.0) -> Array:
-    """The corners of a rectangle, larger by so much on every side."""
+    """Return the corners of a rectangle enlarged by a margin on every side."""
     half = size / 2 + more_m
     signs = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * half
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -88,7 +88,7 @@ def corners(pose: Array, size: Array, more_m: float = 0.0) -> Array:
 
 
 def overlap(one: Array, other: Array, headings: tuple[float, float]) -> bool:
-    """Whether two rectangles overlap, by the axes of both."""
+    """Return True if two rectangles overlap, by the axes of both."""
     for heading in (headings[0], headings[0] + math.pi / 2, headings[1], headings[1] + math.pi / 2):
         axis = np.array([math.cos(heading), math.sin(heading)])
         a, b = one @ axis, other @ axis
@@ -98,7 +98,7 @@ def overlap(one: Array, other: Array, headings: tuple[float, float]) -> bool:
 
 
 def side_of(pose: Array, size: Array, others: Array) -> str:
-    """The side of a body beyond which another lies farthest."""
+    """Return the side of a body beyond which another body extends farthest."""
     away = others - pose[:2]
     along = away @ np.array([math.cos(pose[2]), math.sin(pose[2])])
     left = away @ np.array([-math.sin(pose[2]), math.cos(pose[2])])
@@ -112,7 +112,7 @@ def side_of(pose: Array, size: Array, others: Array) -> str:
 
 
 def kind_of(hit: Hit) -> str:
-    """The kind of a contact by the table of ``docs/runs.md``: the first row that holds."""
+    """Return the kind of a contact by the table of ``docs/runs.md``: the first row that holds."""
     index = max(hit.at - 1, 0)
     own, other = hit.own(index), hit.other(index)
     if other is None:
@@ -140,7 +140,7 @@ def kind_of(hit: Hit) -> str:
 
 
 def _came_in(hit: Hit, index: int, *, ego_is_ahead: bool) -> bool:
-    """Whether the one ahead was beside the way of the one behind within 3 s, and came farther across than that one."""
+    """Return True if the leader was next to the follower's path within 3 s and moved farther across than it."""
     back = min(round(3.0 / hit.record.step_s), index)
     while back and hit.other(index - back) is None:
         back -= 1
@@ -162,7 +162,7 @@ def _across(poses: list[Array]) -> float:
 
 
 async def public_hits(bench: SeededBench) -> tuple[list[Hit], Mapping[str, Any]]:
-    """The collisions of two planners on the public scenarios, and what the product tells of each, by run id."""
+    """Return the collisions of two planners on public scenarios, and the product's statements, by run id."""
     async with public_server(bench) as client:
         first = await public_batch(bench, client)
         second = await finished_batch(
@@ -173,7 +173,7 @@ async def public_hits(bench: SeededBench) -> tuple[list[Hit], Mapping[str, Any]]
 
 
 def raw_scenarios(bench: SeededBench, batch_id: str) -> list[str]:
-    """The scenarios of a batch."""
+    """Return the scenarios of a batch."""
     return list(raw_runs(bench, batch_id).batch.scenarios)
 
 

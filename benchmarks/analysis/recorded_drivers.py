@@ -1,13 +1,13 @@
-"""What reference drivers do in the place of an ego that collided in a recorded scenario, apart from the product.
+"""Simulates reference drivers in place of an ego that collided in a recorded scenario, independently of the product.
 
-The drivers are those of ``evals.planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
-way that the ego drove, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms; others are
-projected onto that way near their last place on it. A track that has ended goes on straight at its last speed, or
-brakes to a stop if it braked. A driver prevents a collision if it touches neither the one that was hit until both can
-no longer meet, at most 30 s after the contact, nor another ahead of it once it brakes.
+The drivers are those of ``planners.driver_models``, written from ``docs/reference_drivers.md``. Each follows the
+ego's path, straight on after its end, at the ego's speeds until it reacts, in steps of 20 ms. Other road users are
+projected onto this path near their previous place on it. A track that has ended continues straight at its last speed,
+or brakes to a stop if it braked. A driver prevents a collision if it touches neither the other party until both can no
+longer meet (at most 30 s after the contact) nor another road user ahead of it once it brakes.
 
-A verdict counts if it stays the same with the others 0.1 m larger and smaller on every side, and with a response
-0.2 s later and 0.05 s earlier. It is left out if another vehicle between the two may hide the one that was hit.
+A verdict counts if it stays the same with the others 0.1 m larger and smaller on every side, and with a response 0.2 s
+later and 0.05 s earlier. It is left out if another vehicle may hide the other party.
 """
 
 import math
@@ -26,7 +26,7 @@ FINE_S, FOLLOWED_S, STANDS_MPS = 0.02, 30.0, 0.1
 BRAKED_OVER_S, BRAKED_MPS2 = 0.5, 1.0
 """A road user brakes at the end of its track if it slowed down by more than 1 m/s² over the last half second."""
 VARIANTS = ((0.0, 0.0), (0.1, 0.0), (-0.1, 0.0), (0.0, 0.2), (0.0, -0.05))
-"""By how much the others are larger on every side in m, and how much later the driver responds in s."""
+"""Enlargement of the others on every side in m, and delay of the driver's response in s."""
 
 
 class _Hidden(Exception):
@@ -76,9 +76,9 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class Course:
-    """A road user along a way, an entry a step from the run's first: poses (n, 4), where it is not there NaN.
+    """A road user along a path, one entry per step from the run's first: poses (n, 4), NaN if it is not there.
 
-    ``rows``: station, offset to the left, turn against the way, speed. ``shown``: how many steps its track shows.
+    ``rows``: arc length, offset to the left, turn against the path, speed. ``shown``: number of steps in its track.
     """
 
     poses: Array
@@ -107,7 +107,7 @@ class Course:
         return cls(poses, size_of(obstacle), rows, shown)
 
     def view(self, at: float, station: float, body: Array, larger: float, step_s: float) -> View | None:
-        """Return what a driver at a station sees of it at a time in steps, or None if it is not there."""
+        """Return a driver's view of it from an arc length at a time in steps, or None if it is not there."""
         now, before = self._row(at), self._row(max(at - STEP_S / step_s, 0.0))
         if now is None:
             return None
@@ -180,7 +180,7 @@ class Scene:
 
     @property
     def count(self) -> int:
-        """How many steps are looked at."""
+        """The number of simulated steps."""
         return self.hit.at + round(FOLLOWED_S / self.hit.record.step_s) + 1
 
     @cached_property
@@ -207,10 +207,10 @@ class Scene:
         return float(np.interp(at, steps, self.stations)), float(np.interp(at, steps, self.driven[:, 3]))
 
     def prevents(self, driver: str, larger: float, later: float, begins: int = 0) -> bool:
-        """Return whether a driver prevents the collision; ``begins``: the step from which full braking brakes.
+        """Return True if a driver prevents the collision; ``begins``: the step from which full braking brakes.
 
         Raises:
-            _Hidden: it may not see the one that was hit.
+            _Hidden: it may not see the other party.
         """
         step_s, fine = self.hit.record.step_s, round(self.hit.record.step_s / FINE_S)
         full, ramp = BRAKES.get(self.hit.record.ego_class, BRAKES["car"])
@@ -278,14 +278,14 @@ class Scene:
         return overlap(ours, corners(pose, other.size, larger), (own[2], pose[2]))
 
     def _runs_into(self, other: Course, step: int, station: float, larger: float) -> bool:
-        """Return whether the ego touches another that is ahead of its centre and that its track shows."""
+        """Return True if the ego touches another road user ahead of its centre within that one's track."""
         if step >= other.shown or math.isnan(other.rows[step, 0]) or other.rows[step, 0] <= station:
             return False
         return self._touches(other, step, station, TOUCH_M, larger)
 
 
 def prevented_by(hit: Hit, driver: str) -> bool | None:
-    """Return whether a driver prevents a collision from the moment before it, or None if that is not clear."""
+    """Return whether a driver prevents a collision from just before it, or None if that is unclear."""
     scene = Scene(hit)
     verdicts = set[bool]()
     for larger, later in VARIANTS:

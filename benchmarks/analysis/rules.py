@@ -1,13 +1,16 @@
-"""Traffic rules: whether a run is told to break them as it does, by how much and from when on, on drives made for it.
+"""Checks reported traffic rule violations, their degree and their start on synthetic drives.
 
-The drives are drawn at random (a seed, 12 of each of 15 kinds) on a crossing of two roads that is built for them:
-behind leaders, with cut-ins, hard braking with and without a reason, above the limit, over a solid line, past red and
-yellow lights and stop signs, and across the way of others from the right, from the left, with signs, and oncoming. The
-truth is arithmetic on how each drive was made, state by state, and shares nothing with the product.
+The seed draws 12 drives of each of 15 kinds on a crossing built for them: following, cut-ins, hard braking with and
+without a reason, speeding, crossing a solid line, red and yellow lights, stop signs, and crossing traffic from the
+right, from the left, with signs, and oncoming. The truth is arithmetic on the construction of each drive and shares
+nothing with the product.
 
-Keys: ``rules_right``: share of the drives for which the rule that they are about is told as it is: broken or kept, by
-how much (within 0.02 of its unit) and from which state on; ``rules_silent``: share of the drives for which no other
-rule is told to be broken; ``rule_cases``: how many drives there were.
+Keys:
+
+- ``rules_right``: share of drives with their rule reported correctly: broken or kept, by how much (within 0.02 of its
+  unit) and from which state on.
+- ``rules_silent``: share of drives with no other rule reported as broken.
+- ``rule_cases``: number of drives.
 """
 
 import math
@@ -38,9 +41,9 @@ from ..harness import Figures, SeededBench, share
 STEP_S, LENGTH_M, WIDTH_M, LANE_M = 0.1, 4.5, 1.8, 3.5
 ALIKE = 0.02
 EAST, CROSS, AWAY, NORTH, UP, FARTHER, WEST, BACK, HOME, LEFT = range(1, 11)
-"""Lanelets: the ego's approach, way across and away; those of one from the right; of an oncoming one; a left turn."""
+"""Lanelets: the ego's approach, crossing and exit; traffic from the right; oncoming traffic; a left turn."""
 SOUTH, DOWN = 11, 12
-"""Lanelets of one who comes from the left."""
+"""Lanelets of traffic from the left."""
 Signs = dict[int, TrafficSignIDGermany]
 
 
@@ -56,7 +59,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Case:
-    """A drive that is about one rule: the truth is its robustness at every state, infinite where it asks nothing."""
+    """A drive about one rule: the truth is its robustness at every state, infinite if it does not apply."""
 
     rule: str
     ego: Motion
@@ -97,7 +100,7 @@ def _straight(start: tuple[float, float], end: tuple[float, float], count: int =
 
 
 def crossing(case: Case) -> LaneletNetwork:
-    """Two roads of two lanes that cross at the origin, with what a case has of lights, signs and lines."""
+    """Return two crossing roads of two lanes each at the origin, with the lights, signs and lines of a case."""
     half = LANE_M / 2
     turn = [(-10 + (10 + half) * math.sin(a), 10 - (10 + half) * math.cos(a)) for a in np.linspace(0, math.pi / 2, 31)]
     network = LaneletNetwork()
@@ -146,7 +149,7 @@ def crossing(case: Case) -> LaneletNetwork:
 
 
 def moving(start: float, speeds: Sequence[float], place: Callable[[float], tuple[float, float, float]]) -> Motion:
-    """Along a way from a station on, with a speed at every state; a place is x, y and heading at a station."""
+    """Return a motion along a path from an arc length on, with a speed at every state; a place is x, y and heading."""
     stations = [start]
     for before, after in pairwise(speeds):
         stations.append(stations[-1] + (before + after) / 2 * STEP_S)
@@ -155,27 +158,29 @@ def moving(start: float, speeds: Sequence[float], place: Callable[[float], tuple
 
 
 def eastward(station: float) -> tuple[float, float, float]:
-    """On the ego's way, across the origin at station 0."""
+    """Return a place on the ego's path, which crosses the origin at arc length 0."""
     return station, -LANE_M / 2, 0.0
 
 
 def northward(station: float) -> tuple[float, float, float]:
-    """From the right."""
+    """Return a place on the path of traffic from the right."""
     return LANE_M / 2, station, math.pi / 2
 
 
 def westward(station: float) -> tuple[float, float, float]:
-    """Oncoming."""
+    """Return a place on the path of oncoming traffic."""
     return -station, LANE_M / 2, math.pi
 
 
 def southward(station: float) -> tuple[float, float, float]:
-    """From the left."""
+    """Return a place on the path of traffic from the left."""
     return -LANE_M / 2, -station, -math.pi / 2
 
 
 def turning_left(station: float) -> tuple[float, float, float]:
-    """On the ego's way until 10 m before the origin, then by a quarter of a circle to the left, then on."""
+    """Return a place on the ego's path until 10 m before the origin, then a quarter circle to the left, then
+    straight.
+    """
     radius = 10 + LANE_M / 2
     if station <= -10:
         return eastward(station)
@@ -186,12 +191,12 @@ def turning_left(station: float) -> tuple[float, float, float]:
 
 
 def even(speed: float, seconds: float) -> list[float]:
-    """The same speed for a time."""
+    """Return the same speed for a time."""
     return [speed] * (round(seconds / STEP_S) + 1)
 
 
 def slowing(speed: float, seconds: float, begins: float, by: float) -> list[float]:
-    """Braking evenly from a time on, to a stop at most."""
+    """Return speeds that decrease evenly from a time on, down to a stop at most."""
     return [max(speed - by * max(step * STEP_S - begins, 0.0), 0.0) for step in range(round(seconds / STEP_S) + 1)]
 
 
@@ -199,7 +204,7 @@ def slowing(speed: float, seconds: float, begins: float, by: float) -> list[floa
 
 
 def drawn(choice: random.Random) -> Iterator[Case]:
-    """One drive of each kind."""
+    """Return one drive of each kind."""
     yield from _behind_another(choice)
     yield from _braking(choice)
     yield from _limits(choice)
@@ -316,7 +321,7 @@ def _ways(choice: random.Random) -> Iterator[Case]:
 
 
 def _kept_clear(ego: Motion, other: Motion, area: tuple[float, float, float, float]) -> list[float]:
-    """Seconds kept clear beyond those demanded, at the states in which the ego is in a rectangle."""
+    """Return the clear seconds beyond the required ones, at the states with the ego in a rectangle."""
     return _clear(
         [_in_box(ego, i, area) for i in range(len(ego.x))], [_in_box(other, i, area) for i in range(len(other.x))]
     )
@@ -330,7 +335,7 @@ def _in_box(one: Motion, index: int, area: tuple[float, float, float, float]) ->
 
 
 def _kept_clear_turning(ego: Motion, other: Motion) -> list[float]:
-    """The same where the ego turns left: its lane's arc overlaps the oncoming lane in a strip, looked at by points."""
+    """Return the same for a left turn: the arc of its lane overlaps the oncoming lane in a strip, sampled by points."""
     a, b = (part.ravel() for part in np.meshgrid(np.linspace(-0.5, 0.5, 91), np.linspace(-0.5, 0.5, 37)))
 
     def there(one: Motion, index: int) -> bool:
@@ -369,8 +374,8 @@ def _track(motion: Motion, number: int) -> Track:
     )
 
 
-def told_of(case: Case) -> tuple[bool, bool]:
-    """Whether the rule of a case is told as it is, and whether no other is told to be broken."""
+def are_rules_reported(case: Case) -> tuple[bool, bool]:
+    """Return whether the rule of a case is reported correctly, and whether no other rule is reported as broken."""
     ego = _track(case.ego, -1)
     felt = np.diff(ego.speeds_mps, prepend=ego.speeds_mps[:1]) / STEP_S
     others = {number + 1: _track(one, number + 1) for number, one in enumerate(case.others)}
@@ -392,13 +397,13 @@ def told_of(case: Case) -> tuple[bool, bool]:
 
 
 _BESIDE = ("R_G3", "R_L1", "R_IN1", "R_IN2", "R_IN3", "R_IN4", "R_IN5")
-"""Rules that a drive about another one has no occasion to break: all but those about leaders and braking."""
+"""Rules that a drive about another one cannot break: all but those about leaders and braking."""
 
 
 def compared(seed: int, each: int) -> Figures:
-    """So many drives of each kind."""
+    """Compare the given number of drives of each kind."""
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
-    told = [told_of(case) for _ in range(each) for case in drawn(choice)]
+    told = [are_rules_reported(case) for _ in range(each) for case in drawn(choice)]
     return {
         "rules_right": share(right for right, _ in told),
         "rules_silent": share(silent for _, silent in told),
@@ -407,5 +412,5 @@ def compared(seed: int, each: int) -> Figures:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; 12 drives of each kind, or the bench's limit."""
+    """Measure the keys above on 12 drives of each kind, or the bench's limit."""
     return compared(bench.seed, bench.limit or 12)

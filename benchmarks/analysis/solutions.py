@@ -1,19 +1,23 @@
-"""Solutions: whether CommonRoad's drivability checker accepts what runs that are told to be drivable are exported as.
+"""Checks exported solutions of runs reported as drivable with CommonRoad's drivability checker.
 
-Frenetix, MP-RBFN and IDM drive 62 public scenarios (a sample, always the same). Every run is exported by the product as
-a CommonRoad solution and read back by commonroad-io. Of a run that reached its goal and is told to keep to the limits
-of its vehicle the checker's ``valid_solution`` has to accept the solution: its planning problem solved, its goal
-reached, no collision, on the road, and each step feasible for the kinematic single-track model. Of other runs that are
-told to keep to them, each step has to be feasible. The road's edge is that of the checker's own rectangles, since its
-triangles need a package that is not free.
+Frenetix, MP-RBFN and IDM drive 62 public scenarios (a fixed sample). The product exports each run as a CommonRoad
+solution, and commonroad-io reads it back. If a run reached its goal and is reported within the limits of its vehicle,
+the checker's ``valid_solution`` must accept it: planning problem solved, goal reached, no collision, on the road, and
+each step feasible for the kinematic single-track model. Each step of other runs reported within the limits must be
+feasible too. The edge of the road comes from the checker's rectangles, because its triangles need a package that is not
+free.
 
-Wheels are looked at once more by code of this module, since the checker does not compare the steering angles of a
-solution with each other: how fast the angles in the file change, against the vehicle's limit.
+This module also checks how fast the steering angles in the file change against the vehicle's limit, because the checker
+does not compare the angles with each other.
 
-Keys: ``solutions_valid``: share of the runs to the goal, told to be drivable, whose solution is accepted;
-``solutions_judged``: of how many; ``motions_feasible``: share of the other runs, told to be drivable, of which each
-step is feasible; ``motions_judged``: of how many; ``steering_told``: share of all solutions of which too fast steering
-is told or not, as the file has it; ``solutions_told``: how many runs are told to be beyond their vehicle.
+Keys:
+
+- ``solutions_valid``: share of successful runs reported as drivable with an accepted solution; ``solutions_judged``:
+  their number.
+- ``motions_feasible``: share of the other runs reported as drivable in which each step is feasible; ``motions_judged``:
+  their number.
+- ``steering_told``: share of all solutions for which too fast steering is reported if and only if the file contains it.
+- ``solutions_told``: number of runs reported as beyond their vehicle's limits.
 """
 
 import sys
@@ -44,7 +48,7 @@ from .public_runs import PREDICTION, public_folder, public_server, raw_runs
 SCENARIOS = 62
 PLANNERS = ("frenetix:Default", "mp-rbfn:Default", "idm:Default")
 _SAME = 1e-3
-"""Share of the steering rate that is rounding: planners meet limits."""
+"""Share of the steering rate allowed for rounding, because planners use their limits fully."""
 
 
 @dataclass(frozen=True)
@@ -57,17 +61,17 @@ class Judged:
 
     @property
     def is_told(self) -> bool:
-        """Whether the product says that the motion is beyond the vehicle."""
+        """True if the product reports the motion as beyond the vehicle's limits."""
         return bool(self.record.beyond_vehicle)
 
     @property
     def is_steering_told(self) -> bool:
-        """Whether it says so of the steering rate."""
+        """True if it reports the steering rate as such."""
         return any(excess.name == "steering rate" for excess in self.record.beyond_vehicle or ())
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many scenarios."""
+    """Measure the keys above; a limit restricts the number of scenarios."""
     judged = anyio.run(_judged, bench)
     drivable = [one for one in judged if not one.is_told]
     reached = [one for one in drivable if one.record.outcome == "goal_reached"]
@@ -105,7 +109,7 @@ async def _judged(bench: SeededBench) -> list[Judged]:
 
 
 def _known(bench: SeededBench) -> set[str]:
-    """The scenarios that were not refused."""
+    """Return the scenarios that were not refused."""
     workspace = Workspace(public_folder(bench))
     names = {artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000)}
     workspace.close()
@@ -113,7 +117,7 @@ def _known(bench: SeededBench) -> set[str]:
 
 
 async def _exported(client: Client, run_ids: list[str], folder: Path) -> Mapping[str, Path]:
-    """The solution files of runs, by run id."""
+    """Return the solution files of runs, by run id."""
     for begin in range(0, len(run_ids), 50):
         some = run_ids[begin : begin + 50]
         await ask(client, "export_artifacts", ids=some, formats=["solution"], folder=str(folder))
@@ -122,7 +126,7 @@ async def _exported(client: Client, run_ids: list[str], folder: Path) -> Mapping
 
 
 def judged(record: RunRecord, scenario_file: Path, solution_file: Path) -> Judged:
-    """A run with what the checker and the file say of it."""
+    """Return a run with the results of the checker and the file."""
     scenario, problems = CommonRoadFileReader(str(scenario_file)).open()
     problem = problems.planning_problem_dict[record.problem_id]
     solution = CommonRoadSolutionReader.open(str(solution_file))
@@ -147,7 +151,7 @@ def _verdict(record: RunRecord, scenario: Scenario, problems: PlanningProblemSet
 
 
 def _edge(scenario: Scenario) -> Any:
-    """The edge of the road by the checker's own rectangles."""
+    """Return the edge of the road by the checker's own rectangles."""
     checker = pycrcc.CollisionChecker()
     _, rectangles = create_road_boundary_obstacle(scenario, method="obb_rectangles")
     checker.add_collision_object(rectangles)
@@ -155,7 +159,7 @@ def _edge(scenario: Scenario) -> Any:
 
 
 def steering_share(solution: Solution, step_s: float) -> float:
-    """How fast the steering angles of a solution change at most, as a share of the vehicle's limit."""
+    """Return the fastest change of a solution's steering angles as a share of the vehicle's limit."""
     solved = solution.planning_problem_solutions[0]
     limit = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).parameters.steering.v_max
     angles = np.array([state.steering_angle for state in solved.trajectory.state_list])

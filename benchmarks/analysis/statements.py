@@ -1,13 +1,15 @@
-"""The figures of answers, findings and reports: recomputed from the raw rows, and the same in fields and text.
+"""Recomputes the figures of answers, findings and reports from the raw rows, and compares fields with text.
 
-Answers of ``analyze_results`` on all runs (summary, findings, costs, rows), on two configurations on forty scenarios
-(by configuration, findings, rules), and of ``compare_results`` on these are read twice. The figures of their fields are
-held against ``expected``, which recomputes them by code of its own. The figures of their text, and of the HTML report
-on the two configurations, have to stand in these fields (``told_figures``); no rule knows the words around them.
+The bench reads answers of ``analyze_results`` on all runs (summary, findings, costs, rows) and on two configurations on
+forty scenarios (by configuration, findings, rules), and of ``compare_results`` on these. It compares the figures of
+their fields with ``expected``, which recomputes them independently. The figures of their text, and of the HTML report
+on the two configurations, must occur in these fields (``told_figures``). No rule depends on the wording.
 
-Keys: ``statements_recomputed``: share of the figures in fields that agree; ``figures``: how many there are;
-``figures_unread``: those that nothing recomputes; ``figures_in_text``: figures of texts; ``figures_unknown``: those
-that no field holds.
+Keys:
+
+- ``statements_recomputed``: share of the figures in fields that agree; ``figures``: their number.
+- ``figures_unread``: figures that nothing recomputes.
+- ``figures_in_text``: figures in texts; ``figures_unknown``: those that no field holds.
 """
 
 import html
@@ -44,7 +46,7 @@ class Told:
 
 @dataclass(frozen=True)
 class OnRuns:
-    """What is told of the runs of a batch, and what is needed to recompute it."""
+    """The statements about a batch's runs, and the data to recompute them."""
 
     raw: RawRuns
     weights: Mapping[str, Mapping[str, float]]
@@ -55,7 +57,7 @@ class OnRuns:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over all public scenarios or the bench's limit."""
+    """Return the keys above, over all public scenarios or the bench's limit."""
     told = anyio.run(collected, bench)
     tally, (in_text, unknown) = judged(told), in_texts(told)
     for fault in (*tally.wrong, *(f"not recomputed: {place}" for place in tally.unread), *unknown):
@@ -70,7 +72,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 def judged(told: Sequence[OnRuns]) -> Tally:
-    """Hold the figures of all fields against what is recomputed."""
+    """Compare the figures of all fields with the recomputed ones."""
     tally = Tally()
     for one in told:
         findings = max(len(answer.fields.get("findings", ())) for answer in one.answers)
@@ -82,9 +84,9 @@ def judged(told: Sequence[OnRuns]) -> Tally:
 
 
 def in_texts(told: Sequence[OnRuns]) -> tuple[int, list[str]]:
-    """Return how many figures the texts hold, and those that no field holds.
+    """Return the number of figures in the texts, and those that no field holds.
 
-    A report may hold what any of the answers on its runs holds, and what is stored of these runs.
+    A report may hold figures of any answer on its runs and of the stored runs.
     """
     count, unknown = 0, list[str]()
     for one in told:
@@ -100,17 +102,17 @@ def in_texts(told: Sequence[OnRuns]) -> tuple[int, list[str]]:
 
 
 async def collected(bench: SeededBench) -> list[OnRuns]:
-    """The runs, and what the server says of them."""
+    """Return the runs, and the server's statements about them."""
     async with public_server(bench) as client:
         everything = await public_batch(bench, client)
         two = await compared_batch(bench, client, everything)
         whole, sample = raw_runs(bench, everything), raw_runs(bench, two)
-        of_all = [await _told(client, "analyze_results", everything, detail=detail) for detail in _DETAILS]
+        of_all = [await _request_answer(client, "analyze_results", everything, detail=detail) for detail in _DETAILS]
         of_two = [
-            await _told(client, "analyze_results", two, breakdown="config"),
-            await _told(client, "analyze_results", two, detail="findings"),
-            await _told(client, "analyze_results", two, detail="rules"),
-            await _told(client, "compare_results", two),
+            await _request_answer(client, "analyze_results", two, breakdown="config"),
+            await _request_answer(client, "analyze_results", two, detail="findings"),
+            await _request_answer(client, "analyze_results", two, detail="rules"),
+            await _request_answer(client, "compare_results", two),
         ]
         page, broken = await _report(bench, client, two), await _rules(client, sample)
         return [
@@ -119,7 +121,7 @@ async def collected(bench: SeededBench) -> list[OnRuns]:
         ]
 
 
-async def _told(client: Client, tool: str, batch_id: str, **arguments: str) -> Told:
+async def _request_answer(client: Client, tool: str, batch_id: str, **arguments: str) -> Told:
     asked = {"results": [batch_id], **arguments}
     answer = await client.call_tool(tool, asked)
     text = "\n".join(getattr(part, "text", "") for part in answer.content)
@@ -136,7 +138,7 @@ _DETAILS = ("summary", "findings", "costs", "rows")
 
 
 def _weights(bench: SeededBench, raw: RawRuns) -> dict[str, dict[str, float]]:
-    """The weights of the configurations of a batch by id, and those of Frenetix' first preset as ``default``."""
+    """Return the weights of the configurations of a batch by id, and those of Frenetix' first preset as ``default``."""
     found = {"default": built_in(DEFAULT).weights}
     workspace = Workspace(bench.scratch / "public")
     for config_id in raw.batch.configs:
@@ -147,13 +149,13 @@ def _weights(bench: SeededBench, raw: RawRuns) -> dict[str, dict[str, float]]:
 
 
 async def _reviews(client: Client, raw: RawRuns) -> dict[str, Any]:
-    """The moments of the runs that failed or came near, each as the answer on that run alone has them."""
+    """Return the events of runs that failed or came close, each as the answer on that run alone has them."""
     near = [one for one in raw.valid if not goal(one) or is_close(one)]
     return {one.run_id: (await ask(client, "analyze_results", results=[one.run_id]))["review"] for one in near}
 
 
 async def _rules(client: Client, raw: RawRuns) -> dict[str, dict[str, Any]]:
-    """What each run makes of the traffic rules, by run and rule, each as the answer on that run alone has it."""
+    """Return each run's result for each traffic rule, as the answer on that run alone has it."""
     found: dict[str, dict[str, Any]] = {}
     for one in raw.valid:
         told = await ask(client, "analyze_results", results=[one.run_id], detail="rules")
@@ -162,9 +164,9 @@ async def _rules(client: Client, raw: RawRuns) -> dict[str, dict[str, Any]]:
 
 
 def page_text(page: str) -> str:
-    """What a report says of runs, a line each: paragraphs, findings, and the rows of its tables.
+    """Return a report's statements about runs, one per line: paragraphs, findings, and the rows of its tables.
 
-    Lines below a heading that names a run name it too. The table of a run's measures is left to ``measures``.
+    Lines below a heading that names a run also name it. ``measures`` judges the table of a run's measures.
     """
     body = page[page.index("<main>") : page.index("</main>")]
     body = re.sub(rf"<table>\s*<caption>{MEASURED_CAPTION}</caption>.*?</table>", "", body, flags=re.DOTALL)

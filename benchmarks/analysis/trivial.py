@@ -1,14 +1,15 @@
-"""Goals that ask for no driving, on public scenarios: whether an analysis marks all of them, and no others.
+"""Checks that an analysis marks exactly the goals that require no driving, on public scenarios.
 
-The truth is told on commonroad-io's own objects: its ``GoalRegion.is_reached`` on the states that were driven. A
-reached goal asked for no driving where the initial state or the first driven one meets it (``at_the_start``), where its
-states name neither place nor speed nor heading (``by_time_alone``), or where a car left standing meets it: one that
-drove under half a metre, or one that begins standing and whose initial state meets the goal at its last step
-(``standing``).
+The truth is ``GoalRegion.is_reached`` of commonroad-io on the driven states. A reached goal requires no driving in
+three cases, tested in this order: the initial or the first driven state meets it (``at_the_start``); it specifies no
+place, speed or heading (``by_time_alone``); or a standing car meets it, that is, one that drove less than half a metre,
+or one that starts at rest with an initial state that meets the goal at its last time step (``standing``).
 
-Keys: ``trivial_marked``: share of the reached goals that are marked as asking for no driving or not, as the truth has
-it; ``trivial_kind_right``: of those that ask for none, the share marked with the right kind (the first that holds in
-the order above, standing last); ``trivial_goals``: how many ask for none; ``reached_goals``: of how many.
+Keys:
+
+- ``trivial_marked``: share of the reached goals marked correctly.
+- ``trivial_kind_right``: share of the goals that require no driving marked with the right kind.
+- ``trivial_goals``: number of these; ``reached_goals``: number of all reached goals.
 """
 
 import math
@@ -28,11 +29,11 @@ from ..harness import Figures, SeededBench, ask, share
 from .public_runs import public_batch, public_server, raw_runs
 
 STANDING_MPS, STOOD_M = 0.5, 0.5
-"""An ego that begins slower stands; one that drove less has stood."""
+"""An ego with a lower initial speed stands; one that drove less has stood."""
 
 
 def truth(problem: PlanningProblem, steps: RunSteps) -> str | None:
-    """Why a goal that was reached asked for no driving; None: it did."""
+    """Return why a reached goal required no driving, or None if it did."""
     start, goal = problem.initial_state, problem.goal
     driven = [_state(steps, index) for index in range(min(2, len(steps.x_m)))]
     if len(steps.x_m) <= 2 or any(goal.is_reached(state) for state in driven):
@@ -58,7 +59,7 @@ def _state(steps: RunSteps, index: int) -> CustomState:
 
 
 def _met_by_waiting(problem: PlanningProblem) -> bool:
-    """Whether the initial state, at rest, meets the goal at one of its last steps."""
+    """Return True if the initial state, at rest, meets the goal at one of its last time steps."""
     start = problem.initial_state
     ends = {int(getattr(state.time_step, "end", state.time_step)) for state in problem.goal.state_list}
     waiting = (
@@ -68,13 +69,13 @@ def _met_by_waiting(problem: PlanningProblem) -> bool:
 
 
 def problem_of(file: Path, record: RunRecord) -> PlanningProblem:
-    """The planning problem of a run, read anew."""
+    """Return the planning problem of a run, read anew."""
     _, problems = CommonRoadFileReader(str(file)).open()
     return problems.planning_problem_dict[record.problem_id]
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above, over all public scenarios or the bench's limit."""
+    """Return the keys above, over all public scenarios or the bench's limit."""
     return anyio.run(_measured, bench)
 
 

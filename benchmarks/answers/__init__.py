@@ -1,1 +1,1 @@
-"""Whether answers decide: what users ask for is understood, and what is said is true."""
+"""Checks that the tools understand requests and answer them truthfully."""

@@ -1,15 +1,19 @@
-"""``make bench-answers``: whether answers are true, hold what was asked, tell all faults of a call, and what they cost.
+"""``make bench-answers``: checks that answers are true and complete, and measures their tokens.
 
-Keys: ``cases``: questions that were asked; ``compared``: statements in the fields of their answers that the judge
-compared with the files; ``false_statements`` among them; ``contradictions``: fields that exclude one another or the
-text; ``figures_unknown``: figures of a text that no field holds; ``unanswered``: fields that an answer had to fill and
-to show and does not; ``places_understood``: share of the spellings of places, the lower one of those worked with and
-those kept aside; ``faults_told``: share of the calls with several faults that were refused with a word of each;
-``answer_tokens_median``, ``answer_tokens_p95``: tokens of the answers to the calls of the dev corpora, ``*_before`` and
-``tokens_ratio`` against the recording of an earlier version.
+Keys:
 
-``--record FILE`` records answers of the corpora alone, with the code of ``--checkout`` where given, whose server runs
-as a process of its own; ``--before FILE`` compares with such a recording.
+- ``cases``: questions sent; ``compared``: statements in answer fields that the judge compared with the files.
+- ``false_statements``: false ones among these.
+- ``contradictions``: fields that exclude each other or the text.
+- ``figures_unknown``: figures of a text that no field holds.
+- ``unanswered``: fields that an answer had to fill and show, and did not.
+- ``places_understood``: share of the place spellings understood; the lower of the tuned and the held-out set.
+- ``faults_told``: share of the calls with several faults that are refused with a mention of each one.
+- ``answer_tokens_median``, ``answer_tokens_p95``: tokens of the answers to the calls of the dev corpora; ``*_before``
+  and ``tokens_ratio`` compare with the recording of an earlier version.
+
+``--record FILE`` only records answers of the corpora, with the code of ``--checkout`` if given (its server then runs in
+its own process). ``--before FILE`` compares with such a recording.
 """
 
 import argparse
@@ -32,12 +36,12 @@ from .places import measure_places
 from .recording import Call, Recorded, answer_to, opened, read_recording, record, summary_of, written
 
 _SCENARIOS = 12
-"""Public scenarios whose sheet is asked; always the same ones."""
+"""Public scenarios for the sheets, always the same ones."""
 _FAULTY_SCENARIO = "ZAM_Zip-1_6_T-1"
 
 
 async def _measure(scenarios: int, every: int, before: Path | None, places: bool) -> None:
-    told, missing = await _told(scenarios)
+    told, missing = await _judge_answers(scenarios)
     faults = await _faults_told()
     tokens = await _tokens(every, before)
     spelled: Figures = {}
@@ -47,8 +51,10 @@ async def _measure(scenarios: int, every: int, before: Path | None, places: bool
     print_figures("Answers", {**told, "unanswered": missing, **faults, **spelled, **tokens})
 
 
-async def _told(scenarios: int) -> tuple[Figures, int]:
-    """Figures of the judge over all cases, and how much was not answered; each miss is written to standard error."""
+async def _judge_answers(scenarios: int) -> tuple[Figures, int]:
+    """Return the judge's figures over all cases and the number of unanswered ones; print each miss to standard
+    error.
+    """
     files = drawn([path.stem for path in scenario_files(shared_scenarios(), None)], scenarios)
     compared = false = excluded = unknown = missing = count = 0
     with tempfile.TemporaryDirectory() as name:
@@ -64,7 +70,7 @@ async def _told(scenarios: int) -> tuple[Figures, int]:
                 count, compared = count + 1, compared + verdict.compared
                 false, excluded = false + len(verdict.false_statements), excluded + len(verdict.contradictions)
                 unknown += len(verdict.unknown_figures)
-                lacks = _lacks(case, told)
+                lacks = _missing_content(case, told)
                 missing += len(lacks)
                 for kind, words in (
                     ("FALSE", verdict.false_statements),
@@ -82,8 +88,8 @@ _REFUSED = re.compile(r"^\[\w+\] ")
 """A refusal begins with its code."""
 
 
-def _lacks(case: Case, told: Told) -> list[str]:
-    """What an answer had to hold and does not; a refusal that may be has to have a code and a next call."""
+def _missing_content(case: Case, told: Told) -> list[str]:
+    """Return the missing content of an answer; a permitted refusal needs a code and a next call."""
     if told.is_error and case.may_refuse:
         is_whole = _REFUSED.match(told.text) and any(
             name in told.text for name in ("{", *(spec.name for spec in TOOLS))
@@ -110,7 +116,9 @@ async def _faults_told() -> Figures:
                 silent = [word for word in call.words if word not in answer.text]
                 told_all += answer.is_error and not silent
                 if silent or not answer.is_error:
-                    sys.stderr.write(f"NOT TOLD {silent}: {call.tool} {dict(call.arguments)}: {answer.text[:400]}\n")
+                    sys.stderr.write(
+                        f"NOT REPORTED {silent}: {call.tool} {dict(call.arguments)}: {answer.text[:400]}\n"
+                    )
     return {"faulty_calls": len(calls), "faults_told": round(told_all / len(calls), 4)}
 
 
@@ -144,10 +152,10 @@ async def _record(to: Path, checkout: Path | None, every: int) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Whether answers are true and complete, and what they cost.")
     parser.add_argument("--scenarios", type=int, default=_SCENARIOS)
-    parser.add_argument("--every", type=int, default=1, help="of the corpora's lines, only every so many")
+    parser.add_argument("--every", type=int, default=1, help="only every n-th line of the corpora")
     parser.add_argument("--before", type=Path, default=None, help="a recording of an earlier version")
-    parser.add_argument("--record", type=Path, default=None, help="write a recording, and measure nothing else")
-    parser.add_argument("--checkout", type=Path, default=None, help="the checkout whose server is recorded")
+    parser.add_argument("--record", type=Path, default=None, help="only write a recording")
+    parser.add_argument("--checkout", type=Path, default=None, help="the checkout with the recorded server")
     parser.add_argument("--no-places", action="store_true")
     given = parser.parse_args()
     if given.record is not None:

@@ -1,8 +1,7 @@
-"""What is asked of the tools, and what an answer has to hold: questions of users as calls, and calls with many faults.
+"""Questions of users as calls, calls with several faults, and what each answer must hold.
 
-A sheet is a row of cases that one client asks in turn, so that ``latest`` and ``previous_run`` mean what came before.
-What an answer has to hold are fields that it has to fill and to show (``judge.unanswered``); ``judge`` looks after what
-is true.
+A sheet is a sequence of cases that one client sends, so that ``latest`` and ``previous_run`` refer to what came before.
+The requirements are fields that the answer must fill and show (``judge.unanswered``); ``judge`` checks their truth.
 """
 
 import csv
@@ -19,10 +18,10 @@ _EDIT_DONE = ("scenario_id|edits.what", "untouched")
 
 @dataclass(frozen=True)
 class Case:
-    """A question in words, the call that it becomes, and what its answer has to hold.
+    """A question, its call, and the required content of its answer.
 
-    ``may_refuse``: what is asked for is not there in every scenario; a refusal answers, where it says what is valid or
-    what to do next.
+    ``may_refuse``: the requested content may be missing in a scenario; a refusal then counts as an answer if it states
+    what is valid or what to do next.
     """
 
     question: str
@@ -42,7 +41,7 @@ class FaultyCall:
 
 
 def sheet_of_scenario(scenario_id: str) -> list[Case]:
-    """What is asked about a scenario: what is in it, how a planner does, and how it does after an edit."""
+    """Return questions about a scenario: its content, a planner's run, and its run after an edit."""
     own = {"scenario_id": scenario_id}
 
     def edit(question: str, asks: Sequence[str], **values: Any) -> Case:
@@ -147,7 +146,7 @@ SEARCHES: tuple[Mapping[str, Any], ...] = (
     {"city": "Lohmar", "country": "DEU"},
     {"tags": ["intersection"], "obstacles": ["bus>=3"]},
 )
-"""Conditions whose matches the judge counts from the files."""
+"""Conditions with matches that the judge counts from the files."""
 
 GENERATIONS: tuple[Mapping[str, Any], ...] = (
     {"place": "Musterstadt", "scenario_type": "signalised_intersection"},
@@ -175,7 +174,7 @@ CONFIGURATIONS: tuple[Mapping[str, Any], ...] = (
 
 
 def sheet_of_catalogue() -> list[Case]:
-    """What is asked about many scenarios, of generation, of configurations, and about what there is."""
+    """Return questions about many scenarios, generation, configurations and available artifacts."""
     cases = [
         Case(
             f"Which ones: {json.dumps(given)}?",
@@ -219,7 +218,7 @@ def sheet_of_catalogue() -> list[Case]:
 
 
 def faulty_calls() -> list[FaultyCall]:
-    """Calls with two to four faults each, in the order of the data file."""
+    """Return calls with two to four faults each, in the order of the data file."""
     with _FAULTS.open(encoding="utf-8", newline="") as stream:
         rows = csv.DictReader(stream, delimiter="\t", quoting=csv.QUOTE_NONE)
         return [FaultyCall(row["tool"], json.loads(row["arguments"]), tuple(row["words"].split("|"))) for row in rows]

@@ -1,9 +1,9 @@
-"""Says of the fields of an answer whether the files bear them out, and of its text whether it says the same.
+"""Checks the fields of an answer against the files, and its text against the fields.
 
-A rule reads the fields of a tool's answer, such as a count, a speed, a distance, a time, who hit whom, or what stayed
-as it was, and compares each with what ``files`` reads. Fields that exclude one another are contradictions, and so are
-an id that the fields hold and the text does not, and a figure of the text that no field holds (``told_figures``). No
-rule knows the words of an answer.
+A rule reads fields of an answer, such as a count, a speed, a distance, a time, the parties of a collision or what
+stayed unchanged, and compares each with what ``files`` reads. Contradictions are fields that exclude each other, an id
+in the fields that the text lacks, and a figure of the text that no field holds (``told_figures``). No rule depends on
+the wording.
 """
 
 import itertools
@@ -21,7 +21,7 @@ from plannerforge.evals.scoring.files import Body, SceneFile, StoredRun, World
 from ..told_figures import agrees, figures_in, unknown_in_text
 
 _SLACK_M = 0.75
-"""A body's centre may lie this far outside a lanelet that it is on, as the matching to lanes has it (chosen)."""
+"""Distance that a body's centre may be outside its lanelet, as in the matching to lanes (chosen)."""
 _ARTIFACT = re.compile(r"\b(?:run|cfg|batch|search)_[0-9a-f]{12}\b")
 Fields = Mapping[str, Any]
 
@@ -39,9 +39,7 @@ class Told:
 
 @dataclass
 class Verdict:
-    """What was found in one answer: how many statements were compared, those that do not hold, and figures of its text
-    that no field holds.
-    """
+    """The result for one answer: the number of compared statements, the false ones, and unknown figures of its text."""
 
     compared: int = 0
     false_statements: list[str] = field(default_factory=list)
@@ -49,13 +47,13 @@ class Verdict:
     unknown_figures: list[str] = field(default_factory=list)
 
     def holds(self, statement: str, true: bool, found: object = "") -> None:
-        """Count a statement, and keep it if it is false, with what the files say."""
+        """Count a statement, and keep it with the files' content if it is false."""
         self.compared += 1
         if not true:
             self.false_statements.append(f"{statement} (the files: {found})")
 
     def close(self, statement: str, told: float | None, found: float, slack: float = 1e-3) -> None:
-        """Count a figure, and keep it if it is not what the files say."""
+        """Count a figure, and keep it if it differs from the files."""
         self.holds(f"{statement} {told}", told is not None and abs(told - found) <= slack, found)
 
     def excludes(self, words: str) -> None:
@@ -126,7 +124,7 @@ def _apart(one: Sequence[float], other: Sequence[float]) -> float:
 
 
 def _is_near(scene: SceneFile, key: int, shape: Any, slack: float = _SLACK_M) -> bool:
-    """Return whether a shape is on a lanelet, or not farther from it than the slack."""
+    """Return True if a shape is on a lanelet or within the slack of it."""
     lane = scene.lanelets.get(key)
     return lane is not None and lane.polygon.distance(shape) <= slack
 
@@ -167,7 +165,7 @@ def _point(x: float, y: float) -> Any:
 
 
 def _vehicle(told: Fields, scene: SceneFile, ego: Body, middle: Body | None, verdict: Verdict) -> None:
-    """Class, distance, speed, gap and lanelet of a vehicle when the ego starts."""
+    """Check class, distance, speed, gap and lanelet of a vehicle when the ego starts."""
     key, user = told["vehicle_id"], scene.users.get(told["vehicle_id"])
     verdict.holds(f"{key} is a {told['kind']}", user is not None and user.kind == told["kind"], user and user.kind)
     start = scene.problems[0].start.step
@@ -197,7 +195,7 @@ def _vehicle(told: Fields, scene: SceneFile, ego: Body, middle: Body | None, ver
 
 
 def _along_lanes(scene: SceneFile, ego: Body, body: Body) -> Iterator[float]:
-    """How far a body is ahead of the ego along the centre of each lanelet that the ego is on."""
+    """Return the distance of a body ahead of the ego along the centre of each lanelet under the ego."""
     for key in scene.under(ego.x, ego.y, 0.3):
         centre = scene.lanelets[key].centre
         yield centre.project(_point(body.x, body.y)) - centre.project(_point(ego.x, ego.y))
@@ -253,7 +251,7 @@ def _edit(told: Told, world: World, verdict: Verdict) -> None:
         for route in report["routes"]:
             _route(route, scene, verdict)
     for asked, report in zip(told.asked.get("edits", ()), fields["edits"], strict=False):
-        _meant(asked, report, base, verdict)
+        _check_nearest(asked, report, base, verdict)
     for when in ("ego_before", "ego_after"):
         danger = fields[when]
         if danger is not None and danger["risk_score"] is not None and not danger["left_out"]:
@@ -263,7 +261,7 @@ def _edit(told: Told, world: World, verdict: Verdict) -> None:
 
 
 def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
-    """Where a touched vehicle drives: along these lanelets, or along the first of them if it does not arrive."""
+    """Return the route of a touched vehicle: these lanelets, or the first of them if it does not arrive."""
     user = scene.users.get(told["vehicle_id"])
     if user is None:
         return
@@ -274,8 +272,8 @@ def _route(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
         verdict.excludes(f"{user.key} does not arrive, without a reason")
 
 
-def _meant(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
-    """Return what ``nearest:N`` means: the N nearest that move, centre to centre, when the ego starts."""
+def _check_nearest(asked: Fields, report: Fields, base: SceneFile, verdict: Verdict) -> None:
+    """Return the vehicles of ``nearest:N``: the N nearest moving ones, centre to centre, when the ego starts."""
     selectors = asked.get("vehicles", ())
     found = re.fullmatch(r"nearest:(\d+)", selectors[0]) if len(selectors) == 1 else None
     if found is None or not base.problems:
@@ -321,7 +319,7 @@ def _outcome(row: Fields, run: StoredRun, world: World, verdict: Verdict) -> Non
 
 
 def _reaches(run: StoredRun, scene: SceneFile) -> bool:
-    """Whether the last state lies in a goal of the problem, in its time."""
+    """Return True if the last state is in a goal of the problem, within its time."""
     problem = next((one for one in scene.problems if one.key == run.record["problem_id"]), None)
     ego = run.ego_at(run.last_step)
     if problem is None or ego is None:
@@ -336,10 +334,10 @@ def _reaches(run: StoredRun, scene: SceneFile) -> bool:
 
 
 def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
-    """How a run collided, its closest moment, and its largest motions."""
+    """Check how a run collided, its closest approach, and its largest motions."""
     contact, closest = review["contact"], review["closest"]
     if contact is not None and contact["obstacle_id"] is not None:
-        ego, other = _both(run, world, contact)
+        ego, other = _ego_and_other(run, world, contact)
         gap = math.nan if ego is None or other is None else ego.gap_to(other[1])
         verdict.holds(f"touches {contact['obstacle_id']} at {contact['time_s']} s", gap <= 0.05, gap)
         if ego is not None and other is not None:
@@ -350,7 +348,7 @@ def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
     if closest is not None:
         least = min(_gaps(run, world), default=math.nan)
         verdict.close("closest", closest["gap_m"], least, 0.02)
-        ego, other = _both(run, world, closest)
+        ego, other = _ego_and_other(run, world, closest)
         there = ego is not None and other is not None and abs(ego.gap_to(other[1]) - least) < 0.02
         verdict.holds(f"to {closest['obstacle_id']} at {closest['time_s']} s", there, least)
         if ego is not None and other is not None:
@@ -366,8 +364,8 @@ def _moments(review: Fields, run: StoredRun, world: World, verdict: Verdict) -> 
             verdict.close(f"{largest['name']} at {largest['time_s']} s", largest["value"], at)
 
 
-def _both(run: StoredRun, world: World, moment: Fields) -> tuple[Body | None, tuple[str, Body] | None]:
-    """The ego and the other at a moment of a run."""
+def _ego_and_other(run: StoredRun, world: World, moment: Fields) -> tuple[Body | None, tuple[str, Body] | None]:
+    """Return the ego and the other road user at a time of a run."""
     step = run.first_step + round(moment["time_s"] / run.step_s)
     return run.ego_at(step), world.others_of(run, step).get(moment["obstacle_id"])
 
@@ -381,14 +379,14 @@ def _gaps(run: StoredRun, world: World) -> Iterator[float]:
 
 
 def _figures(fields: Fields, run: StoredRun, world: World, verdict: Verdict) -> None:
-    """The distance that a single run drove, and its moments one by one."""
+    """Check the driven distance of a single run, and its events one by one."""
     steps = list(zip(run.series("x_m"), run.series("y_m"), strict=True))
     driven = sum(math.dist(one, other) for one, other in itertools.pairwise(steps))
     for metric in fields.get("metrics", ()):
         if metric["name"] == "distance_m":
             verdict.close("distance driven", metric["median"], driven, 0.005 * driven)
     for moment in fields.get("timeline", ()):
-        ego, other = _both(run, world, moment)
+        ego, other = _ego_and_other(run, world, moment)
         if ego is not None:
             verdict.close(f"speed at {moment['time_s']} s", moment["speed_mps"], ego.speed)
         if ego is not None and other is not None:
@@ -442,13 +440,13 @@ def _search(told: Told, world: World, verdict: Verdict) -> None:
 
 
 def _plain(kind: str) -> str:
-    """A class as it is compared: without case and blanks."""
+    """Return a class in comparable form, without case and blanks."""
     plain = re.sub(r"[^a-z]", "", kind.lower())
     return {"person": "pedestrian"}.get(plain, plain)
 
 
 def _fits(scene: SceneFile, asked: Mapping[str, Any]) -> bool:
-    """Whether a file meets the conditions on classes, the ego's speed, tags and place."""
+    """Return True if a file meets the conditions on classes, the ego's speed, tags and place."""
     counts = Counter({_plain(kind): many for kind, many in scene.counts.items()})
     for condition in asked.get("obstacles", []):
         name, sign, number = re.fullmatch(r"(\w+)(>=|<=|=)?(\d+)?", condition).groups()  # type: ignore[union-attr]
@@ -513,8 +511,8 @@ _RULES: Mapping[str, Callable[[Told, World, Verdict], None]] = {
 def unanswered(told: Told, asks: Sequence[str]) -> Iterator[str]:
     """Return the fields, such as ``runs.outcome``, that an answer leaves empty or does not repeat in its text.
 
-    Any element of a list may hold a field, and any of several fields that ``|`` separates will do. A name without a
-    blank and a number have to stand in the text.
+    A field may be in any element of a list, and any alternative separated by ``|`` suffices. A name without a blank and
+    a number must appear in the text.
     """
     for ask in asks:
         values = [value for path in ask.split("|") for value in _at(told.structured, path.split("."))]

@@ -1,9 +1,9 @@
-"""How many spellings of places are understood as a local would: roads, crossings, settlements, whole maps, refusals.
+"""Measures how many spellings of places are understood: roads, crossings, settlements, whole maps, refusals.
 
-``places.tsv`` holds a spelling a line: the words, their language, the maps that may be chosen, what is meant, and
-whether the case was kept aside while names were being worked on. What is meant is an element of the map file (``way
-123``, several with `` + `` for a crossing; ``area node 5`` for a part of a map), ``map`` for the whole map, or
-``refused`` with the reason. The element's names and position are read from the file here, by osmium alone.
+Each line of ``places.tsv`` holds a spelling, its language, the maps to choose from, what it means, and whether the case
+was held out while the search for names was developed. The meaning is an element of the map file (``way 123``, several
+with `` + `` for a crossing, ``area node 5`` for a part of a map), ``map`` for the whole map, or ``refused`` with the
+reason. This module reads the element's names and position from the file with osmium.
 """
 
 import argparse
@@ -24,12 +24,12 @@ from ..harness import shared_folder
 
 _CASES = Path(__file__).parent / "places.tsv"
 _LARGEST_AREA_DEG = 0.1
-"""Height of the largest box that may be taken for a town or a part of one: 11 km (chosen)."""
+"""Height of the largest box that may represent a town or a part of one: 11 km (chosen)."""
 
 
 @dataclass(frozen=True)
 class PlaceCase:
-    """Words for a place, the map files that may be chosen, and what is meant there."""
+    """A spelling of a place, the map files to choose from, and the expected meaning."""
 
     words: str
     language: str
@@ -47,7 +47,7 @@ class _Element:
 
 
 def place_cases() -> list[PlaceCase]:
-    """All cases of the data file, in its order."""
+    """Return all cases of the data file, in its order."""
     with _CASES.open(encoding="utf-8", newline="") as stream:
         return [
             PlaceCase(
@@ -58,7 +58,7 @@ def place_cases() -> list[PlaceCase]:
 
 
 def measure_places() -> tuple[float, float, int]:
-    """The share of spellings understood among those worked with and among those kept aside, and their number."""
+    """Return the share of spellings understood in the tuned and the held-out set, and their numbers."""
     faults = place_faults(place_cases())
     shares = [
         sum(not fault for case, fault in faults if case.aside is aside)
@@ -69,7 +69,7 @@ def measure_places() -> tuple[float, float, int]:
 
 
 def place_faults(cases: Sequence[PlaceCase]) -> list[tuple[PlaceCase, str]]:
-    """Each case with what is wrong about how it was understood; empty where nothing is."""
+    """Return each case with the fault in its interpretation, empty if it is right."""
     with tempfile.TemporaryDirectory() as folder:
         files = sorted(path for path in (shared_folder() / "data" / "osm").iterdir() if ".osm" in path.name)
         entries = {path.name: _entry(path, Path(folder)) for path in files}
@@ -97,7 +97,7 @@ def _fault(case: PlaceCase, entries: Mapping[str, MapEntry]) -> str:
 
 
 def wrong_there(expected: str, match: MapMatch) -> str:
-    """What is wrong about the part of a map that was chosen for what was expected; empty where nothing is."""
+    """Return the fault in the chosen part of a map, empty if it is the expected one."""
     elements = _elements(match.entry.path)
     box = match.box
     if expected == "map":
@@ -119,7 +119,7 @@ def wrong_there(expected: str, match: MapMatch) -> str:
 
 @cache
 def _elements(path: Path) -> dict[str, _Element]:
-    """Elements with tags by ``node 1`` or ``way 1``; the middle of a way is that of its first and last node."""
+    """Return elements with tags by ``node 1`` or ``way 1``; a way's middle is that of its first and last node."""
     import osmium
 
     found = {}
@@ -138,7 +138,7 @@ def _elements(path: Path) -> dict[str, _Element]:
 
 @cache
 def _bounds(path: Path) -> tuple[float, float, float, float]:
-    """The box around the roads of the file: south, west, north, east in degrees."""
+    """Return the box around the roads of the file: south, west, north, east in degrees."""
     import osmium
 
     points = [
@@ -153,9 +153,9 @@ def _bounds(path: Path) -> tuple[float, float, float, float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the shares and what was not understood; ``--dev`` names no case that was kept aside."""
+    """Print the shares and the misunderstood cases; ``--dev`` hides the held-out ones."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--dev", action="store_true", help="name only the cases that are worked with")
+    parser.add_argument("--dev", action="store_true", help="list only the cases that are not held out")
     given = parser.parse_args(arguments)
     faults = place_faults(place_cases())
     for case, fault in faults:

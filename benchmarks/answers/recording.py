@@ -1,9 +1,9 @@
-"""Every answer that the requests of the dev corpora get, with its tokens; of this checkout or of another one.
+"""Records every answer to the requests of the dev corpora with its tokens, from this checkout or another one.
 
-Calls are those of the ground truth: arguments of the selection, generation, modification and tuning corpora as the
-benches of those make them; of a conversation each turn in order, with the ids that earlier answers gave. The routing
-corpus names no arguments: one call stands for each class of request. Requests at which a question is to be asked back
-call nothing. Of work that becomes a job only the last answer counts.
+The calls are the ground truth: arguments of the selection, generation, modification and tuning corpora as their benches
+use them, and each turn of a conversation in order, with the ids of earlier answers. The routing corpus names no
+arguments, so one call represents each class of request. Requests that need a question back are not called. If work
+becomes a job, only its last answer counts.
 """
 
 import json
@@ -34,14 +34,14 @@ CORPORA = ("selection", "tuning", "modification", "generation", "routing", "e2e"
 _MODIFICATION = ("T", "B", "P", "G", "composite")
 _WAIT_S = 50
 _MOVED = {"up": "+0.3", "down": "*0.5"}
-"""What stands for a direction without a value (chosen)."""
+"""The change for a direction without a value (chosen)."""
 _DETAILS = {
     "cost_terms": "costs",
     "recommendation": "findings",
     "correlation": "findings",
     "failure_reason": "timeline",
 }
-"""The detail of analyze_results that belongs to what a turn asks."""
+"""The detail of analyze_results that fits a turn's request."""
 Arguments = Mapping[str, Any]
 
 
@@ -55,7 +55,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a call was answered with: all text that a client shows, the structured content, whether it is an error."""
+    """The answer to a call: all text that a client shows, the structured content, and whether it is an error."""
 
     call: Call
     text: str
@@ -65,7 +65,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Recorded:
-    """An answer of a corpus: its line, and what it cost."""
+    """An answer of a corpus: its line and its cost."""
 
     corpus: str
     line: str
@@ -78,7 +78,7 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the answers of a recording cost, in tokens; ``of``: the checkout, ``command``: what recorded it."""
+    """The tokens of a recording's answers; ``of``: the checkout, ``command``: the recording command."""
 
     of: str
     command: str
@@ -92,9 +92,9 @@ class Summary:
 def opened(
     workspace: Path, roots: Sequence[Path], checkout: Path | None = None, *, maps: Path | None = None
 ) -> AbstractAsyncContextManager[Client]:
-    """A client of a server on a workspace: in this process, or in one of its own that runs another checkout.
+    """Open a client of a server on a workspace, in this process or in a separate one with another checkout.
 
-    Its maps are the built-in ones and those of a folder, or of the shared data if none is given.
+    Its maps are the built-in ones and those of a folder, by default the shared data.
     """
     maps = maps or shared_folder() / "data" / "osm"
     if checkout is None:
@@ -123,7 +123,7 @@ def opened(
 
 
 async def answer_to(client: Client, call: Call) -> Answer:
-    """The answer of a call; of work that becomes a job the answer of ``get_job`` when it has ended."""
+    """Return the answer of a call; for work that becomes a job, the answer of ``get_job`` after its end."""
     result = await client.call_tool(call.tool, dict(call.arguments))
     while _is_running(result):
         job = str((result.structured_content or {})["job_id"])
@@ -139,7 +139,7 @@ def _is_running(result: CallToolResult) -> bool:
 async def record(
     workspace: Path, corpora: Collection[str] = CORPORA, checkout: Path | None = None, every: int = 1
 ) -> AsyncIterator[Recorded]:
-    """Answers to all calls of the corpora, or to those of every so many lines of each, as they come."""
+    """Yield answers to all calls of the corpora, or to those of every n-th line of each, as they come."""
     scenarios, maps = shared_scenarios(), shared_folder() / "data" / "osm"
     async with opened(workspace, (scenarios, maps), checkout) as client:
         imported = await answer_to(client, Call("import_files", {"path": str(scenarios)}))
@@ -166,7 +166,7 @@ def _rows(name: str) -> list[dict[str, Any]]:
 
 
 def _single_calls(corpus: str) -> Iterator[tuple[str, Call]]:
-    """The line and the call of each request of a corpus of single requests."""
+    """Yield the line and the call of each request of a corpus of single requests."""
     if corpus == "selection":
         yield from ((row["id"], call) for row in _rows("selection") if (call := _selection_call(row)))
     elif corpus == "tuning":
@@ -202,7 +202,7 @@ _ROUTED: Mapping[str, Call] = {
     "batch_analysis": Call("analyze_results", {"results": ["latest_batch"]}),
     "vehicle_mod": Call("describe_scenario", {"scenario_id": "ZAM_Zip-1_6_T-1", "detail": "vehicles"}),
 }
-"""What stands for a class of requests without written arguments; an edit begins with a look at the vehicles."""
+"""The call for a class of requests without written arguments; an edit begins with a look at the vehicles."""
 
 
 def _map_names() -> frozenset[str]:
@@ -223,7 +223,7 @@ def _selection_call(row: Mapping[str, Any]) -> Call | None:
 
 
 def _given(arguments: Model, without: Collection[str] = ()) -> Arguments:
-    """Arguments as a client sends them: what was given alone."""
+    """Return the arguments as a client sends them, without unset ones."""
     return arguments.model_dump(mode="json", exclude_defaults=True, exclude=set(without))
 
 
@@ -243,7 +243,7 @@ def _modification_call(row: Mapping[str, Any]) -> Call | None:
 
 
 def _tuning(row: Mapping[str, Any]) -> Arguments:
-    """Arguments of configure_planner for a line of the tuning corpus, on the configuration of its context."""
+    """Return arguments of configure_planner for a line of the tuning corpus, on the configuration of its context."""
     truth, context = row["truth"], row["context"]
     if row["expect"] == "refuse":
         return _refused_tuning(row)
@@ -279,7 +279,7 @@ class _Conversation:
         self._runs: dict[int, list[str]] = {}
 
     async def held(self, row: Mapping[str, Any]) -> AsyncIterator[Recorded]:
-        """The answers of its turns; a turn that builds on one which was refused calls nothing."""
+        """Yield the answers of its turns; a turn that depends on a refused one calls nothing."""
         for turn in row["turns"]:
             for action in str(turn["action"]).split("+"):
                 call = self._call(action, turn)
@@ -360,7 +360,7 @@ class _Conversation:
         return Call("run_planner", {"scenarios": [wanted], "configs": [self._config], **traffic}) if wanted else None
 
     def _note(self, action: str, turn: Mapping[str, Any], answer: Answer) -> None:
-        """Keep what later turns build on."""
+        """Keep the values that later turns need."""
         if answer.is_error:
             return
         given = answer.structured
@@ -379,7 +379,7 @@ class _Conversation:
 
 
 def summary_of(answers: Sequence[Recorded], of: str, command: str) -> Summary:
-    """Median and 95th percentile of the tokens of all answers, and counts with medians by tool and by corpus."""
+    """Return median and 95th percentile of the tokens of all answers, and counts and medians by tool and by corpus."""
     tokens = [answer.tokens for answer in answers]
 
     def by(name: str) -> dict[str, tuple[int, float]]:
@@ -392,10 +392,10 @@ def summary_of(answers: Sequence[Recorded], of: str, command: str) -> Summary:
 
 
 def written(value: Summary | Recorded) -> str:
-    """A summary or an answer as one line of JSON."""
+    """Return a summary or an answer as one line of JSON."""
     return json.dumps(asdict(value), ensure_ascii=False)
 
 
 def read_recording(path: Path) -> list[Recorded]:
-    """The answers that ``written`` wrote, one a line."""
+    """Return the answers that ``written`` wrote, one per line."""
     return [Recorded(**json.loads(line)) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -1,1 +1,1 @@
-"""Faults: planner batches under killed servers, workers and a full disk, and imports that are killed."""
+"""Faults: planner batches with killed servers and workers and a full disk, and killed imports."""

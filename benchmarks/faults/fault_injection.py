@@ -1,4 +1,4 @@
-"""Fault injection for ``make bench-faults``: runs that hang or crash the native core, instead of those asked for."""
+"""Fault injection for ``make bench-faults``: runs that hang or crash the native core in place of the requested ones."""
 
 import ctypes
 import time
@@ -19,11 +19,11 @@ from plannerforge.schemas.planning import RunRequest, RunResponse
 
 RunOperation = Operation[RunRequest, RunResponse]
 _HANG_LIMIT_S = 4.0
-"""Time limit of a run that is to hang (chosen): short, because it is always waited for."""
+"""Time limit of a hanging run (chosen): short, because the bench always waits for it."""
 
 
 def hang(request: RunRequest, report: ProgressReporter) -> RunResponse:
-    """Never answer."""
+    """Hang forever."""
     report(0.1, request.scenario_id)
     while True:
         time.sleep(1.0)

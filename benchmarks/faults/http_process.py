@@ -1,4 +1,4 @@
-"""A server by HTTP as benches start and end one, and a client of it."""
+"""Starts and stops an HTTP server for benches, and connects a client."""
 
 import os
 import sys
@@ -15,13 +15,13 @@ from mcp.types import CONNECTION_CLOSED, ErrorData, JSONRPCError
 
 _TIMEOUT_S = 120.0
 _STOP_S = 60.0
-"""How long a client waits for an answer, and the server has to end; chosen."""
+"""Time limits for an answer, and for the end of the server (chosen)."""
 QUIET = {"PLANNERFORGE_MAPS_ONLINE": "offline"}
 
 
 @dataclass(frozen=True)
 class HttpProcess:
-    """A server process that listens, and where."""
+    """A listening server process and its address."""
 
     process: psutil.Process
     url: str
@@ -33,10 +33,10 @@ def http_process(
     arguments: Sequence[str] = ("-m", "plannerforge", "serve", "--http"),
     settings: Mapping[str, str] | None = None,
 ) -> Iterator[HttpProcess]:
-    """A server of its own in a folder, on a free port; ended by a signal, as an operator ends it.
+    """Run a server in a folder on a free port, and end it by a signal, as an operator does.
 
     Raises:
-        RuntimeError: it did not begin to listen, or did not end well.
+        RuntimeError: it did not start to listen, or did not end well.
     """
     environment = {**os.environ, **QUIET, "PLANNERFORGE_WORKSPACE": str(folder / "workspace"), **(settings or {})}
     log = folder / "server.log"
@@ -52,10 +52,10 @@ def http_process(
 def listening(
     arguments: Sequence[str], folder: Path, environment: Mapping[str, str], log: Path
 ) -> Iterator[HttpProcess]:
-    """A server that listens on a free port until the block ends, when it is killed where it still runs.
+    """Run a server on a free port until the block ends, and kill it then if it still runs.
 
     Raises:
-        RuntimeError: it did not begin to listen.
+        RuntimeError: it did not start to listen.
     """
     with log.open("w") as stderr:
         started = psutil.Popen(
@@ -78,7 +78,7 @@ def _address(started: psutil.Popen, log: Path) -> str:
             started.wait(timeout=0.05)
         except psutil.TimeoutExpired:
             continue
-    raise RuntimeError(f"the server does not listen: {log.read_text()[-2000:]}")
+    raise RuntimeError(f"the server did not start to listen: {log.read_text()[-2000:]}")
 
 
 class _Outliving(httpx2.AsyncHTTPTransport):
@@ -98,7 +98,7 @@ class _Outliving(httpx2.AsyncHTTPTransport):
 
 @asynccontextmanager
 async def http_client(url: str, token: str = "", mode: str = "auto") -> AsyncIterator[Client]:
-    """A client of a server by HTTP, which outlives it: its calls are errors then."""
+    """Open a client of an HTTP server that outlives the server: its later calls are errors."""
     headers = {"Authorization": f"Bearer {token}"} if token else {}
     async with (
         httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(_TIMEOUT_S), transport=_Outliving()) as http,

@@ -1,11 +1,11 @@
-"""``make bench-import-crashes``: 30 kills at random moments of imports of real scenarios.
+"""``make bench-import-crashes``: 30 kills at random times during imports of real scenarios.
 
-Keys: ``blows``, ``disagreements`` (database, files, catalogue and text index after each restart, and files that are
-missing in the end). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else ``../shared``.
+Keys: ``blows`` (kills), ``disagreements`` (between database, files, catalogue and text index after each restart, plus
+files missing at the end). The bench needs the real scenarios in ``PLANNERFORGE_SHARED`` or ``../shared``.
 
-With arguments (``python -m benchmarks.faults.imports WORKSPACE FOLDER``) it is the server that gets killed: it
-imports the folder while a thread builds the text index again and again. Its vectors are made of hashes: what is tested
-here are the two stores, and a language model would take ten times as long to load as the import takes.
+``python -m benchmarks.faults.imports WORKSPACE FOLDER`` is the server that gets killed: it imports the folder while a
+thread rebuilds the text index. The vectors are hashes, because loading a language model takes ten times as long as the
+import.
 """
 
 import hashlib
@@ -43,26 +43,26 @@ from ..harness import existing, print_figures, shared_scenarios
 _KILLS, _FILES, _SEED = 30, 40, 20261121
 _MODEL = "hashes"
 _ALL = 1_000_000
-"""More artifacts than a test workspace holds."""
+"""A number larger than the artifacts of any test workspace."""
 _LATEST_S = 0.4
-"""Longest time from the moment at which the chosen file was stored to the kill (chosen)."""
+"""Longest delay of the kill after the chosen file is stored (chosen)."""
 _GUARD_S = 300.0
-"""Longest time for which a server is waited for (chosen): an import of 40 files takes seconds."""
+"""Longest wait for a server (chosen): an import of 40 files takes seconds."""
 
 
 @dataclass
 class _KillTally:
-    """Kills by what was killed or had ended before, and what did not agree afterwards."""
+    """Kills by target (or finished before), and disagreements afterwards."""
 
     kills: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
 
 
 def kill_imports(workspace: Path, folder: Path, chance: random.Random, kills: int) -> _KillTally:
-    """Import the folder again and again, each time with a kill at a random moment, then once undisturbed.
+    """Import the folder repeatedly, each time with a kill at a random time, then once undisturbed.
 
-    The server is killed, or (one time in three) one of its processes only. After each the workspace is opened and
-    checked. A workspace that is full is followed by a new one beside it.
+    Each kill hits the server or, one time in three, only one of its processes. After each the workspace is opened and
+    checked. A new workspace replaces a full one.
     """
     tally, number = _KillTally(), 0
     total = len(list(folder.glob("*.xml")))
@@ -81,7 +81,7 @@ def kill_imports(workspace: Path, folder: Path, chance: random.Random, kills: in
 
 
 def _stored(root: Path) -> int:
-    """Scenarios in a workspace's database, 0 where there is none yet."""
+    """Count the scenarios in a workspace's database, 0 if there is no database yet."""
     if not (root / "workspace.sqlite").is_file():
         return 0
     connection = sqlite3.connect(f"file:{root / 'workspace.sqlite'}?mode=ro", uri=True, timeout=10.0)
@@ -94,7 +94,7 @@ def _stored(root: Path) -> int:
 
 
 def disagreements(root: Path) -> list[str]:
-    """What does not fit in a workspace after a restart: database, files, catalogue and text index."""
+    """Return the inconsistencies of a workspace after a restart: database, files, catalogue and text index."""
     workspace = Workspace(root)
     try:
         faults, texts = store_disagreements(workspace)
@@ -104,9 +104,9 @@ def disagreements(root: Path) -> list[str]:
 
 
 def store_disagreements(workspace: Workspace) -> tuple[list[str], dict[str, str]]:
-    """What does not fit between database, files and catalogue, and the catalogue's texts.
+    """Return the inconsistencies between database, files and catalogue, and the catalogue's texts.
 
-    All is read as it was at one moment: another server may be at work.
+    Everything is read as of one point in time, because another server may be working.
     """
     connection = workspace.database.connection()
     whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
@@ -130,7 +130,7 @@ def store_disagreements(workspace: Workspace) -> tuple[list[str], dict[str, str]
 
 
 def _index_faults(index: Path, texts: dict[str, str]) -> list[str]:
-    """Every generation that is marked complete can be searched, and the current one holds what the catalogue lists."""
+    """Check that every complete generation can be searched and that the current one holds the listed catalogue."""
     vector = _hash_vectors(["a busy road"])[0]
     faults = [
         f"the index {marker.parent.name} is empty"
@@ -143,7 +143,7 @@ def _index_faults(index: Path, texts: dict[str, str]) -> list[str]:
 
 
 def _hash_vectors(texts: Sequence[str]) -> Vectors:
-    """Unit vectors that depend on nothing but the texts, shape (n, 384)."""
+    """Return unit vectors that depend only on the texts, shape (n, 384)."""
     made = [
         np.random.default_rng(int(hashlib.sha256(text.encode()).hexdigest(), 16)).standard_normal(384) for text in texts
     ]

@@ -1,13 +1,16 @@
-"""``make bench-kills``: 50 kills at random moments of two servers on one workspace that import, edit, run and generate.
+"""``make bench-kills``: 50 kills at random times of two servers that import, edit, run and generate in one workspace.
 
-Keys: ``kills``, ``broken_after_restart`` (what does not fit after a kill, and in the end: records, files, catalogue,
-jobs that seem to run, loads that do not finish when left alone, defects), ``orphans`` (processes
-that outlived the server or worker that had started them). Needs the real scenarios: ``PLANNERFORGE_SHARED``, else
-``../shared``.
+Keys:
 
-With arguments (``python -m benchmarks.faults.mixed_load WORKSPACE FOLDER NUMBER``) it is one of the servers: it
-carries out the load of this number, all kinds of work at once, and ends. A load whose server was killed is taken up by
-the next one.
+- ``kills``.
+- ``broken_after_restart``: inconsistencies after each kill and at the end: records, files, catalogue, jobs that seem to
+  run, loads that do not finish undisturbed, and defects.
+- ``orphans``: processes that outlived the server or worker that started them.
+
+The bench needs the real scenarios in ``PLANNERFORGE_SHARED`` or ``../shared``.
+
+``python -m benchmarks.faults.mixed_load WORKSPACE FOLDER NUMBER`` is one of the servers: it carries out the load with
+this number, all kinds of work at once, and exits. The next server resumes the load of a killed one.
 """
 
 import argparse
@@ -44,22 +47,22 @@ from .imports import store_disagreements
 from .processes import MARK, alive, command_of, descendants, kill, marked, remaining
 
 _SEED, _SERVERS, _BASES, _COPIES = 20261122, 2, 3, 4
-"""Of the scenarios that a load imports: how many are real, and copies of each under an id of its own (chosen)."""
+"""Number of real scenarios for a load, and of copies of each under unique ids (chosen)."""
 _LARGEST_BYTES = 400_000
-"""Files of the load; chosen: reading is most of the time of a short run."""
+"""Largest size of a load's file in bytes (chosen): reading is most of the time of a short run."""
 _LATEST_S = 10.0
-"""Longest time from the first worker of a server to the kill (chosen)."""
+"""Longest delay of the kill after a server's first worker (chosen)."""
 _GUARD_S = 900.0
-"""Longest time for which an undisturbed load is waited for (chosen): it takes less than a minute."""
+"""Longest wait for an undisturbed load (chosen): it takes less than a minute."""
 _ALL = 1_000_000
 _STORED = {"scenario": ("scenario.xml",), "config": ("config.yaml",), "run": ("steps.json", "timing.json"), "batch": ()}
 _OWN_FAULTS = tuple(f"[{error.code}]" for error in (WorkerFailure, WorkerTimeout))
-"""Errors that a killed worker explains: the call is made again."""
+"""Errors that a killed worker explains, after which the call is repeated."""
 
 
 @dataclass
 class _Tally:
-    """Kills by what was killed, what did not fit afterwards, and processes that were left."""
+    """Kills by target, inconsistencies afterwards, and processes left behind."""
 
     kills: Counter[str] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
@@ -68,7 +71,7 @@ class _Tally:
 
 @dataclass
 class _Server:
-    """A server with its load; ``mark`` is what all its processes bear."""
+    """A server with its load; all its processes carry ``mark``."""
 
     process: subprocess.Popen[str]
     load: int
@@ -83,14 +86,14 @@ class _Server:
         return cls(process, load, mark)
 
     def descendants(self) -> list[psutil.Process]:
-        """Its workers and what they started; none where it has ended."""
+        """Return its workers and their descendants; empty if it has ended."""
         try:
             return descendants(psutil.Process(self.process.pid))
         except psutil.NoSuchProcess:
             return []
 
     def left(self) -> list[psutil.Process]:
-        """Processes with its mark that still run, but for the server itself."""
+        """Return running processes with its mark, except the server itself."""
         return marked(self.mark, self.process.pid)
 
 
@@ -125,7 +128,7 @@ def kill_servers(root: Path, folder: Path, chance: random.Random, kills: int) ->
 
 
 def _wait_for_work(server: _Server, chance: random.Random) -> bool:
-    """Wait until the server has workers and then for a random time; False where it has ended meanwhile."""
+    """Wait until the server has workers and then for a random time; return False if it ended meanwhile."""
     moment = None
     while server.process.poll() is None and (moment is None or time.monotonic() < moment):
         if moment is None and server.descendants():
@@ -135,7 +138,7 @@ def _wait_for_work(server: _Server, chance: random.Random) -> bool:
 
 
 def _strike(server: _Server, chance: random.Random, tally: _Tally) -> str:
-    """Kill the server, or (one time in three) a process that it or its workers started; gives what was killed."""
+    """Kill the server or, one time in three, a descendant process; return the target."""
     others = server.descendants()
     if others and chance.random() < 1 / 3:
         victim = chance.choice(others)
@@ -151,7 +154,7 @@ def _strike(server: _Server, chance: random.Random, tally: _Tally) -> str:
 
 
 def _end(server: _Server, tally: _Tally) -> None:
-    """Wait for the end of an undisturbed load, and note what was wrong with it."""
+    """Wait for the end of an undisturbed load, and record its faults."""
     try:
         _, errors = server.process.communicate(timeout=_GUARD_S)
     except subprocess.TimeoutExpired:
@@ -163,7 +166,7 @@ def _end(server: _Server, tally: _Tally) -> None:
 
 
 def broken(root: Path) -> list[str]:
-    """What does not fit in a workspace on which servers were killed, whether or not another one works on it."""
+    """Return the inconsistencies of a workspace after kills of its servers, even while another one works on it."""
     if not (root / "workspace.sqlite").is_file():
         return []
     workspace = Workspace(root)
@@ -203,7 +206,7 @@ def _is_json(content: bytes) -> bool:
 
 
 def _is_served(workspace: Workspace, job_id: str) -> bool:
-    """Whether the process that a running job belongs to is one of the servers."""
+    """Return True if the process of a running job is one of the servers."""
     query = "SELECT owner_pid FROM jobs WHERE job_id = ?"
     (owner,) = workspace.database.connection().execute(query, (job_id,)).fetchone()
     try:
@@ -213,7 +216,7 @@ def _is_served(workspace: Workspace, job_id: str) -> bool:
 
 
 async def _carry_out(root: Path, folder: Path, number: int) -> None:
-    """The load of this number: an import, edits, a grid of runs and a generation, all at once."""
+    """Carry out the load with this number: an import, edits, a grid of runs and a generation, all at once."""
     files = sorted((folder / "bases").glob("*.xml"))
     own = _copies(files, folder / f"load{number}", number)
     async with Client(create_server(settings_for(root, folder, 2), start_folder=folder)) as client:
@@ -238,7 +241,7 @@ async def _whole_grid(client: Client, grid: dict[str, Any]) -> None:
 
 
 async def _done(client: Client, tool: str, arguments: dict[str, Any]) -> Any:
-    """The answer of a call; asked again where a worker died meanwhile.
+    """Return the answer of a call; repeat it if a worker died meanwhile.
 
     Raises:
         RuntimeError: it was refused.
@@ -253,7 +256,7 @@ async def _done(client: Client, tool: str, arguments: dict[str, Any]) -> Any:
 
 
 def _copies(bases: list[Path], folder: Path, number: int) -> Path:
-    """A folder with copies of scenarios under ids that no other load has."""
+    """Return a folder with copies of scenarios under ids that no other load uses."""
     folder.mkdir(exist_ok=True)
     for base in bases:
         text = base.read_text(encoding="utf-8")

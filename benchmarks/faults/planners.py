@@ -1,13 +1,16 @@
-"""``make bench-faults``: planner batches while servers and workers are killed, runs hang or crash, the disk is full.
+"""``make bench-faults``: planner batches while servers die, runs hang or crash, and the disk is full.
 
-Grids of small starter scenarios under fast configurations of both planners, their weights drawn at random. Of each grid
-the runs of one scenario hang and those of another crash the native core, at first; then servers are asked for the whole
-grid until it is whole, while faults strike at random moments. All moments and weights come from one seed.
+The grids use small starter scenarios and fast configurations of both planners with random weights. In each grid the
+runs of one scenario hang at first, and those of another crash the native core. Servers then receive the whole grid
+until it is complete, while faults strike at random times. One seed determines all times and weights.
 
-Keys: ``runs`` (asked for), ``results`` (runs stored), ``named_errors`` (runs and calls that ended in an error with a
-code), ``lost`` (runs that ended in neither), ``double`` (runs made or listed more than once), ``resumed`` (servers that
-took up a grid of one that was killed), ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``, ``crashed``
-(faults that struck), ``minutes``.
+Keys:
+
+- ``runs`` (requested), ``results`` (stored), ``named_errors`` (runs and calls that ended in an error with a code).
+- ``lost``: runs that ended in neither; ``double``: runs created or listed more than once.
+- ``resumed``: servers that resumed the grid of a killed one.
+- ``worker_killed``, ``server_killed``, ``disk_full``, ``hung``, ``crashed``: numbers of faults.
+- ``minutes``.
 """
 
 import argparse
@@ -47,22 +50,22 @@ from .fault_injection import CRASH, HANG, FaultInjector, RunOperation
 from .processes import workers_of_this_process
 
 _SCENARIOS, _CONFIGS, _FAULTY_CONFIGS = 10, 20, 4
-"""Of a grid, and the configurations with which the runs that hang or crash are tried (chosen)."""
+"""Size of a grid, and the number of configurations for the runs that hang or crash (chosen)."""
 _FAULTS_A_GRID = 15
-"""Faults that strike while a grid is carried out (chosen)."""
+"""Number of faults during a grid (chosen)."""
 _PLANNERS = {
     "frenetix:Default": (["prediction", "velocity_offset", "lateral_jerk"], ["sampling_level=1", "replan_steps=5"]),
     "idm": (["time_headway_s", "minimum_gap_m"], ["horizon_s=2"]),
 }
-"""Base configurations with the weights that are drawn and the settings that make their runs short."""
+"""Base configurations with the drawn weights and the settings for short runs."""
 _FAULTS = {"worker_killed": 12, "server_killed": 3, "disk_full": 4}
 """Every kind of fault with its share among all."""
 _FULL_AT_BYTES = 1024
-"""A server with this limit on the size of its files cannot write its database or a run: a full disk, as it sees it."""
+"""With this limit on file sizes a server cannot write its database or a run, as on a full disk."""
 _FULL_FOR_S, _BETWEEN_FAULTS_S = (0.3, 1.5), (1.0, 5.0)
-"""From and to: drawn times of a full disk and between two faults (chosen)."""
+"""Ranges of the drawn times of a full disk and between two faults (chosen)."""
 _MOST_CALLS = 40
-"""After these a grid counts as one that never gets whole (chosen)."""
+"""Number of calls after which a grid counts as incomplete (chosen)."""
 
 
 @dataclass
@@ -80,7 +83,7 @@ class _Grid:
 
 @dataclass
 class _Tally:
-    """What was done, and what was seen of it: faults by kind, codes of errors, and what has none."""
+    """The work and its observations: faults by kind, codes of errors, and errors without a code."""
 
     faults: Counter[str] = field(default_factory=Counter)
     errors: Counter[str] = field(default_factory=Counter)
@@ -88,7 +91,7 @@ class _Tally:
     calls: int = 0
 
     def see(self, text: str) -> None:
-        """Count an error by the code it names; a defect of ours is none."""
+        """Count an error by the code it names; a defect of ours has no code."""
         code = next((word for word in re.findall(r"\[(\w+)\]", text) if word in error_classes()), "")
         if code and code != UnexpectedFailure.code:
             self.errors[code] += 1
@@ -117,7 +120,7 @@ def _drive(workspace: Path, grid: _Grid, chance: random.Random, tally: _Tally, f
             tally.see(result.notes[-1])
         elif result.batch_id and not result.lost:
             return
-    raise RuntimeError(f"a grid was not whole after {_MOST_CALLS} calls")
+    raise RuntimeError(f"a grid is still incomplete after {_MOST_CALLS} calls")
 
 
 def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
@@ -137,7 +140,7 @@ def _server(workspace: Path, grid: _Grid) -> subprocess.Popen[str]:
 
 
 def _strike(process: subprocess.Popen[str], chance: random.Random, tally: _Tally, most: int) -> int:
-    """Strike a server again and again until it has ended or enough was done; gives the number of faults."""
+    """Strike a server repeatedly until it has ended or enough is done; return the number of faults."""
     struck = 0
     while struck < most and _still_runs(process, chance.uniform(*_BETWEEN_FAULTS_S)):
         fault = chance.choices(list(_FAULTS), weights=list(_FAULTS.values()))[0]
@@ -172,7 +175,7 @@ def _still_runs(process: subprocess.Popen[str], after_s: float) -> bool:
 
 @asynccontextmanager
 async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]) -> AsyncIterator[WorkflowContext]:
-    """A tool call in this process, in which the runs of some scenarios hang or crash."""
+    """Return a tool call in this process, in which the runs of some scenarios hang or crash."""
 
     async def ignore(share: float, message: str) -> None:
         del share, message
@@ -188,13 +191,13 @@ async def _faulty_call(workspace: Workspace, instead: Mapping[str, RunOperation]
 
 
 def _small_scenarios(workspace: Workspace) -> list[str]:
-    """Ids of the scenarios with the smallest files: reading is most of the time of a run."""
+    """Return ids of the scenarios with the smallest files: reading is most of the time of a run."""
     known = sorted(artifact.artifact_id for artifact in workspace.newest(kind="scenario", limit=1000))
     return sorted(known, key=lambda key: workspace.file("scenario", key, "scenario.xml").stat().st_size)[:_SCENARIOS]
 
 
 def _drawn_configs(call: WorkflowContext, chance: random.Random) -> tuple[str, ...]:
-    """Ids of new configurations, the planners in turn."""
+    """Return ids of new configurations, the planners in turn."""
     made = []
     for number in range(_CONFIGS):
         name = list(_PLANNERS)[number % len(_PLANNERS)]
@@ -228,14 +231,14 @@ def _count_lost_cells(workspace: Workspace, tally: _Tally) -> None:
 
 
 def _whole_batches(workspace: Workspace, grids: list[_Grid]) -> list[BatchRecord]:
-    """The batch of each grid that lost nothing, where there is one."""
+    """Return the batch of each grid that lost no run, if there is one."""
     batches = [artifact.read(BatchRecord) for artifact in workspace.newest(kind="batch", limit=10_000)]
     whole = {(batch.scenarios, batch.configs): batch for batch in batches if not batch.lost}
     return [whole[key] for grid in grids if (key := (grid.scenarios, grid.configs)) in whole]
 
 
 def _measure(folder: Path, runs: int, seed: int) -> None:
-    """Grids, one after the other, until at least ``runs`` runs were asked for."""
+    """Run grids one after the other until at least ``runs`` runs were requested."""
     began, chance, tally = time.monotonic(), random.Random(seed), _Tally()  # noqa: S311 - moments of faults, no secret
     workspace, grids = Workspace(folder), list[_Grid]()
     open_catalogue(workspace)

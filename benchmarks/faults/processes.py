@@ -1,4 +1,4 @@
-"""Processes that benches start and kill: their descendants, and which of them are left, by a mark that they inherit."""
+"""Processes that benches start and kill. Finds their descendants and survivors by a mark that they inherit."""
 
 import time
 from collections.abc import Callable
@@ -6,13 +6,13 @@ from collections.abc import Callable
 import psutil
 
 MARK = "PLANNERFORGE_BENCH_MARK"
-"""The variable by which whatever a server starts is known: it is inherited."""
+"""An inherited variable that identifies all descendants of a server."""
 _GONE_WITHIN_S = 10.0
-"""What was killed, and what it had started, has ended within this time (chosen)."""
+"""Time within which a killed process and its descendants must end (chosen)."""
 
 
 def marked(mark: str, but_pid: int) -> list[psutil.Process]:
-    """Processes that bear a mark and still run, but for one."""
+    """Return running processes that carry a mark, except one."""
     return [process for process in psutil.process_iter() if _bears(process, mark, but_pid)]
 
 
@@ -25,7 +25,7 @@ def _bears(process: psutil.Process, mark: str, but_pid: int) -> bool:
 
 
 def descendants(process: psutil.Process) -> list[psutil.Process]:
-    """What a process started, and what that started; nothing where it has ended."""
+    """Return the descendants of a process, empty if it has ended."""
     try:
         return process.children(recursive=True)
     except psutil.NoSuchProcess:
@@ -33,7 +33,7 @@ def descendants(process: psutil.Process) -> list[psutil.Process]:
 
 
 def alive(processes: list[psutil.Process]) -> list[psutil.Process]:
-    """Those that still run."""
+    """Return those that still run."""
     return [process for process in processes if process.is_running() and _status(process) != psutil.STATUS_ZOMBIE]
 
 
@@ -45,7 +45,7 @@ def _status(process: psutil.Process) -> str:
 
 
 def workers_of_this_process() -> list[psutil.Process]:
-    """All worker processes below this one."""
+    """Return all worker processes below this one."""
     workers = []
     for child in psutil.Process().children(recursive=True):
         try:
@@ -57,7 +57,7 @@ def workers_of_this_process() -> list[psutil.Process]:
 
 
 def remaining(left: Callable[[], list[psutil.Process]]) -> list[psutil.Process]:
-    """What is left of processes after they had time to end; these are killed."""
+    """Return the processes that outlive a grace period, and kill them."""
     until = time.monotonic() + _GONE_WITHIN_S
     while (processes := left()) and time.monotonic() < until:
         time.sleep(0.05)
@@ -67,7 +67,7 @@ def remaining(left: Callable[[], list[psutil.Process]]) -> list[psutil.Process]:
 
 
 def command_of(process: psutil.Process) -> list[str]:
-    """The command line of a process; nothing where it has ended."""
+    """Return the command line of a process, empty if it has ended."""
     try:
         return process.cmdline()
     except (psutil.NoSuchProcess, psutil.ZombieProcess):

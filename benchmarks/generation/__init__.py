@@ -1,1 +1,1 @@
-"""Scenarios from real maps, judged from the made files: ``python -m benchmarks.generation``."""
+"""Scenarios from real maps, judged by their files: ``python -m benchmarks.generation``."""

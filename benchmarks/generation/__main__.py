@@ -1,26 +1,30 @@
-"""``make bench-generation``: scenarios from real maps, judged from the made files.
+"""``make bench-generation``: scenarios from real maps, judged by their files.
 
-All maps are converted whole; then 200 requests that the maps can meet and those that must be refused are put to the
-generator, in worker processes. Standard error has a line for every scenario as soon as it is judged.
+The bench converts every map as a whole. Worker processes then send 200 requests that the maps can meet, and the ones
+that must be refused. Standard error has a line for each scenario as soon as it is judged.
 
-Keys: ``maps``, ``maps_converted``; ``requests`` (that can be met), and of the scenarios asked for by them the shares
-``executable`` (Frenetix finishes, collisions allowed), ``road_type``, ``vehicles``, ``place``, ``density`` (vehicles a
-lane-kilometre at the start within 25 % of the target, or a note tells why not), ``inside_lanelets`` (of all positions),
-``feasible`` (of a sample of tracks, by the drivability checker); ``overlaps`` (pairs),
-``refused_right`` (share of the requests to be refused; by reason in the table),
-``median_low_s`` and ``median_high_s`` (a scenario of 20 s: processor time of its process and of netconvert, without
-the first reading of a map), ``median_low_wall_s`` and ``median_high_wall_s`` (the same on the clock, which other work
-on the machine lengthens).
+Keys:
 
-With ``--fresh SEED`` maps are made just now instead (``benchmarks/symmetries/fresh_data.py``: two thirds whole, a third
-broken), and a scenario is asked for on each that is read, at a type of site that its index names (``fresh.py``). Keys
-then: ``seeds``; ``fresh_maps``, of which ``fresh_map_crashes`` broke off with anything else than a refusal by name,
-``fresh_maps_refused`` were refused, and ``fresh_without_site`` name no site; ``fresh_scenarios`` that were asked for,
-and the share ``fresh_executable`` of them: one that is refused, because all sites are lost for instance, is a failure;
-``fresh_off_road`` (runs in which the ego leaves the road); of the scenarios that came ``fresh_road_type`` (a share of
-``fresh_road_type_judged``: a SUMO network has no tags that tell town from country), ``fresh_vehicles``,
-``fresh_inside_lanelets``, ``fresh_feasible``, ``fresh_overlaps``; ``fresh_lost_sites`` (that the index names and the
-built network does not show).
+- ``maps``, ``maps_converted``; ``requests`` (that can be met).
+- Shares of the requested scenarios: ``executable`` (Frenetix finishes, collisions allowed), ``road_type``,
+  ``vehicles``, ``place``, ``density`` (vehicles per lane kilometre at the start within 25 % of the target, or a note
+  with the reason).
+- ``inside_lanelets`` (share of all positions), ``feasible`` (share of a sample of tracks, by the drivability checker),
+  ``overlaps`` (pairs).
+- ``refused_right``: share of the requests that must be refused (the table has the reasons).
+- ``median_low_s``, ``median_high_s``: processor time of a 20 s scenario including netconvert, without the first reading
+  of a map; ``median_low_wall_s``, ``median_high_wall_s``: wall time, which other work on the machine increases.
+
+``--fresh SEED`` uses newly created maps (``benchmarks/symmetries/fresh_data.py``: two thirds whole, one third broken)
+and requests a scenario on each map that is read, at a site type of its index (``fresh.py``). Keys:
+
+- ``seeds``; ``fresh_maps``, ``fresh_map_crashes`` (ended other than by a named refusal), ``fresh_maps_refused``,
+  ``fresh_without_site``.
+- ``fresh_scenarios`` (requested) and ``fresh_executable`` (share; a refusal counts as failure); ``fresh_off_road``
+  (runs that leave the road).
+- For the generated scenarios: ``fresh_road_type`` (share of ``fresh_road_type_judged``, because a SUMO network has no
+  tags for town or country), ``fresh_vehicles``, ``fresh_inside_lanelets``, ``fresh_feasible``, ``fresh_overlaps``.
+- ``fresh_lost_sites``: sites of the index that the built network does not show.
 """
 
 import argparse
@@ -49,20 +53,20 @@ from .fresh import measure_fresh
 
 Item = TypeVar("Item")
 REQUESTS, MISSING = 200, 40
-"""Requests that can be met, and ones for a type of site that is not there."""
+"""Number of feasible requests, and of those for a missing type of site."""
 SEEDS_APART = 100
-"""Between the seeds of two requests: more than scenarios of one."""
+"""Distance between the seeds of two requests: larger than the number of scenarios of one."""
 
 
 def _main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Measure the generator on real or fresh maps.")
-    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on maps made just now from these seeds")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="use new maps from these seeds")
     parser.add_argument("--count", type=int, default=100, help="with --fresh: maps of each seed (default: 100)")
     parser.add_argument("--shared", type=Path, default=shared_folder(), help="folder with data/osm and corpora/dev")
     parser.add_argument("--limit", type=int, default=None, help="only this many requests, refusals and maps")
-    parser.add_argument("--offset", type=int, default=0, help="with --limit: begin the sample this many further on")
-    parser.add_argument("--workers", type=int, default=2, help="processes that make and judge (default: 2)")
+    parser.add_argument("--offset", type=int, default=0, help="with --limit: offset of the sample")
+    parser.add_argument("--workers", type=int, default=2, help="number of worker processes (default: 2)")
     arguments = parser.parse_args()
     if arguments.fresh is not None:
         measure_fresh(arguments.fresh, arguments.count, arguments.workers)
@@ -84,7 +88,7 @@ def _main() -> None:
 
 
 def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], list[Refusal]]:
-    """What the maps can meet, and what has to be refused."""
+    """Return the requests that the maps can meet, and those that must be refused."""
     good = corpus_requests(lines, maps.names)
     good += seeded_requests(maps.places, maps.names, REQUESTS - len(good))
     bad = corpus_refusals(lines) + missing_requests(maps.places, maps.names, MISSING)
@@ -92,7 +96,7 @@ def _requests(lines: list[str], maps: BenchMaps) -> tuple[list[BenchRequest], li
 
 
 def _make(pool: ProcessPoolExecutor, requests: list[BenchRequest], maps: BenchMaps) -> list[Made]:
-    """All scenarios in the order of the requests; one process makes those of a map, as a warm worker does."""
+    """Return all scenarios in the order of the requests; one process handles a map, as a warm worker does."""
     groups: dict[str, list[tuple[BenchRequest, int]]] = {}
     for number, request in enumerate(requests):
         groups.setdefault(request.map_name, []).append((request, SEEDS_APART * number))
@@ -110,12 +114,12 @@ def _scenario_seconds(group: Sequence[tuple[BenchRequest, int]]) -> float:
 
 
 def _each(pool: ProcessPoolExecutor, items: Mapping[str, Item], job: Callable[[Item], str]) -> dict[str, str]:
-    """What a job answers for every item, by name."""
+    """Return the result of a job for every item, by name."""
     return dict(zip(items, pool.map(job, items.values()), strict=True))
 
 
 def _spread(items: list[Item], limit: int, offset: int) -> list[Item]:
-    """``limit`` of a list, evenly chosen, beginning at ``offset``."""
+    """Return ``limit`` evenly spaced items of a list, from ``offset`` on."""
     step = max(1, len(items) // limit)
     return items[offset % step :: step][:limit]
 

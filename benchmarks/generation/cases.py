@@ -1,4 +1,4 @@
-"""Single jobs of ``make bench-generation``: a map converted whole, a request made and judged, a request refused."""
+"""Single jobs of ``make bench-generation``: convert a whole map, carry out and judge a request, check a refusal."""
 
 import asyncio
 import tempfile
@@ -46,27 +46,27 @@ from .figures import DEFECT, Made, Stages, print_verdict
 from .motion import measure_motion
 
 _CHECKED_TRACKS = 3
-"""Of each scenario (chosen): a check takes half a second."""
+"""Tracks checked for each scenario (chosen): a check takes half a second."""
 _BEYOND_MAP_DEG, _BEYOND_BOX_DEG = 0.01, 0.0001
-"""A map's roads lead beyond its bounds; in a box that was asked for, only rounding is let pass (10 m)."""
+"""Tolerance of a map's bounds, because its roads extend beyond them; a requested box allows only rounding (10 m)."""
 
 
 @dataclass
 class Session:
-    """What one process keeps from request to request: the maps, which of them the generator has read, what they say."""
+    """The state of one process between requests: the maps, those that the generator has read, and their evidence."""
 
     maps: BenchMaps
     _read: set[str] = field(default_factory=set)
     _evidence: dict[str, MapEvidence] = field(default_factory=dict)
 
     def reads(self, map_path: Path | str) -> bool:
-        """Note that the generator reads a map; whether it is for the first time."""
+        """Record that the generator reads a map; return True if it is the first time."""
         first = str(map_path) not in self._read
         self._read.add(str(map_path))
         return first
 
     def evidence(self, map_path: str) -> MapEvidence:
-        """What a map file says; read once."""
+        """Return the evidence of a map file, read once."""
         if map_path not in self._evidence:
             self._evidence[map_path] = read_evidence(Path(map_path))
         return self._evidence[map_path]
@@ -125,7 +125,7 @@ def _failed(request: BenchRequest, error: PlannerForgeError) -> Made:
 def _make_somewhere(
     request: BenchRequest, site: AssignedSite, spare: list[MapMatch], session: Session, index: int, seed: int
 ) -> Made:
-    """A scenario as ordered, otherwise on the first spare map where it can be made, as the tool does it."""
+    """Generate a scenario as requested, otherwise on the first spare map that allows it, as the tool does."""
     try:
         asked = request_for(read_specification(request.arguments), site, index)
         return _make(request, asked, session, seed)
@@ -140,10 +140,10 @@ def _make_somewhere(
 
 
 def _make(request: BenchRequest, asked: GenerationRequest, session: Session, seed: int) -> Made:
-    """Make one scenario and judge it.
+    """Generate one scenario and judge it.
 
     Raises:
-        PlannerForgeError: it cannot be made.
+        PlannerForgeError: it cannot be generated.
     """
     with tempfile.TemporaryDirectory() as text:
         folder, stages = Path(text), Stages(first_read=session.reads(asked.map_path))
@@ -172,9 +172,9 @@ def _make(request: BenchRequest, asked: GenerationRequest, session: Session, see
 def _is_of_type(
     asked: GenerationRequest, report: GeneratedScenario, files: MadeFiles, evidence: MapEvidence
 ) -> bool | None:
-    """Of the type asked for, or, where any would do, of the one that the answer states; the answer states no other.
+    """Return True if the site has the requested type, or the answer's type if any was allowed; the answer must agree.
 
-    None where only tags tell the type, and the map is a SUMO network, which has none.
+    None if only tags determine the type and the map is a SUMO network, which has none.
     """
     stated = report.site.scenario_type
     if stated in TOLD_BY_TAGS and is_net(Path(asked.map_path)):
@@ -183,7 +183,7 @@ def _is_of_type(
 
 
 def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int | None]]:
-    """(least, most) of every class that has to be there, that of an ego of a class included."""
+    """Return (least, most) of every required class, including the ego's class."""
     required = {demand.vehicle_class: (demand.needed, demand.most) for demand in request.vehicles}
     ego = str(request.ego)
     other = ego.removeprefix("type:")
@@ -191,7 +191,7 @@ def _required_vehicles(request: GenerationRequest) -> dict[str, tuple[int, int |
 
 
 def _drive(loaded: LoadedScenario) -> tuple[bool, str]:
-    """Whether Frenetix with its default weights finishes a trajectory, and the outcome."""
+    """Return whether Frenetix with its default weights finishes a trajectory, and the outcome."""
     default, planner, problem = built_in("frenetix:Default"), make_planner("frenetix"), loaded.problem()
     try:
         vehicle = vehicle_of(default.settings, loaded.ego_class(int(problem.planning_problem_id)))
@@ -204,7 +204,7 @@ def _drive(loaded: LoadedScenario) -> tuple[bool, str]:
 def _place_is_right(
     request: BenchRequest, asked: GenerationRequest, report: GeneratedScenario, files: MadeFiles, session: Session
 ) -> bool:
-    """On the map meant, or on another one of the same place; in the country and the box asked for; near the street."""
+    """Return True if the map is the requested one or of the same place, in the country and box, and near the street."""
     name, country = session.maps.name_of(asked.map_id), request.arguments.country
     shown, box, street = session.maps.places[name], request.arguments.bbox, request.street
     meant = name == request.map_name or request.arguments.place in shown["places"]
@@ -217,7 +217,7 @@ def _place_is_right(
 
 
 def refused_right(refusal: Refusal, maps: Sequence[MapEntry]) -> str:
-    """Empty where a request is refused for the right reason, otherwise what happened."""
+    """Return an empty text if a request is refused for the right reason, otherwise what happened."""
     try:
         given = read_arguments(GenerateScenariosArguments, refusal.given)
         arguments = GenerateScenariosArguments.model_validate(given)

@@ -1,4 +1,4 @@
-"""What came out of ``make bench-generation``: verdicts on single scenarios, and their table."""
+"""The results of ``make bench-generation``: verdicts on single scenarios, and their table."""
 
 import statistics
 import sys
@@ -15,18 +15,18 @@ from .motion import MotionFigures
 
 _VERDICTS = ("executable", "road_type", "vehicles", "place")
 DEFECT = "defect: "
-"""Begins the fault of a scenario at which something else than a refusal was raised."""
+"""Prefix of a fault for an exception other than a refusal."""
 READING = "reading the map"
 """The message with which a generation reports that stage."""
 PAPER_COLLISIONS, FACTORY_COLLISIONS = 0.200, 0.061
-"""Shares of collisions that the paper states for its own scenarios and for those of Scenario Factory 2.0."""
+"""The paper's shares of collisions for its own scenarios and for those of Scenario Factory 2.0."""
 
 
 @dataclass
 class Stages:
-    """Time by stage, read off the progress of a generation: its messages name the stages.
+    """Time by stage, from the messages of a generation's progress, which name the stages.
 
-    ``first_read``: no scenario was made from this map in this process before, so that reading it does not count.
+    ``first_read``: this process has not used the map before, so reading it does not count.
     """
 
     first_read: bool = False
@@ -35,7 +35,7 @@ class Stages:
     _stage: str = ""
 
     def __call__(self, share: float, message: str = "") -> None:
-        """A new stage begins."""
+        """Start a new stage."""
         del share
         now = Spent.now()
         if self._stage:
@@ -51,9 +51,9 @@ class Stages:
 
 @dataclass(frozen=True)
 class Made:
-    """One scenario that was asked for and the verdicts on it; ``fault`` where none came.
+    """A requested scenario and its verdicts; ``fault`` if it was not generated.
 
-    ``road_type`` is None where nothing tells it apart from the generator; ``notes`` are those of the answer.
+    ``road_type`` is None if nothing independent of the generator determines it; ``notes`` are those of the answer.
     """
 
     request: BenchRequest
@@ -113,7 +113,7 @@ def print_generation(
 
 
 def motion_figures(found: Iterable[MotionFigures | None]) -> dict[str, float]:
-    """How the traffic of scenarios moves: shares of feasible tracks and of positions on lanelets, overlapping pairs."""
+    """Summarise the traffic of scenarios: shares of feasible tracks and of positions on lanelets, overlapping pairs."""
     motions = [motion for motion in found if motion is not None]
     return {
         "feasible": ratio(sum(motion.feasible for motion in motions), sum(motion.checked for motion in motions)),
@@ -139,14 +139,14 @@ def print_verdict(one: Made) -> None:
 
 
 def _by_reason(refusals: Sequence[tuple[Refusal, str]]) -> list[tuple[str, str]]:
-    """Of the requests to be refused for each reason, how many were."""
+    """Count the refused requests for each reason of the ones that must be refused."""
     asked = Counter(refusal.reason for refusal, _ in refusals)
     right = Counter(refusal.reason for refusal, fault in refusals if not fault)
     return [(reason, f"{right[reason]} of {count}") for reason, count in sorted(asked.items())]
 
 
 def ratio(part: int, whole: int) -> float:
-    """A share, rounded to four digits; 0 of nothing."""
+    """Return a share, rounded to four digits; 0 if the total is 0."""
     return round(part / whole, 4) if whole else 0.0
 
 
@@ -160,7 +160,7 @@ def _median(times_s: Sequence[float]) -> float:
 
 
 def _stages(made: Sequence[Made], density: str) -> list[tuple[str, Spent]]:
-    """The mean of every stage, in the order in which they first came; a first reading counts as none."""
+    """Return the mean of every stage in order of first occurrence, without first readings of a map."""
     timed = _timed(made, density)
     names = dict.fromkeys(name for stages in timed for name in stages.spent)
     sums = {

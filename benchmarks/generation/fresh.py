@@ -1,9 +1,9 @@
-"""Scenarios from maps that were made just now: what ``--fresh SEED`` measures.
+"""Scenarios from newly created maps, for ``--fresh SEED``.
 
-Two thirds of the maps are whole (``fresh_maps``), one third is broken (``mutated_maps``). Each goes the way of a user's
-file: it is read and searched for sites, its roads are converted as a whole, and where it is read, a scenario is made of
-a type of site that its index names; type, traffic and ego are drawn by the seed. A map is read or refused by name:
-anything else that is raised on this way is a crash.
+Two thirds of the maps are whole (``fresh_maps``), one third is broken (``mutated_maps``). Each takes the path of a
+user's file: it is read and searched for sites, and its roads are converted as a whole. If it can be read, a scenario is
+generated at a site type of its index, with type, traffic and ego drawn by the seed. A map must be read or refused by
+name; any other exception is a crash.
 """
 
 import random
@@ -33,21 +33,21 @@ from .cases import Session, make_all
 from .figures import DEFECT, Made, motion_figures
 
 WHOLE_M = 5_000.0
-"""Around the middle road, which holds a fresh map; a mutated one may reach round the world (chosen)."""
+"""Radius around the middle road, which contains a fresh map; a mutated one may span the world (chosen)."""
 _EGOS = ("first", "first", "type:car", "index:0", "index:1")
-"""Egos that are drawn (chosen): every site has two cars."""
+"""Drawn egos (chosen): every site has two cars."""
 _MOST_OF_A_CLASS = 2
-"""Vehicles of a drawn class, at most (chosen): a box of 500 m has room for so many."""
+"""Largest number of vehicles of a drawn class (chosen): a box of 500 m has room for them."""
 _LOST = re.compile(r"(\d+) site\(s\) lost when the road network is built")
-"""In a note or refusal: how many sites were passed over, because the built network does not show them."""
+"""Matches the number of skipped sites in a note or refusal, which the built network does not show."""
 
 
 @dataclass(frozen=True)
 class FreshMap:
-    """What became of a map: ``crash`` where its way broke, ``refusal`` where it was refused by name, else it was read.
+    """The result for a map: ``crash`` if it failed, ``refusal`` if it was refused by name, otherwise it was read.
 
-    ``conversion`` is why its roads cannot be converted as a whole, in words; ``made`` the scenario from a site of it,
-    or nothing where the index names no site.
+    ``conversion``: why its roads cannot be converted as a whole; ``made``: the scenario of one of its sites, or None if
+    the index names no site.
     """
 
     name: str
@@ -80,7 +80,7 @@ def measure_fresh(seeds: Sequence[int], count: int, workers: int) -> None:
 
 
 def _tried(paths: Sequence[Path], attempt: Callable[[Path], FreshMap], workers: int) -> list[FreshMap]:
-    """What became of every map; one at which a worker process dies, alone in a process of its own, is a crash."""
+    """Return the result for every map; a map that kills a worker process running it alone is a crash."""
     found: dict[Path, FreshMap] = {}
     with process_pool(workers) as pool:
         waiting = {path: pool.submit(attempt, path) for path in paths}
@@ -103,20 +103,20 @@ def try_map(path: Path, seed: int) -> FreshMap:
     try:
         facts = read_map(ReadMapRequest(path=str(path)), silent)
     except PlannerForgeError as error:
-        return _told(FreshMap(path.name, refusal=error.message))
+        return _report_map(FreshMap(path.name, refusal=error.message))
     except Exception as error:  # noqa: BLE001 - a crash is what is looked for
-        return _told(FreshMap(path.name, crash=repr(error)))
+        return _report_map(FreshMap(path.name, crash=repr(error)))
     try:
         conversion = _why_not_converted(path)
     except Exception as error:  # noqa: BLE001
-        return _told(FreshMap(path.name, crash=repr(error)))
+        return _report_map(FreshMap(path.name, crash=repr(error)))
     made = _made(path, facts, seed) if facts.sites else []
     crash = next((one.fault for one in made if one.fault.startswith(DEFECT)), "")
-    return _told(FreshMap(path.name, crash=crash, conversion=conversion, made=tuple(made)))
+    return _report_map(FreshMap(path.name, crash=crash, conversion=conversion, made=tuple(made)))
 
 
-def _told(found: FreshMap) -> FreshMap:
-    """A line on a map that no scenario came from, beside those on the scenarios."""
+def _report_map(found: FreshMap) -> FreshMap:
+    """Return a line on a map without a scenario, next to the lines on scenarios."""
     said = [("crash", found.crash), ("refused", found.refusal), ("not converted", found.conversion)]
     said += [("read", "no site")] if found.was_read and not found.made else []
     sys.stderr.writelines(f"{found.name} {what}: {why}\n" for what, why in said if why)
@@ -125,7 +125,7 @@ def _told(found: FreshMap) -> FreshMap:
 
 
 def _why_not_converted(path: Path) -> str:
-    """Empty where all roads of a map become lanelets, otherwise the refusal in words."""
+    """Return an empty text if all roads of a map become lanelets, otherwise the refusal."""
     with tempfile.TemporaryDirectory() as folder:
         cut, net_path = Path(folder) / "whole.osm", path
         try:
@@ -149,7 +149,7 @@ def _made(path: Path, facts: MapFacts, seed: int) -> list[Made]:
 
 
 def drawn_request(facts: MapFacts, choice: random.Random) -> BenchRequest:
-    """A scenario at a site of a type that the index names; type, density, classes and ego are drawn."""
+    """Return a request for a site type that the index names; type, density, classes and ego are drawn."""
     kind: SiteType = choice.choice(sorted(facts.sites))
     others = sorted({*vehicle_classes()} - barred(kind) - {"car"})
     given = {
@@ -189,7 +189,7 @@ def print_fresh(seeds: Sequence[int], found: Sequence[FreshMap]) -> None:
 
 
 def _more_rows(found: Sequence[FreshMap], outcomes: Counter[str]) -> Iterator[tuple[str, str]]:
-    """Whole conversions, outcomes, types asked for; every crash and every scenario that did not come, with reasons."""
+    """Return rows on conversions, outcomes and requested types, and each crash and missing scenario with its reason."""
     read = [each for each in found if each.was_read]
     yield "maps converted as a whole", f"{sum(not each.conversion for each in read)} of {len(read)}"
     for outcome, count in outcomes.most_common():

@@ -1,4 +1,4 @@
-"""How the traffic of a made scenario moves: on the lanelets, without overlaps, drivable for the drivability checker."""
+"""Checks the traffic of a generated scenario: on the lanelets, without overlaps, feasible for the checker."""
 
 import itertools
 import random
@@ -11,7 +11,7 @@ from plannerforge.engine.commonroad import LoadedScenario, recorded_tracks
 from ..tracks import is_drivable, overlap_steps
 
 TOUCHING_M = 1e-6
-"""Rounding makes rectangles that only touch overlap less deep."""
+"""Depth of overlap that rounding can cause for touching rectangles."""
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""How work grows with its input: processor time on inputs that are doubled, and the exponent of its growth."""
+"""Measures how processor time grows when the input doubles."""

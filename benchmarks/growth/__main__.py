@@ -1,9 +1,9 @@
-"""``make bench-growth``: how processor time grows with the input, every input doubled three times.
+"""``make bench-growth``: how processor time grows with the input, doubled three times.
 
-Keys: ``growth_exponent_max`` (the largest exponent measured; n log n has up to 1.2 at these sizes),
-``growth_subjects``, ``growth_measured`` (subjects with an exponent), and ``growth <what>`` for each subject: its
-exponent, ``below 0.05 s`` where at most two sizes take as long as can be measured, or from which size on it is refused
-(and the exponent up to there, which says nothing about larger inputs).
+Keys: ``growth_exponent_max`` (the largest exponent; n log n has up to 1.2 at these sizes), ``growth_subjects``,
+``growth_measured`` (subjects with an exponent), and ``growth <what>`` for each subject: its exponent, ``below 0.05 s``
+if at most two sizes take long enough to measure, or the size from which the input is refused (and the exponent up to
+there).
 """
 
 import argparse
@@ -23,9 +23,9 @@ from .subjects import SUBJECTS
 def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description="Processor time on inputs that are doubled.")
-    parser.add_argument("--only", default="", help="subjects whose names hold this text")
-    parser.add_argument("--repeats", type=int, default=2, help="how often a size is timed; the best counts")
-    parser.add_argument("--doublings", type=int, help="only the smallest sizes, doubled so often")
+    parser.add_argument("--only", default="", help="subjects with this text in their names")
+    parser.add_argument("--repeats", type=int, default=2, help="timings of each size; the best counts")
+    parser.add_argument("--doublings", type=int, help="only the smallest sizes, doubled this many times")
     given = parser.parse_args()
     grown: list[Growth] = []
     with tempfile.TemporaryDirectory() as folder:

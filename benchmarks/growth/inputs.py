@@ -1,11 +1,11 @@
-"""Inputs of any size: maps, lanelet networks and recordings, written as text.
+"""Inputs of any size, as text: maps, lanelet networks and recordings.
 
-A town is a row of crossings, along which the vehicles drive one behind the other:
+A town is a row of crossings along which the vehicles drive one after the other:
 
     ── west ──► crossing ── east ──►  next crossing …     and from south to north across each
 
-A stack is lanelets over one another, each turned a little, so that each crosses all others. A star is a junction of
-many arms, from which lanelets lead to the others.
+A stack is a set of lanelets on top of each other, each turned a little so that it crosses all others. A star is a
+junction with many arms, with lanelets from each arm to the others.
 """
 
 import math
@@ -21,11 +21,11 @@ _BESIDE_RING_M = 300.0
 
 
 def town(path: Path, *, crossings: int, vehicles: int, steps: int) -> Path:
-    """A CommonRoad file (2020a) of a row of crossings with vehicles and an ego.
+    """Write a CommonRoad file (2020a) of a row of crossings with vehicles and an ego.
 
     Args:
-        path: where to write; its folders are the author, so that no two files are alike: what was read is kept.
-        crossings: six lanelets each.
+        path: the file; its folder name becomes the author, so that no two files are equal and caches do not help.
+        crossings: their number, six lanelets each.
         vehicles: evenly spaced along the row, all with the ego's speed.
         steps: states of each vehicle.
     """
@@ -38,14 +38,14 @@ def town(path: Path, *, crossings: int, vehicles: int, steps: int) -> Path:
 
 
 def stack(path: Path, count: int) -> Path:
-    """A CommonRoad file of lanelets over one another, each turned a little against the one before."""
+    """Write a CommonRoad file of lanelets on top of each other, each turned a little against the previous one."""
     angles = (math.pi / 2 * number / count for number in range(count))
     ends = ((50.0 * math.cos(angle), 50.0 * math.sin(angle)) for angle in angles)
     return _write(path, [_lanelet(number, [(-x, -y), (x, y)]) for number, (x, y) in enumerate(ends, start=1)])
 
 
 def star(path: Path, links: int) -> Path:
-    """A CommonRoad file of one junction: a lanelet from an arm to another, as many as there are to be links."""
+    """Write a CommonRoad file of one junction with the given number of lanelets between its arms."""
     arms = math.ceil(0.5 + math.sqrt(0.25 + links))
     near_m, half = 20.0 + arms, 0.5 / arms
     angles = [math.tau * arm / arms for arm in range(arms)]
@@ -145,7 +145,7 @@ def _write(path: Path, elements: Sequence[str]) -> Path:
 
 
 def rings(path: Path, count: int) -> Path:
-    """An OpenStreetMap extract of roundabouts with four arms and lights, in rows and columns."""
+    """Write an OpenStreetMap extract of roundabouts with four arms and lights, in rows and columns."""
     sketch = Sketch("Rings", 50.0, 8.0)
     side = math.ceil(math.sqrt(count))
     for number in range(count):
@@ -160,7 +160,7 @@ def rings(path: Path, count: int) -> Path:
 
 
 def streets(path: Path, count: int, nodes: int = 3) -> Path:
-    """An OpenStreetMap extract of streets side by side, each with a side street; ``nodes`` of each street."""
+    """Write an OpenStreetMap extract of parallel streets, each with a side street; ``nodes`` of each street."""
     sketch = Sketch("Streets", 50.0, 8.0)
     for number in range(count):
         x, y = 800.0 * (number % 20), 60.0 * (number // 20)

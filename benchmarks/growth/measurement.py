@@ -1,8 +1,8 @@
-"""Processor time on doubled inputs, and the exponent with which it grows.
+"""Processor time on doubled inputs, and the exponent of its growth.
 
-Time is that of the processor (user and system, of ended children too), so that a busy machine changes little. The
-exponent is the slope of the line through log time over log size (least squares); n log n has about 1.1 to 1.2 at the
-sizes here, and n² has 2.
+Times are processor times (user and system, including ended child processes), so that other load has little effect. The
+exponent is the least-squares slope of log time over log size; n log n has about 1.1 to 1.2 at these sizes, and n² has
+2.
 """
 
 import gc
@@ -17,11 +17,11 @@ from pathlib import Path
 from plannerforge.schemas.errors import PlannerForgeError
 
 SHORTEST_S = 0.05
-"""Times below say more about what is done once than about growth (chosen)."""
+"""Below this, one-time work dominates growth (chosen)."""
 _UPPER_SIZES = 3
-"""The largest sizes, doubled twice, through which the slope is taken (chosen): below, constants weigh more."""
+"""Number of largest sizes for the slope (chosen): constants dominate smaller ones."""
 _LONGEST_S = 8.0
-"""A work that takes longer is done once for its size (chosen)."""
+"""Work that takes longer is done once per size (chosen)."""
 
 Work = Callable[[], object]
 
@@ -49,25 +49,25 @@ class Timed:
 
 @dataclass(frozen=True)
 class Growth:
-    """What was measured of a subject."""
+    """The measurements of a subject."""
 
     name: str
     timed: tuple[Timed, ...]
 
     @property
     def slope(self) -> float | None:
-        """The exponent over the three largest sizes that can be measured; None where there are fewer."""
+        """The exponent over the three largest measurable sizes; None if there are fewer."""
         done = [(one.size, one.seconds) for one in self.timed if not one.refused and one.seconds >= SHORTEST_S]
         return round(slope(done[-_UPPER_SIZES:]), 2) if len(done) >= _UPPER_SIZES else None
 
     @property
     def exponent(self) -> float | None:
-        """The exponent of what is taken at any size; None for what is refused from some size on, or not measured."""
+        """The exponent of an input accepted at any size; None if some size is refused or nothing was measured."""
         return None if any(one.refused for one in self.timed) else self.slope
 
     @property
     def figure(self) -> float | str:
-        """The exponent, or in words why there is none."""
+        """The exponent, or the reason why it is missing."""
         refused = next((one.size for one in self.timed if one.refused), None)
         if refused is not None:
             return f"refused from {refused} on" + (f", before that {self.slope}" if self.slope is not None else "")
@@ -75,22 +75,22 @@ class Growth:
 
 
 def slope(points: Sequence[tuple[float, float]]) -> float:
-    """The slope of the least-squares line through the logarithms of sizes and times."""
+    """Return the slope of the least-squares line through the logarithms of sizes and times."""
     sizes, times = ([math.log(value) for value in values] for values in zip(*points, strict=True))
     return statistics.linear_regression(sizes, times).slope
 
 
 def measured(subject: Subject, folder: Path, repeats: int, doublings: int | None = None) -> Growth:
-    """Time the work of a subject at its sizes, ascending; the best of some repeats counts.
+    """Time the work of a subject at its sizes in ascending order; the best repeat counts.
 
     Args:
-        folder: where inputs are made, each in a folder of its own.
-        repeats: how often a size is timed, on a new input each time.
-        doublings: only so many of the sizes, the smallest ones; all of them by default.
+        folder: for the inputs, each in its own folder.
+        repeats: timings per size, each on a new input.
+        doublings: number of sizes, smallest first; all by default.
     """
     sizes = subject.sizes[: None if doublings is None else doublings + 1]
     own = folder / re.sub(r"\W+", "_", subject.name)
-    _timed(subject, sizes[0], own / "first")  # what is loaded once
+    _timed(subject, sizes[0], own / "first")  # one-time loading
     timed = []
     for size in sizes:
         tries: list[Timed] = []
@@ -113,6 +113,6 @@ def _timed(subject: Subject, size: int, folder: Path) -> Timed:
 
 
 def processor_s() -> float:
-    """Seconds that processors have worked for this process and its ended children."""
+    """Return the processor seconds of this process and its ended children."""
     times = os.times()
     return times.user + times.system + times.children_user + times.children_system

@@ -1,4 +1,4 @@
-"""What is measured: everything that is done with maps, networks, scenarios, catalogues and arguments."""
+"""The measured subjects: all operations on maps, networks, scenarios, catalogues and arguments."""
 
 import hashlib
 import shutil
@@ -46,7 +46,7 @@ def _doubled(first: int, doublings: int = 3) -> tuple[int, ...]:
 
 
 def _again(work: Work, times: int) -> Work:
-    """The work several times, where once is too short to be measured."""
+    """Repeat the work if once is too short to measure."""
 
     def repeated() -> None:
         for _ in range(times):
@@ -91,7 +91,7 @@ def _facts_of_map(number: int, names: Iterable[str], salt: str) -> MapEntry:
 
 
 def _salt(folder: Path) -> str:
-    """Letters that no other folder has: what spellings were compared once is kept."""
+    """Return letters unique to the folder, because compared spellings are cached."""
     digest = hashlib.sha256(str(folder).encode()).hexdigest()[:8]
     return "".join(chr(ord("a") + int(digit, 16)) for digit in digest)
 
@@ -112,7 +112,7 @@ def _place_among_maps(size: int, folder: Path) -> Work:
 
 
 def _grid(size: int, folder: Path) -> Work:
-    """A net of ``size`` rows of four junctions."""
+    """Return a net of ``size`` rows of four junctions."""
     path = folder / "grid.net.xml"
     program = shutil.which("netgenerate", path=str(Path(sys.executable).parent)) or "netgenerate"
     options = ["--grid", "--grid.x-number=4", f"--grid.y-number={size}", "--grid.length=80"]
@@ -189,7 +189,7 @@ _ON_SCENARIOS: dict[str, OnFile] = {
 }
 _Draw = Callable[[Path, int], Path]
 _ROAD = 32
-"""Crossings of the roads on which vehicles and states are doubled (chosen): 192 lanelets, 3.8 km."""
+"""Crossings of the roads for doubled vehicles and states (chosen): 192 lanelets, 3.8 km."""
 _AXES: dict[str, tuple[_Draw, tuple[int, ...]]] = {
     "vehicles": (lambda path, size: town(path, crossings=_ROAD, vehicles=size, steps=20), _doubled(50)),
     "lanelets": (lambda path, size: town(path, crossings=size, vehicles=20, steps=20), _doubled(50)),
@@ -382,4 +382,4 @@ SUBJECTS: tuple[Subject, ...] = (
     Subject("arguments: ids of a grid", _doubled(250), _arguments(RunPlannerArguments, scenarios=_ids)),
     Subject("arguments: wrong edits", _doubled(100), _arguments(ModifyScenarioArguments, edits=_wrong_edits)),
 )
-"""In the order in which they are measured; the sizes begin where an input takes about 50 ms, where limits allow it."""
+"""In the order of measurement; the sizes start at an input that takes about 50 ms, if limits allow it."""

@@ -1,1 +1,1 @@
-"""Measurements of the run loop: motions, verdicts, causes, own planners and comparisons that an engineer relies on."""
+"""Measurements of the run loop: motions, verdicts, causes, user planners and comparisons."""

@@ -1,4 +1,4 @@
-"""``make bench-loop``: whether a verdict on a planner can be relied on.
+"""``make bench-loop``: checks that verdicts on a planner are reliable.
 
 Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``. The module explains
 its keys and judges with code that shares nothing with the product.
@@ -28,7 +28,7 @@ PARTS: Parts[SeededBench] = Parts(
         "headlines": ("headlines_right",),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each part owes."""
+"""The parts in the order of measurement, and the keys that each part owes."""
 
 
 if __name__ == "__main__":

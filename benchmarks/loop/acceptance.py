@@ -1,10 +1,10 @@
-"""How often the product's closed form says of a motion what CommonRoad's ``valid_solution`` says.
+"""Measures how often the product's closed form agrees with CommonRoad's ``valid_solution`` about a motion.
 
-``acceptance_agree``: the share of at least 2,000 motions on which they agree (with a limit: six a scenario). The
-motions are those that built-in planners drive on the public scenarios, and changed ones of each, so that the criteria
-are met narrowly and missed narrowly: the way bulges to the side, the headings or speeds waver, the steering angles are
-off, the end is missing. The size of a change is drawn, evenly in its logarithm. The start stays the problem's. Other
-road users are left out: a collision ends a run, whoever judges the rest. The judge is that of the part ``official``.
+``acceptance_agree`` is the share of at least 2,000 motions on which they agree (with a limit: six per scenario). The
+motions are those of built-in planners on the public scenarios and variants that narrowly meet or miss the criteria: a
+path that bulges to the side, wavering headings or speeds, wrong steering angles, a missing end. The size of a change is
+drawn evenly in its logarithm, and the start stays that of the problem. Other road users are left out, because a
+collision ends a run in any case. The judge is that of the part ``official``.
 """
 
 import sys
@@ -25,7 +25,7 @@ from .official import JudgedRun, official_verdict, runs
 
 _PLANNERS = ("frenetix:Default", "idm:Default")
 _CHANGED = 5
-"""Changed motions of each driven one: 2 planners, 191 scenarios, 1 + 5 motions are 2,292."""
+"""Variants of each driven motion: 2 planners, 191 scenarios, 1 + 5 motions are 2,292."""
 Column = NDArray[np.float64]
 
 
@@ -132,7 +132,7 @@ def _with(run: JudgedRun, kept: int | None = None, **columns: Column) -> RunStep
 
 
 def _ours(run: JudgedRun, steps: RunSteps) -> str:
-    """Return what the product's closed form says."""
+    """Return the verdict of the product's closed form."""
     loaded = read_scenario(run.path)
     problem = loaded.problem(run.response.record.problem_id)
     vehicle = vehicle_of(run.configuration.settings)
@@ -142,7 +142,7 @@ def _ours(run: JudgedRun, steps: RunSteps) -> str:
 
 
 def _theirs(run: JudgedRun, steps: RunSteps) -> str:
-    """Return what ``valid_solution`` says of it on an empty road."""
+    """Return the verdict of ``valid_solution`` on an empty road."""
     scenario, problems = run.opened
     for obstacle in list(scenario.obstacles):
         scenario.remove_obstacle(obstacle)

@@ -1,26 +1,30 @@
-"""``make bench-database FOLDER=FOLDER``: every scenario of a folder under the planners, in the product's own workers.
+"""``make bench-database FOLDER=FOLDER``: every scenario of a folder under the planners, in the product's workers.
 
-The folder is meant to be the public CommonRoad database, of over 2,000 scenarios, which whoever runs this fetches; any
-folder of CommonRoad files does. A run goes the way of the product's runs: one request to a warm worker process. Rows go
-to a journal (``--out``), one JSON line a run; a run with a row in the journal is not repeated, so a bench that was
-stopped goes on. A file that is refused is named with the reason, and counts in no share.
+The intended folder is a download of the public CommonRoad database with over 2,000 scenarios; any folder of CommonRoad
+files works. Each run is one request to a warm worker process, as in the product. The journal (``--out``) has one JSON
+line per run and is not repeated, so an interrupted bench resumes. Refused files are listed with the reason and count in
+no share.
 
-Success is a goal that was reached and that CommonRoad's benchmark accepts (``success_rule`` of the run). A table by
-kind of scenario goes to standard error: the first folder below the given one, or, for files directly in it, what their
-``source`` says.
+Success means that the goal is reached and that CommonRoad's benchmark accepts the motion (``success_rule`` of the run).
+A table by kind of scenario goes to standard error. The kind is the first folder below the given one, or the ``source``
+of a file directly in it.
 
-If the folder holds scenarios that FISS's authors measured, these are run once more as its authors ran them:
-CommonRoad's vehicle 3 (VW Vanagon), a plan at every step, five end states a dimension, a horizon of 5 s, the recording
-as prediction. Their figures (fiss-planner 1.0.0, docs/benchmarks.md, on an Intel Core i9-12900K) are with a smoother
-that this project does not use: ``fop`` 70.7 % success, 2.1 % collisions, 8.7 ms a plan; ``fiss`` 69.3 %, 1.4 %, 0.6 ms;
-without it 61.8 %, 2.1 % and 61.1 %, 2.1 %.
+If the folder holds scenarios that FISS's authors measured, these run again in the authors' way: CommonRoad's vehicle 3
+(VW Vanagon), a plan at every step, five end states per dimension, a horizon of 5 s, the recording as prediction. The
+authors' figures (fiss-planner 1.0.0, docs/benchmarks.md, on an Intel Core i9-12900K) use a smoother that this project
+does not have: ``fop`` 70.7 % success, 2.1 % collisions, 8.7 ms per plan; ``fiss`` 69.3 %, 1.4 %, 0.6 ms; without it
+61.8 %, 2.1 % and 61.1 %, 2.1 %.
 
-Keys: ``scenarios``, ``refused``; ``lost``: runs that ended by an error of ours; ``runs_per_second``: of Frenetix, as
-long as this took its runs (the journal counts the time of earlier parts); ``runs_per_second_PLANNER``;
-``beyond_limits``: the largest share, of all planners, of driven motions that exceed a limit of the vehicle;
-``success_PLANNER`` and ``collisions_PLANNER``: shares of the runs that could be attempted; ``authors_scenarios``: how
-many of the 280 are there; ``authors_success_SEARCH``, ``authors_collisions_SEARCH``, ``authors_plan_ms_SEARCH`` and
-``authors_core_ms_SEARCH``: on these; a plan's time as the loop waits for it, and of it that in the core, medians.
+Keys:
+
+- ``scenarios``, ``refused``; ``lost``: runs that ended with an error of ours.
+- ``runs_per_second``: of Frenetix, over the time that its runs took (the journal counts earlier parts);
+  ``runs_per_second_PLANNER``.
+- ``beyond_limits``: the largest share among all planners of motions that exceed a limit of the vehicle.
+- ``success_PLANNER``, ``collisions_PLANNER``: shares of the runs that could be attempted.
+- ``authors_scenarios``: how many of the 280 are in the folder; on these ``authors_success_SEARCH``,
+  ``authors_collisions_SEARCH``, and the medians ``authors_plan_ms_SEARCH`` (a plan as the loop waits for it) and
+  ``authors_core_ms_SEARCH`` (its share in the core).
 """
 
 import argparse
@@ -51,7 +55,7 @@ from plannerforge.workflows.operations import RUN_PLANNER
 from ..harness import Figures, drawn, existing, print_figures
 
 _HEAD_BYTES = 4000
-"""The root element of a scenario file ends within these."""
+"""Length of a file's beginning that contains the root element of a scenario."""
 _OTHER_XML = (".net.xml", ".rou.xml", ".add.xml", ".edg.xml", ".nod.xml", ".con.xml", ".typ.xml")
 """SUMO files that accompany interactive scenarios."""
 _SOURCES = {
@@ -61,10 +65,10 @@ _SOURCES = {
     "sumo": "SUMO",
     "synthesis": "hand-crafted",
 }
-"""Words of a file's ``source``, and the kinds that they mean; of several the first."""
+"""Words in a file's ``source`` and their kinds; the first match counts."""
 _TOLD_EVERY = 50
 DEFAULT_PLANNERS = ("frenetix", "mp_rbfn", "idm", "fiss")
-"""Those that plan; the reference drivers can be named."""
+"""The default planners; the reference drivers can be requested by name."""
 AUTHORS = "280"
 """The turn of the scenarios of FISS's authors, in rows and tables."""
 _AUTHORS_SETTINGS = ("vehicle=3", "replan_steps=1", "horizon_s=5", "sampling_level=1")
@@ -88,7 +92,7 @@ class Turn:
     traffic: Traffic
 
     def key(self, path: Path) -> tuple[str, str, str, str]:
-        """Return what a run of this turn is known by in the journal."""
+        """Return the key of a run of this turn in the journal."""
         return self.configuration.config_id, self.prediction, self.traffic, str(path)
 
 
@@ -133,7 +137,7 @@ def scenarios_in(folder: Path, limit: int | None) -> list[Path]:
 
 
 def _is_commonroad(path: Path) -> bool:
-    """Return whether a file is, or may be, CommonRoad's: a broken file has to be refused, not overlooked."""
+    """Return True if a file is or may be CommonRoad's: a broken file must be refused, not overlooked."""
     head = _head(path)
     root = re.search(r"<([A-Za-z][\w:.-]*)[\s>/]", re.sub(r"<!--.*?-->", "", head, flags=re.DOTALL))
     return root is None or root.group(1) == "commonRoad"
@@ -145,7 +149,7 @@ def _head(path: Path) -> str:
 
 
 def kind_of(path: Path, folder: Path) -> str:
-    """Return the kind of a scenario: the first folder below the given one, else what its file's source says."""
+    """Return the kind of a scenario: the first folder below the given one, otherwise its file's source."""
     parts = path.relative_to(folder).parts[:-1]
     if parts:
         return parts[0]
@@ -189,7 +193,7 @@ async def run_turn(pool: WorkerPool, turn: Turn, journal: Journal, folder: Path)
         for path in queue:
             row = await _row(pool, turn, path, kind_of(path, folder))
             made += 1
-            # what the clock showed since the last row of any worker: the sum is the time that the turn took
+            # wall time since the last row of any worker: the sum is the turn's time
             row["clock_s"] = round(time.perf_counter() - began - sum(clocks), 4)
             clocks.append(row["clock_s"])
             journal.add(row)
@@ -338,15 +342,15 @@ async def measure(
 
 
 def _main() -> int:
-    """Read the command line, measure, print; 1 where a run was lost."""
+    """Read the command line, measure and print; return 1 if a run was lost."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, required=True, help="folder of CommonRoad files, searched through")
+    parser.add_argument("--folder", type=Path, required=True, help="folder of CommonRoad files, including subfolders")
     parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=list(DEFAULT_PLANNERS))
     parser.add_argument("--prediction", choices=get_args(Prediction), default="constant_velocity")
     parser.add_argument("--traffic", choices=get_args(Traffic), default="recorded")
     parser.add_argument("--limit", type=int, help="only this many scenarios, always the same ones")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, help="journal of rows; where it exists, what is in it is not run again")
+    parser.add_argument("--out", type=Path, help="journal of rows; existing rows are not repeated")
     given = parser.parse_args()
     folder = existing(given.folder)
     with tempfile.TemporaryDirectory() as scratch:

@@ -1,26 +1,24 @@
-"""Whether an ego of a class is that class everywhere: in files, judge, planners, answers and pictures.
+"""Checks that an ego of a class has that class everywhere: in files, judge, planners, answers and pictures.
 
-Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) go only through the tools. They come
-in every way in which a class can be said: a generation, a file that names it, an edit that names it, an edit that puts
-the ego in the place of a recorded vehicle, and a configuration that states another vehicle. The scenarios are drawn by
-the seed: where the ego starts, how fast, and on which road.
+Requests for egos of six classes (car, taxi, motorcycle, bus, truck, semi-trailer) use only the tools, and every way to
+state a class: generation, a file, an edit that names the class, an edit that replaces a recorded vehicle with the ego,
+and a configuration with another vehicle. The seed draws the ego's start, speed and road.
 
-A request counts as right if all of this holds:
+A request is right if all of this holds:
 
-- the file that is kept for the scenario names the class, and the description and the picture's words name class and
-  size;
-- the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with
-  one 6 cm outside;
-- in the picture the ego is as long and as wide as the class, measured in pixels against a bus of known size;
-- every planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
-  power), steering angle and steering rate, and its rear axle, where the class has it, does not slide: the kinematic
-  single-track model of that wheelbase;
-- a semi-trailer is refused by name, with the classes that can be driven, and its tractor drives where a configuration
+- the stored file names the class, and the description and the text of the picture name class and size;
+- the judge finds an initial collision with a body 6 cm inside the class's length or width, and no collision with one 6
+  cm outside;
+- the ego in the picture is as long and as wide as the class, measured in pixels against a bus of known size;
+- each planner's run states class and size, its motion keeps the class's limits of speed, acceleration (friction and
+  power), steering angle and steering rate, and its rear axle (if the class has one) does not slide, by the kinematic
+  single-track model with that wheelbase;
+- a semi-trailer is refused by name with the classes that can be driven, and its tractor drives if a configuration
   states vehicle 4.
 
 The table of truths below and all measurements share no code with the product.
 
-Keys: ``ego_classes_right``: share of the requests that are right; ``ego_requests``: how many there are.
+Keys: ``ego_classes_right``: share of the requests that are right; ``ego_requests``: their number.
 """
 
 import base64
@@ -52,10 +50,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Truth:
-    """What a class is: lengths in m, speeds in m/s, accelerations in m/s², angles in rad.
+    """The truth about a class: lengths in m, speeds in m/s, accelerations in m/s², angles in rad.
 
-    ``switch_mps``: above it the power limits the acceleration. ``kind``, ``size_m``: CommonRoad's type and the size of
-    such a vehicle where it is recorded.
+    ``switch_mps``: the speed above which the power limits the acceleration. ``kind``, ``size_m``: CommonRoad's type and
+    the size of such a recorded vehicle.
     """
 
     word: str
@@ -95,18 +93,18 @@ _BY_WORD = {truth.word: truth for truth in TRUTHS}
 _CAR, _TRAILER = _BY_WORD["car"], _BY_WORD["trailer"]
 _TRACTOR = replace(_TRAILER, length=5.1)
 SPOKEN = {"truck": "lorry", "trailer": "semi-trailer", "motorcycle": "motorbike", "taxi": "cab"}
-"""Other words that people have for a class, which half of the requests use."""
+"""Other words for a class, which half of the requests use."""
 PLANNERS = ("frenetix", "mp_rbfn", "idm")
 _INSIDE_M = 0.06
 _STEP_S = 0.1
 _VERMILLION, _YELLOW = (0xD5, 0x5E, 0x00), (0xF0, 0xE4, 0x42)
 """The colours of the ego and of buses (Okabe and Ito's palette)."""
 _PIXELS_M = 0.4
-"""How far the measured side of a body in a picture may be off, about two pixels (chosen)."""
+"""Tolerance of a body's side measured in a picture, about two pixels (chosen)."""
 _ABOVE_LEGEND, _NOSE_PX = 0.85, 8
-"""Share of a picture's height above its legend, and how far a nose's base parts a body's patches, in pixels."""
+"""Share of a picture's height above its legend, and the width in pixels of the gap at a nose's base."""
 _SLIDE_M = 0.02
-"""How far the rear axle may move to the side in a step: the drivability checker's tolerance of a position."""
+"""Largest lateral motion of the rear axle in a step: the drivability checker's tolerance of a position."""
 _PLACES = ("Musterstadt", "Fahrhausen", "Quadratstadt")
 """Built-in maps with junctions."""
 
@@ -155,7 +153,7 @@ class _Made:
 
 @dataclass
 class _Asking:
-    """The requests; each yields what is wrong with its answer."""
+    """The requests; each yields the faults of its answer."""
 
     client: Client
     workspace: Path
@@ -177,7 +175,7 @@ class _Asking:
             yield text
 
     async def edited(self, truth: _Truth) -> Any:
-        """Return an edit that names the class, in another word where there is one."""
+        """Return an edit that names the class, by another word if there is one."""
         base = await self._imported(self._straight(""))
         word = SPOKEN.get(truth.word, truth.word)
         scenario = await self._modified(base, {"op": "set_ego", "vehicle_class": word})
@@ -252,7 +250,7 @@ class _Asking:
         return str(answer.structured_content["scenario_id"])
 
     async def _is(self, scenario: str, truth: _Truth, *, in_picture: bool) -> Any:
-        """Return what is wrong with the file, the description and the picture of a scenario."""
+        """Return the faults of the file, the description and the picture of a scenario."""
         text = (self.workspace / "scenarios" / scenario / "scenario.xml").read_text(encoding="utf-8")
         words = re.findall(r'<\?plannerforge ego-class="(\w+)"\?>', text)
         if words != ([] if truth is _CAR else [truth.word]):
@@ -273,7 +271,7 @@ class _Asking:
                 yield f"in the picture it measures {found}"
 
     async def _judged(self, truth: _Truth) -> Any:
-        """Return what is wrong with initial collisions with a 2 m by 2 m box next to and ahead of the class's body."""
+        """Return the faults in initial collisions with a 2 m by 2 m box next to and ahead of the class's body."""
         for gap_m, hits in ((-_INSIDE_M, True), (_INSIDE_M, False)):
             for along in (True, False):
                 made = replace(self._straight(truth.word), number=self._number())
@@ -284,7 +282,7 @@ class _Asking:
                 if truth is _TRAILER:
                     checks = {"scenario_id": scenario, "detail": "checks"}
                     told = _text(await self.client.call_tool("describe_scenario", checks))
-                    collides = "no road user overlaps the ego" not in told
+                    collides = "the ego overlaps" in told
                 else:
                     record = (await self._run(scenario, "idm"))[0]
                     collides = record is not None and record["invalid_reason"] == "initial_collision"
@@ -294,7 +292,7 @@ class _Asking:
     async def _driven(
         self, scenario: str, truth: _Truth, configs: Sequence[str] = PLANNERS, *, refused: bool | None = None
     ) -> Any:
-        """Return what is wrong with runs on a scenario."""
+        """Return the faults of runs on a scenario."""
         for config in configs:
             record, told = await self._run(scenario, config)
             if truth is _TRAILER if refused is None else refused:
@@ -323,7 +321,7 @@ class _Asking:
         return json.loads(answer.contents[0].text)  # type: ignore[union-attr]
 
     async def _run(self, scenario: str, config: str) -> tuple[dict[str, Any] | None, str]:
-        """Return the record of a run, None if it was refused, and what was told."""
+        """Return the record of a run (None if it was refused) and the answer's text."""
         answer = await self.client.call_tool("run_planner", {"scenarios": [scenario], "configs": [config]})
         if answer.is_error or not answer.structured_content["runs"]:
             return None, _text(answer)
@@ -379,7 +377,8 @@ def _image(answer: object) -> Array:
 def _measured_in(picture: Array) -> tuple[float, float] | None:
     """Return the ego's length and width in m, scaled by the 12 m by 2.5 m bus on the next lane, parallel to it.
 
-    The outline takes as many pixels off every side, which the two sides of the bus tell beside the scale.
+    The outline takes the same number of pixels off every side, which follows from the two sides of the bus, as the
+    scale does.
     """
     bus, ego = _body(picture, _YELLOW), _body(picture, _VERMILLION)
     if bus is None or ego is None:
@@ -428,7 +427,7 @@ def _line(made: _Made) -> list[tuple[float, float, float]]:
 
 
 def _goal_at(made: _Made) -> tuple[float, float, float]:
-    """Return where the goal lies along the lane, by the distance from the ego's start."""
+    """Return the goal's position along the lane, by its distance from the ego's start."""
     left = made.goal_m
     points = [point for point in _line(made) if made.bend_radius_m or point[0] >= made.ego_x]
     points = [point for point in points if point[0] >= made.ego_x or point[2] > 0]
@@ -440,7 +439,7 @@ def _goal_at(made: _Made) -> tuple[float, float, float]:
 
 
 def _xml(made: _Made) -> str:
-    """Return the scenario as a CommonRoad file, with a second lane to the left where the road is straight."""
+    """Return the scenario as a CommonRoad file, with a second lane to the left if the road is straight."""
     lines = [
         "<?xml version='1.0' encoding='UTF-8'?>",
         (
@@ -486,7 +485,7 @@ def _point(x: float, y: float) -> str:
 
 
 def _vehicle(number: int, made: _Made, kind: str, size_m: tuple[float, float], x: float, y: float) -> str:
-    """Return a vehicle that drives straight on as fast as the ego starts; a parked one stands."""
+    """Return a vehicle that drives straight on at the ego's initial speed, or a parked one."""
     head = (
         f"<type>{kind}</type><shape><rectangle><length>{size_m[0]}</length><width>{size_m[1]}</width></rectangle>"
         "</shape>"

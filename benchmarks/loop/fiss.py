@@ -1,12 +1,12 @@
-"""FISS's plan over Frenetix's: how long each takes on the same observations.
+"""Compares the planning times of FISS and Frenetix on the same observations.
 
-Frenetix drives public scenarios with ``Default``; at every planning step FISS is asked for a plan on the same
-observation, right after it and in the same thread, so that both have the machine in the same state. Processor times of
-the thread are compared, since other processes take the clock's time but not a thread's.
+Frenetix drives public scenarios with ``Default``. At every planning step FISS plans from the same observation, right
+after Frenetix and in the same thread, so that both find the machine in the same state. The bench compares processor
+times of the thread, which other processes do not affect.
 
-Keys: ``fiss_plan_ratio``: the median time of FISS's plans over that of Frenetix's; ``fiss_plan_ms`` and
-``frenetix_plan_ms``: the two medians; ``fiss_core_share``: the share of FISS's plans that its core takes;
-``fiss_plans``: observations on which both planned.
+Keys: ``fiss_plan_ratio``: median time of FISS's plans over that of Frenetix's; ``fiss_plan_ms``, ``frenetix_plan_ms``:
+both medians; ``fiss_core_share``: the share of FISS's plans that its core takes; ``fiss_plans``: observations on which
+both planned.
 """
 
 import statistics
@@ -23,7 +23,7 @@ from plannerforge.evals.scoring.common import built_in
 from ..harness import Figures, SeededBench, scenario_files
 
 SCENARIOS = 24
-"""Some 700 planning steps (chosen)."""
+"""About 700 planning steps (chosen)."""
 _COMPARED = ("frenetix:Default", "fiss:Default")
 
 

@@ -1,19 +1,19 @@
-"""Whether the headlines of comparisons and studies say what the runs show, checked by independent code.
+"""Checks that the headlines of comparisons and studies match the runs, with independent code.
 
-Comparisons use stored runs with drawn outcomes and metrics, and are requested through the tools: few pairs
-with flips, ties, few flips among many pairs, flips both ways, differences below the resolution of the metrics, metrics
-that differ only by chance or really, three configurations, two and three batches, two versions of one planner, and
-calls that leave out what is compared. Studies are sensitivity analyses in which a weight decides, in which scenarios
-change only by chance, and in which nothing changes, and searches with IDM on public scenarios.
+Comparisons use stored runs with drawn outcomes and metrics, and are requested through the tools: few pairs with flips,
+ties, few flips among many pairs, flips both ways, differences below the resolution of the metrics, metrics that differ
+only by chance or really, three configurations, two and three batches, two versions of one planner, and calls that leave
+out what to compare. Studies are sensitivity analyses in which a weight decides, in which scenarios change only by
+chance, and in which nothing changes, and searches with IDM on public scenarios.
 
 A comparison is right if it pairs the matching sides (or is refused if no sides match), has the code that
-``docs/statistics.md`` gives to the counted flips, has these counts in its fields, states no figure in its headline
-that its fields do not hold, has a side as better in exactly those metrics that differ beyond resolution and chance, and
-lists runs of pairs that were counted. The tests are those of ``analysis/recomputed.py``, which shares no
-code with the product. A study is right if its headline names exactly the weights that decide, or its code follows from
-the held-out runs, and if it drove no more configurations than it was allowed.
+``docs/statistics.md`` gives to the counted flips, has these counts in its fields, states no figure in its headline that
+its fields lack, has a better side in exactly the metrics that differ beyond resolution and chance, and lists runs of
+counted pairs. The tests are those of ``analysis/recomputed.py``, which shares no code with the product. A study is
+right if its headline names exactly the decisive weights, or its code follows from the held-out runs, and if it drove no
+more configurations than allowed.
 
-Keys: ``headlines_right``: share of the comparisons and studies that are right; ``headlines``: how many there are.
+Keys: ``headlines_right``: share of the comparisons and studies that are right; ``headlines``: their number.
 """
 
 import hashlib
@@ -50,9 +50,9 @@ from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenario
 from ..told_figures import unknown_in_fields
 
 SCENARIOS, SEARCHED = 40, 8
-"""Public scenarios on which runs are made, and on which a search drives (chosen)."""
+"""Numbers of public scenarios for runs and for searches (chosen)."""
 _SMALL, _LEAST, _MARGIN = 0.05, 6, 10.0
-"""The level, the scenarios that have to differ for any test to reach it, and ten points."""
+"""The level, the number of differing scenarios that any test needs to reach it, and ten points."""
 _FAILURES: tuple[Outcome, ...] = ("collision", "timeout", "off_road")
 _HIGHER = ("minimum_distance_m", "minimum_time_to_collision_s", "minimum_time_headway_s", "minimum_time_gap_s")
 _HIGHER_TOO = (*_HIGHER, "risk_score")
@@ -78,7 +78,7 @@ _COMPARED = [name for name in METRICS if name != "mean_total_cost"]
 
 @dataclass(frozen=True)
 class _Side:
-    """The made runs of one configuration in one batch; ``version``: of its planner."""
+    """The synthetic runs of one configuration in one batch; ``version``: of its planner."""
 
     batch: int
     config: str
@@ -279,7 +279,7 @@ def _records(side: _Side, number: int, scenarios: Sequence[str]) -> list[RunReco
 
 
 async def _faults(client: Client, case: _Case, made: Sequence[Sequence[RunRecord]], number: int) -> list[str]:
-    """Return what of the answer is not as it has to be."""
+    """Return the faults of the answer."""
     given = {} if case.is_left_out else {"results": [_batch_id(number, batch) for batch in case.named]}
     answer = await client.call_tool("compare_results", given)
     text = "\n".join(getattr(part, "text", "") for part in answer.content)
@@ -299,7 +299,7 @@ async def _faults(client: Client, case: _Case, made: Sequence[Sequence[RunRecord
 
 @dataclass(frozen=True)
 class _Expected:
-    """What a comparison has to say: its sides, the counts of its pairs, its code, and who is better in which metric."""
+    """The expected content of a comparison: sides, counts of pairs, code, and the better side in each metric."""
 
     sides: tuple[_Side, _Side]
     batches: tuple[str, str]
@@ -310,7 +310,7 @@ class _Expected:
     runs: frozenset[str]
 
     def faults(self, comparison: Mapping[str, Any], sides: Sequence[Mapping[str, Any]], text: str) -> Iterator[str]:
-        """Yield what is wrong in a comparison."""
+        """Yield the faults of a comparison."""
         by_label = {side["label"]: side for side in sides}
         for end, side, batch in zip(("before", "after"), self.sides, self.batches, strict=True):
             found = by_label[comparison[end]]
@@ -325,7 +325,7 @@ class _Expected:
         if comparison["headline_code"] != self.code:
             yield f"{comparison['headline_code']}, not {self.code}"
         for unknown in unknown_in_fields(comparison):
-            yield f"a figure of the headline stands in no field: {unknown}"
+            yield f"a figure of the headline is in no field: {unknown}"
         better = {one["name"]: one["better"] for one in comparison["metrics"] if one["better"]}
         if better != self.better:
             yield f"better {better}, not {self.better}"
@@ -348,7 +348,7 @@ def _pairs(before: Sequence[RunRecord], after: Sequence[RunRecord]) -> Pairs:
 
 
 def _judged(case: _Case, made: Sequence[Sequence[RunRecord]], number: int) -> list[_Expected]:
-    """Return what has to be said of each comparison of a case, in the order of the answer."""
+    """Return the expected content of each comparison of a case, in the order of the answer."""
     couples = case.couples or ()
     all_pairs = {couple: _pairs(made[couple[0]], made[couple[1]]) for couple in couples}
     tests = {couple: pairs.success() for couple, pairs in all_pairs.items()}
@@ -413,7 +413,7 @@ def _code(pairs: Pairs, test: Mapping[str, float], adjusted: float | None) -> st
 
 
 def _sensitivity_right(seed: int) -> bool:
-    """Return whether the headline of a sensitivity analysis names only the weight that decides."""
+    """Return True if the headline of a sensitivity analysis names only the decisive weight."""
     draw = random.Random(seed)  # noqa: S311 - no secret
     names = ("prediction", "velocity_offset", "jerk", "path_length", "distance_to_obstacles")
     kind = ("decides", "chance", "nothing", "decides among chance")[seed % 4]
@@ -466,7 +466,7 @@ def _study(effects: tuple[Effect, ...], scenarios: int) -> OptimizePlannerResult
 
 
 async def _searched(bench: SeededBench) -> list[bool]:
-    """Return for searches with IDM whether each kept its limit and reports what its held-out runs show."""
+    """Return whether each search with IDM kept its limit and reports the result of its held-out runs."""
     files = _of_several_places(scenario_files(bench.shared / "data" / "commonroad", None))
     right = []
     for most in (3, 6, 11, 16)[: bench.limit]:
@@ -501,7 +501,7 @@ def _of_several_places(files: Sequence[Path]) -> list[Path]:
 
 
 def _recounted(study: Mapping[str, Any], records: Sequence[RunRecord]) -> tuple[int, str]:
-    """Return how many configurations were driven over a half of the scenarios, and the code of what the runs show."""
+    """Return the number of configurations driven over a half of the scenarios, and the code that the runs imply."""
     seen = {(record.config_id, record.scenario_id.partition("-")[0] in study["training"]) for record in records}
     if study["best_id"] == study["base_id"]:
         return len(seen), "nothing_better"

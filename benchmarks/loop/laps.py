@@ -1,14 +1,13 @@
-"""Progress and the distance to the goal on roundabouts, loops and crossings of a road with itself.
+"""Checks progress and distance to the goal on roundabouts, loops and roads that cross themselves.
 
-The roads are synthetic, with a centre line in closed form: it is composed of straight lines and arcs that meet in the
-same direction, so every place on it has an arc length without any projection. An ego drives a part of the way, at an
-offset from the centre line, and stands then until its time is over. What the product says of that drive is compared
-with the arc lengths of the closed form:
+The roads are synthetic. Their centre lines consist of straight lines and arcs that join smoothly, so every place has an
+arc length without any projection. An ego drives a part of the route at a lateral offset and stands until its time is
+over. The bench compares the product's statements about that drive with the arc lengths of the closed form:
 
-- ``lap_error_m_max``: the largest error in metres, over all cases, of the progress (the share of the way to the goal's
-  beginning, times that way) and of the distance to the goal's end in the verdict "ran out of time".
+- ``lap_error_m_max``: the largest error in metres over all cases, of the progress (the covered share of the distance to
+  the goal's beginning, times that distance) and of the distance to the goal's end in the verdict "ran out of time".
 
-A wrong lap shows as an error of tens of metres. The rest comes from the smoothing of the reference path.
+A wrong lap shows as an error of tens of metres. Smaller errors come from the smoothing of the reference path.
 """
 
 import math
@@ -98,7 +97,7 @@ class _Way:
 
 @dataclass(frozen=True)
 class Case:
-    """A way, from where to where the ego drives on it, at which offset, and where the goal begins; in m."""
+    """A route, the ego's start, end and offset on it, and the start of the goal, in m."""
 
     name: str
     way: _Way
@@ -108,7 +107,7 @@ class Case:
     offset_m: float
 
     def problem(self) -> PlanningProblem:
-        """Return the planning problem: the goal region lies across the lane."""
+        """Return the planning problem: the goal region extends across the lane."""
         x, y, heading = self.way.pose(self.begin_m, self.offset_m)
         start = InitialState(
             time_step=0,
@@ -125,7 +124,9 @@ class Case:
         return PlanningProblem(1, start, GoalRegion([CustomState(time_step=Interval(10, over), position=region)]))
 
     def passes_goal_before(self) -> bool:
-        """Return whether the way passes the goal's region before the goal, so that this passage counts as the goal."""
+        """Return True if the route passes the goal's region before the goal, so that this passage counts as the
+        goal.
+        """
         x, y, heading = self.way.pose(self.goal_m + _GOAL_LENGTH_M / 2)
         for station in np.arange(0.0, self.goal_m - 2.0, 0.25):
             dx, dy = (a - b for a, b in zip(self.way.pose(float(station))[:2], (x, y), strict=True))
@@ -188,7 +189,7 @@ def _hairpin(draw: random.Random) -> Case:
 
 
 def _drawn(name: str, way: _Way, farthest_m: float, draw: random.Random, *, ring: bool = False) -> Case:
-    """Return a case whose goal begins no farther than ``farthest_m``, and whose ego stops before it."""
+    """Return a case with a goal that begins within ``farthest_m``, and an ego that stops before it."""
     begin_m = draw.uniform(2.0, 6.0) if ring else draw.uniform(5.0, 30.0)
     goal_m = draw.uniform(0.55, 1.0) * (farthest_m - _GOAL_LENGTH_M)
     end_m = begin_m + draw.choice((draw.uniform(0.2, 0.9), 0.95)) * (goal_m - 4.0 - begin_m)

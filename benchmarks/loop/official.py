@@ -1,16 +1,16 @@
-"""Goals that CommonRoad's own checker accepts, and driven motions that are beyond the vehicle.
+"""Counts the goals that CommonRoad's own checker accepts, and the motions beyond the vehicle's limits.
 
-``official_goals_gt`` and ``official_goals_cv``: runs of ``frenetix:Default`` that reach their goal by a motion that
-``valid_solution`` accepts, of all runs on problems that can be solved, with ground-truth and constant-velocity
-prediction. A problem can be solved if it is not invalid and the checker does not refuse its very first state.
+``official_goals_gt`` and ``official_goals_cv``: share of the runs of ``frenetix:Default`` on solvable problems that
+reach the goal by a motion that ``valid_solution`` accepts, with ground-truth and constant-velocity prediction. A
+problem is solvable if it is valid and the checker accepts its first state.
 
-``beyond_limits``: the share of driven motions of all built-in planners (whatever their outcome) that exceed their
-vehicle's limits.
+``beyond_limits``: the share of motions of all built-in planners, whatever their outcome, that exceed their vehicle's
+limits.
 
-The judge knows a run only by its exported solution file. It is the checker itself, with its triangulation of what is
-off the road if the package ``triangle`` is installed (it is not free, so it is not a dependency), otherwise with the
-checker's other boundary, rectangles along the outline of the lanelets. The limits are recomputed from positions,
-headings and speeds, without the steering angles that the file states.
+The judge knows a run only by its exported solution file. It is the checker itself. Its road boundary is a triangulation
+if the package ``triangle`` is installed (it is not free, so it is not a dependency), otherwise rectangles along the
+outline of the lanelets. The limits are recomputed from positions, headings and speeds, without the steering angles in
+the file.
 """
 
 import importlib.util
@@ -46,11 +46,11 @@ _JUDGED = "frenetix:Default"
 _OTHERS = ("mp_rbfn:Default", "idm:Default", "fiss:Default")
 _PREDICTIONS: dict[str, Prediction] = {"official_goals_gt": "ground_truth", "official_goals_cv": "constant_velocity"}
 _TOLERANCE = 1e-3
-"""Share of a limit by which rounding may exceed it."""
+"""Share of a limit allowed for rounding."""
 _ROLLING_M = 0.02
-"""The checker's tolerance for the place of a step."""
+"""The checker's tolerance for the position of a step."""
 _MOVING_MPS = 0.1
-"""In slower steps the turn says nothing about the steering angle."""
+"""In slower steps the turn does not determine the steering angle."""
 
 
 def measure(bench: SeededBench) -> Figures:
@@ -109,7 +109,7 @@ def runs(bench: SeededBench, name: str, prediction: Prediction) -> "Iterator[Jud
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """A run, its solution file, and what the checker says of it."""
+    """A run, its solution file, and the checker's verdict."""
 
     path: Path
     configuration: PlannerConfiguration
@@ -145,12 +145,12 @@ class JudgedRun:
 
     @property
     def verdict(self) -> str:
-        """What ``valid_solution`` says: valid, infeasible, or the name of what it raises."""
+        """The verdict of ``valid_solution``: valid, infeasible, or the name of its exception."""
         return official_verdict(*self.opened, self.solution)
 
     @property
     def refused_at_start(self) -> bool:
-        """Whether the body is off the road for the checker before anything is driven."""
+        """True if the checker sees the body off the road at the start."""
         scenario, _ = self.opened
         steps, solved = self.response.steps, self.solution.planning_problem_solutions[0]
         shape = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).shape
@@ -159,13 +159,13 @@ class JudgedRun:
 
     @property
     def is_beyond_vehicle(self) -> bool:
-        """Whether the driven motion exceeds a limit of the vehicle."""
+        """True if the driven motion exceeds a limit of the vehicle."""
         scenario, _ = self.opened
         return is_beyond_vehicle(self.solution, float(scenario.dt))
 
 
 def official_verdict(scenario: Any, problems: PlanningProblemSet, solution: Solution) -> str:
-    """Return what ``valid_solution`` says of a solution: valid, infeasible, or the name of what it raises."""
+    """Return the verdict of ``valid_solution`` on a solution: valid, infeasible, or the name of its exception."""
     try:
         with patch.object(solution_checker, "_construct_boundary_checker", _boundary):
             accepted, _ = solution_checker.valid_solution(scenario, problems, solution)
@@ -182,7 +182,7 @@ _TRIANGULATED = solution_checker._construct_boundary_checker
 
 
 def _boundary(scenario: Any) -> Any:
-    """Return what is off the road, as the checker sees it."""
+    """Return the region off the road, as the checker sees it."""
     if _has_triangles():
         return _TRIANGULATED(scenario)
     checker = pycrcc.CollisionChecker()
@@ -192,10 +192,10 @@ def _boundary(scenario: Any) -> Any:
 
 
 def is_beyond_vehicle(solution: Solution, step_s: float) -> bool:
-    """Return whether a motion exceeds the limits of its vehicle, judged only by positions, headings and speeds.
+    """Return True if a motion exceeds the limits of its vehicle, judged only by positions, headings and speeds.
 
-    The rear axle has to move where it heads, as far as the speeds say; the steering angle of a step is the one that
-    turns the vehicle as it turned, and changes from one moving step to the next within the largest rate.
+    The rear axle must move along its heading at the given speeds. The steering angle of a step is the one that turns
+    the vehicle as observed, and between moving steps it must change within the largest rate.
     """
     solved = solution.planning_problem_solutions[0]
     vehicle = VehicleDynamics.from_model(solved.vehicle_model, solved.vehicle_type).parameters

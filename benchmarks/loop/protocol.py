@@ -1,18 +1,17 @@
-"""Stepwise programs that go wrong, and what the protocol costs.
+"""Tests stepwise programs that go wrong, and measures the cost of the protocol.
 
-Each program of ``stepwise_program.py`` that goes wrong is run on a made road, as a program of the settings. Its run
-has to fail as a ``planner_failure`` with the reason that ``EXPECTED`` states, within the limits that the section gives,
-and no process that the program started may be left.
+Each faulty program of ``stepwise_program.py`` runs on a synthetic road as a program of the settings. Its run must fail
+as a ``planner_failure`` with the reason in ``EXPECTED``, within the limits of the settings, and leave no process
+behind.
 
-The cost of a step: the same planner, once as a class in this process and once as a program, is asked at the same
-observations of a made road with 40 road users in sight. It looks for the smallest distance to any predicted position,
-so both read everything that they are told. While it is measured, both processes run before all others where the system
-allows it (``SCHED_FIFO``): a message wakes the other process, and what is measured is not how long other work on the
-machine keeps it waiting.
+The cost of a step compares one planner as a class in this process and as a program, on the same observations of a road
+with 40 visible road users. It looks for the smallest distance to any predicted position, so both read all their input.
+During the measurement both processes have priority over all others if the system allows it (``SCHED_FIFO``), because a
+message wakes the other process and other load would delay it.
 
-Keys: ``protocol_named``: share of the programs with runs reported so; ``protocol_kinds``: how many programs;
-``protocol_slowest_s``: the longest of their runs beyond the limit that it may use; ``protocol_left``: processes left;
-``protocol_step_ms``: median over the steps of the program's time less the class's time; ``protocol_program_ms`` and
+Keys: ``protocol_named``: share of the programs with runs reported this way; ``protocol_kinds``: number of
+programs; ``protocol_slowest_s``: the longest run beyond its limit; ``protocol_left``: processes left behind;
+``protocol_step_ms``: median over the steps of the program's time minus the class's time; ``protocol_program_ms``,
 ``protocol_class_ms``: both medians.
 """
 
@@ -97,19 +96,19 @@ EXPECTED = {
     "elsewhere": "contract_broken",
     "backwards": "contract_broken",
 }
-"""The behaviours of the program and the reason by which docs/own_planner.md names each."""
+"""The behaviours of the program, with the reason for each in docs/own_planner.md."""
 _LIMITS = {"start_time_s": 2.0, "step_time_s": 1.5, "time_s": 3.0, "memory_mb": 256, "folder_mb": 4, "output_mb": 1}
 _LONGEST_S = _LIMITS["start_time_s"] + _LIMITS["time_s"]
-"""The limits of each program, and the longest that a run may wait for it."""
+"""The limits of each program, and the longest wait of a run for it."""
 _MARKER = "PROTOCOL_BENCH"
-"""The variable by which the processes of this measurement are told from those of others."""
+"""A variable that identifies the processes of this measurement."""
 _SPEED_MPS, _SECONDS, _LANE_M, _LANES = 10.0, 20, 3.5, 5
 _GOAL = (110.0, 140)
-"""Where the goal of the made road begins, in m, and its last step."""
+"""Start of the goal on the synthetic road in m, and its last time step."""
 _USERS, _FIRST_M, _SPACING_M = 40, 8.0, 7.0
-"""Road users in sight of the ego, how far ahead of it they begin, and the distance between two of a lane."""
+"""Number of road users in sight of the ego, their initial distance ahead, and their spacing in a lane."""
 _ROUNDS = 20
-"""How often the drive is planned: with 37 planning steps, 740 differences."""
+"""Repeats of the drive: with 37 planning steps, 740 differences."""
 
 
 def measure(bench: SeededBench) -> Figures:
@@ -217,7 +216,7 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
         )
         task, seen = straight.task, tuple(straight.observations)
         if any(len(one.obstacles) != _USERS for one in seen):
-            raise RuntimeError(f"not all of {_USERS} road users are in sight at every step")
+            raise RuntimeError(f"some of the {_USERS} road users are out of sight at a step")
         inside.reset(task)
         outside.reset(task)
         times: tuple[list[float], list[float]] = ([], [])
@@ -229,7 +228,7 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
 
 @contextmanager
 def _before_all_others() -> Iterator[None]:
-    """Let this process, and those that it starts meanwhile, run before all others, where it may."""
+    """Give this process, and those that it starts meanwhile, priority over all others, if permitted."""
     if not hasattr(os, "sched_setscheduler"):
         yield
         return

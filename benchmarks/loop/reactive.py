@@ -1,16 +1,16 @@
-"""Whether traffic that reacts to the ego drives every scenario to an end.
+"""Checks that every scenario can be driven to its end with traffic that reacts to the ego.
 
-A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place have to
-stay on their recordings instead, which the run reports (``on_recording``). A file that is refused by name as unsafe is
-no cell: some of the made files miss steps in a trajectory, which CommonRoad does not allow, and have to be refused.
+A cell is *lost* if it gives no run: the operation fails, or its process ends. Road users that SUMO cannot place must
+stay on their recordings, which the run reports (``on_recording``). Files refused by name as unsafe are not cells: some
+generated files miss steps in a trajectory, which CommonRoad does not allow.
 
 - ``reactive_lost``: lost cells of the public scenarios of the shared folder, with reactive traffic;
-- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios. They are drawn by the seed from the folder that
-  ``PLANNERFORGE_DATABASE`` names (a checkout of the public CommonRoad database; the shared ones are left out),
-  or are generated if it is not set; ``reactive_fresh_from`` says which. ``reactive_refused_fresh``: refused files.
+- ``reactive_lost_fresh``: lost cells of at least 200 other scenarios, drawn by the seed from the folder in
+  ``PLANNERFORGE_DATABASE`` (a checkout of the public CommonRoad database, without the shared ones) or generated if it
+  is not set (``reactive_fresh_from`` says which); ``reactive_refused_fresh``: refused files.
 
-The planner is ``idm``, the cheapest: what SUMO does with the others does not depend on who drives the ego. The
-numbers of cells, and of cells with road users on their recordings, are reported too.
+The planner is ``idm``, the cheapest: SUMO treats the others independently of the ego's planner. The bench also reports
+the numbers of cells, and of cells with road users on their recordings.
 """
 
 import os
@@ -28,11 +28,11 @@ from ..symmetries.fresh_data import fresh_scenarios
 FRESH = 240
 _CONFIGURATION = "idm:Default"
 _REFUSED = f"{UnsafeInput.__name__}: "
-"""How the error of a refused file begins in a row."""
+"""Prefix of a refused file's error in a row."""
 
 
 def rows_of(files: Sequence[Path]) -> list[Row]:
-    """Return the rows of a reactive run of each file; those without a run are told on standard error."""
+    """Return the rows of a reactive run of each file; report files without a run on standard error."""
     wanted = cells(files, (_CONFIGURATION,), ("constant_velocity",), ("reactive",))
     found = list(measured(wanted, CHECKOUT))
     for row in found:
@@ -42,7 +42,7 @@ def rows_of(files: Sequence[Path]) -> list[Row]:
 
 
 def fresh_files(bench: SeededBench, known: Sequence[Path]) -> tuple[str, list[Path]]:
-    """Return where fresh scenarios come from, in a word, and their files."""
+    """Return the source of fresh scenarios as a word, and their files."""
     count = bench.limit or FRESH
     database = os.environ.get("PLANNERFORGE_DATABASE")
     if not database:

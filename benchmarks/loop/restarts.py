@@ -1,20 +1,19 @@
-"""Whether an ego that had to stop drives on once the road is free.
+"""Checks that an ego that had to stop drives on once the road is free.
 
-Made runs on a straight road, driven by each planner. Something blocks the lane until a drawn moment, mostly after the
-middle of the goal's time or after its end, and the road is free from then on:
+Each planner drives synthetic runs on a straight road. Something blocks the lane until a drawn time, mostly after the
+middle or the end of the goal's time interval, and the road is free from then on:
 
 - a leader stands and then leaves;
-- a leader waits at a red light, which the file holds, and leaves when it turns green (the planners read no lights
-  themselves);
-- a queue of three leaves one after the other;
-- an ego that begins at a stand, late, behind a leader;
-- a leader stands and leaves, and the goal asks for no place;
-- a leader brakes to a stand at the end of the goal's time and leaves.
+- a leader waits at a red light in the file and leaves when it turns green (the planners do not read lights themselves);
+- the vehicles of a queue of three leave one after the other;
+- an ego starts late at a standstill behind a leader;
+- a leader stands and leaves, and the goal has no place;
+- a leader brakes to a standstill at the end of the goal's time interval and leaves.
 
-``restarts``: the share of the runs in which the ego stood, and within seven seconds of the moment at which the last
-vehicle ahead has left is driving again: at 2 m/s or more, and 3 m on. The states of the run are examined here, without
-the product's analysis. It also reports the share per planner and per kind, and ``restarts_stood``, the share that
-stood.
+``restarts``: of the runs in which the ego stood, the share in which it drives again (at least 2 m/s, and 3 m further)
+within seven seconds after the last vehicle ahead left. This module examines the states itself, without the product's
+analysis. It also reports the share for each planner and kind, and ``restarts_stood``, the share of runs in which the
+ego stood.
 """
 
 import random
@@ -56,10 +55,10 @@ _IN_S, _STANDING_MPS, _DRIVING_MPS, _DRIVEN_M = 7.0, 0.5, 2.0, 3.0
 
 @dataclass(frozen=True)
 class Case:
-    """Leaders by where they stand and when they leave (step), the ego's speed, and the goal's time in steps.
+    """Leaders by their position and departure (step), the ego's speed, and the goal's time in steps.
 
-    ``goal_m`` is None for a goal without a place; ``comes_mps`` is the speed from which the leaders brake to their
-    stand before they leave again, 0 for leaders that stand from the beginning.
+    ``goal_m`` is None for a goal without a place; ``comes_mps`` is the speed from which the leaders brake to a
+    standstill before they leave again, 0 for leaders that stand from the beginning.
     """
 
     kind: str
@@ -189,7 +188,7 @@ def drives_on(case: Case, planner: str) -> tuple[bool, bool]:
     """Return whether the ego stood, and whether it drives again in time after the road is free."""
     configuration = named_configuration(f"{planner}:Default")
     if configuration is None:
-        raise RuntimeError(f"{planner}:Default is gone")
+        raise RuntimeError(f"{planner}:Default is missing")
     run = simulate(case.scenario(), case.problem(), configuration, make_planner(planner), "constant_velocity", silent)
     speeds = np.array([state.speed_mps for state in run.states])
     places = np.array([float(state.position[0]) for state in run.states])

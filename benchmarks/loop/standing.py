@@ -1,20 +1,24 @@
-"""Whether analyses find why egos stood and braked, on synthetic runs.
+"""Checks that analyses find why egos stood and braked, on synthetic runs.
 
-Each run is drawn at random on a road of its own, straight or curved, with a light, a crossing road, others and a goal
-as its kind asks. The ego's speed over time and the reason for it are given in closed form, so that the truth is known
-by construction. This module shares no code with the product.
+Each run is drawn at random on its own road, straight or curved, with a light, a crossing road, other road users and a
+goal as its kind requires. The ego's speed over time and the reason for it are given in closed form, so the truth is
+known by construction. This module shares no code with the product.
 
-Kinds of standing: at a red light; at a light that turned green long ago, or was green all the time; behind a vehicle
-that stands; behind one that has driven away; in a queue; before one that crosses; in the goal before its time; behind
-no vehicle, with an empty road, an oncoming one or a vehicle far ahead; and late behind a slower vehicle, or by itself.
-Kinds of braking: for a vehicle, a light, one that crosses, a curve, the goal's time; without a reason, gently or hard,
-with an empty road or a faster vehicle far ahead; and hit from behind after either.
+Kinds of standing: at a red light; at a light that turned green long ago or was always green; behind a standing vehicle;
+behind one that has driven away; in a queue; before a crossing vehicle; in the goal before its time; without a vehicle
+ahead, on an empty road, with an oncoming vehicle or one far ahead; and late, behind a slower vehicle or alone. Kinds of
+braking: for a vehicle, a light, a crossing vehicle, a curve, the goal's time; without a reason, gently or hard, with an
+empty road or a faster vehicle far ahead; and hit from behind after either.
 
-Keys: ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road
-user, beginning within half a second, and no further stretch of standing or being held up (being held up by the same
-vehicle while stopping behind it is also correct); ``braking_right``: the same for the second kinds, and for runs that
-were hit also the attribution of the collision; ``standing_runs``, ``braking_runs``: how many there were. Seed 19 was
-used during development; figures are reported for seed 20.
+Keys:
+
+- ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road user,
+  start within half a second, and no further stretch of standing or being held up (except held up by the same vehicle
+  while stopping behind it).
+- ``braking_right``: the same for the second kinds, and for runs that were hit also the attribution of the collision.
+- ``standing_runs``, ``braking_runs``: their numbers.
+
+Seed 19 was used during development; figures are reported for seed 20.
 """
 
 import math
@@ -65,7 +69,7 @@ EACH = 8
 STEP_S, LENGTH_M, WIDTH_M, LANE_M = 0.1, 4.508, 1.61, 3.5
 OTHER_M = 4.5
 LINE_M, INSIDE_M, ROAD_M = 100.0, 20.0, 420.0
-"""Where the line of the light is, how long the crossing is, and where the road ends; the road begins at −80 m."""
+"""Positions of the stop line, the end of the crossing and the end of the road, which begins at −80 m."""
 BEGIN_M = -80.0
 WITHIN_S = 0.5
 Speed = Callable[[float], float]
@@ -74,7 +78,7 @@ Speed = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Other:
-    """Another on the road, or on the one that crosses: where it begins along its way, and its speed over time."""
+    """Another road user on the road or the crossing one: its start along its path, and its speed over time."""
 
     key: int
     begin_m: float
@@ -98,11 +102,11 @@ Lights = tuple[tuple[TrafficLightState, int], ...]
 
 @dataclass(frozen=True)
 class Made:
-    """A run: the speed of the ego, what is around it, and what is true of it.
+    """A run: the speed of the ego, its surroundings, and the truth about it.
 
-    ``lights``: colours with their durations in steps; ``curve``: curvature of the road in 1/m, and from where to where;
-    ``goal_m``, ``goal_steps``: where the goal is and its window; ``hit_by``: who touches the ego at the end, and what
-    that is laid to.
+    ``lights``: colours with their durations in steps; ``curve``: curvature of the road in 1/m, with start and end;
+    ``goal_m``, ``goal_steps``: position and time window of the goal; ``hit_by``: the road user that touches the ego at
+    the end, and the attribution of the collision.
     """
 
     speed: Speed
@@ -171,7 +175,7 @@ def _curve(choice: random.Random) -> tuple[float, float, float]:
 
 
 def _front_at(line_m: float) -> float:
-    """Return the station of the ego's centre whose front is there."""
+    """Return the arc length of the ego's centre if its front is at the given one."""
     return line_m - LENGTH_M / 2
 
 
@@ -264,7 +268,7 @@ def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
         lights: Lights = (),
         hit_by: tuple[int, str] | None = None,
     ) -> Made:
-        """Return a run whose goal asks for no slower a speed than the first."""
+        """Return a run with a goal that does not require less than the initial speed."""
         goal: tuple[float, float] = (300.0, 320.0)
         return Made(profile, duration_s, (truth,), others, lights, way, goal, (80, 180), hit_by=hit_by)
 
@@ -385,7 +389,7 @@ APPROACH, ACROSS, AWAY, ONCOMING, SIDE, OVER, BEYOND = range(1, 8)
 
 
 def scenario_of(made: Made, name: str) -> tuple[Scenario, PlanningProblemSet]:
-    """Return the road with its light, crossing and goal; the others stand in the steps of the run."""
+    """Return the road with its light, crossing and goal; the run's steps hold the other road users."""
     scenario = Scenario(STEP_S, ScenarioID.from_benchmark_id(name, "2020a"))
 
     def along(first: float, last: float, aside: float = 0.0) -> list[tuple[float, float, float]]:
@@ -463,12 +467,14 @@ def _turned(pose: tuple[float, float, float]) -> tuple[float, float, float]:
     return pose[0], pose[1], pose[2] + math.pi
 
 
-# what is told
+# the product's statements
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What the product says of a run: its stretches, what its collision is laid to, and the names of its findings."""
+    """The product's statements about a run: its stretches, the attribution of its collision, and the names of its
+    findings.
+    """
 
     moments: tuple[PaceMoment, ...]
     laid_to: str | None
@@ -546,7 +552,7 @@ _LATE = ("held_up", "stood_late", "waited_late", "goal_out_of_reach")
 
 
 def is_right(made: Made, answer: Answer, *, is_braking: bool) -> bool:
-    """Return whether all that is told of one family of stretches is what the run was made of, in its order."""
+    """Return True if the reported stretches of one family match the construction of the run, in its order."""
     told = [one for one in answer.moments if one.code.startswith("braked") == is_braking]
     while len(told) > 1 and told[0].code == "held_up" and told[0].obstacle_id == told[1].obstacle_id:
         del told[0]

@@ -1,7 +1,7 @@
-"""A stepwise planner that fails as its first argument says; it uses only the standard library.
+"""A stepwise planner that fails as its first argument says; standard library only.
 
 ``drives`` goes straight on and keeps the protocol of docs/own_planner.md. ``NAME@N`` goes wrong at the N-th planning
-step. Behaviours in ``AT_START`` go wrong when the run begins.
+step. Behaviours in ``AT_START`` go wrong at the start of the run.
 """
 
 import json
@@ -52,7 +52,9 @@ def _hang(answer: Message) -> None:
 
 
 def _hang_with_child(answer: Message) -> None:
-    """The child has the program's pipes and must not outlive the run; its id is written where the run asks."""
+    """Hang with a child that holds the program's pipes and must not outlive the run; write its id where the run
+    asks.
+    """
     del answer
     child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
     if "CHILD_FILE" in os.environ:
@@ -61,7 +63,7 @@ def _hang_with_child(answer: Message) -> None:
 
 
 def _die_with_child(answer: Message) -> None:
-    """The child holds the program's output open."""
+    """Exit while a child holds the program's output open."""
     del answer
     subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(600)"])
     os.kill(os.getpid(), signal.SIGKILL)
@@ -96,7 +98,7 @@ def _take_memory(answer: Message) -> None:
 
 
 def _close_input(answer: Message) -> None:
-    """Answers once more, so that the loop asks again."""
+    """Answer once more, so that the loop sends another request."""
     os.close(0)
     say(answer)
     time.sleep(_LATE_S)
@@ -171,7 +173,7 @@ AT_STEP: dict[str, Callable[[Message], None]] = {
     "elsewhere": _trajectory_with(y_m=lambda values: [y + 3.0 for y in values]),
     "backwards": _trajectory_with(speed_mps=lambda values: [-speed for speed in values]),
 }
-"""What it does with its answer when it goes wrong at a step."""
+"""Changes to its answer when it goes wrong at a step."""
 AT_START: dict[str, Callable[[Message], None]] = {
     "never_ready": _hang,
     "banner": lambda _: say("Welcome to the planner"),
@@ -180,7 +182,7 @@ AT_START: dict[str, Callable[[Message], None]] = {
     "plans_at_once": lambda _: say({"type": "plan", "step": 0, "trajectory": None}),
     "other_protocol": lambda ready: say(ready | {"protocol": 2}),
 }
-"""What it does when it is to say that it is ready."""
+"""Its behaviour when it must report that it is ready."""
 
 
 def main(behaviour: str) -> None:

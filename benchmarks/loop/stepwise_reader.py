@@ -1,6 +1,6 @@
-"""A planner that reads everything it is told and goes straight on: as a class in a process, and as a program.
+"""A planner that reads all its input and goes straight on: as a class in a process, and as a program.
 
-Run by its path it speaks the stepwise protocol; ``protocol.py`` compares what both forms cost.
+Run by its path it uses the stepwise protocol; ``protocol.py`` compares the costs of both forms.
 """
 
 import json
@@ -46,7 +46,7 @@ def answer(step: dict[str, Any], step_s: float) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Speak the protocol."""
+    """Run the protocol."""
     step_s = 0.1
     for line in sys.stdin.buffer:
         message = json.loads(line)

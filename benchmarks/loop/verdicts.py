@@ -1,22 +1,24 @@
-"""Whether verdicts of reference drivers on collisions are right, by an independent implementation.
+"""Checks verdicts of reference drivers on collisions against an independent implementation.
 
-Encounters are drawn at random (a seed) in the frame of a road, straight or a bend of 40 to 200 m: a leader that brakes,
-a slower one, a follower that catches up, a cut-in, a cut-out before a standing car, a pedestrian and a cyclist that
-cross, a car that turns across the way from ahead, and egos that speed up before they meet another. The egos are cars,
-trucks and buses. Everything is given in closed form along the road, so that the judge projects nothing. It moves each
-driver in steps of 10 ms, detects contacts by separating axes, and follows each drive until the ego stands and the other
-is gone. It takes nothing from the product; parameters and rules are those of ``docs/reference_drivers.md``.
+The seed draws encounters in the frame of a road, straight or a bend of 40 to 200 m: a braking leader, a slower one, a
+follower that catches up, a cut-in, a cut-out before a standing car, a crossing pedestrian and cyclist, a car that turns
+across the ego's path from ahead, and egos that speed up before they meet another road user. The egos are cars, trucks
+and buses. Everything is given in closed form along the road, so that the judge projects nothing. It moves each driver
+in steps of 10 ms, detects contacts by separating axes, and follows each drive until the ego stands and the other is
+gone. It shares nothing with the product; parameters and rules are those of ``docs/reference_drivers.md``.
 
 A verdict counts if it is away from edges: it stays the same if all bodies are 0.1 m longer or shorter, the ego is 2 %
 slower or faster, and the driver responds 0.2 s later or 0.05 s earlier (the product's steps are 0.1 s long).
 
-Keys: ``verdicts_right``: the share of correct verdicts (driver, start, encounter), and of correct closed
-forms: the latest full braking before a standing car, and what the data sheets of UN R157 (Annex 4, Appendix 3) are
-taken to say of its driver at a time headway of 2 s and up to 60 km/h: it avoids every standing car that a cut-out
-reveals (5.2), and every leader that brakes by up to 1 g (5.3). The headway is checked against the sheets. That the
-driver avoids them all, and the numbers of the paragraphs, are not checked against the regulation's text.
-``window_errors``: drivers said to prevent a collision although they touch the other later. ``verdicts_told``,
-``verdicts_at_edges``: how many counted, and how many were left out.
+Keys:
+
+- ``verdicts_right``: share of correct verdicts (driver, start, encounter) and of correct closed forms. The closed forms
+  are the latest full braking before a standing car, and two statements of UN R157's data sheets (Annex 4, Appendix 3)
+  about its driver at a time headway of 2 s and up to 60 km/h: it avoids every standing car that a cut-out reveals
+  (5.2), and every leader that brakes by up to 1 g (5.3). The headway is checked against the sheets. That the driver
+  avoids them all, and the paragraph numbers, are not checked against the regulation's text.
+- ``window_errors``: drivers reported to prevent a collision although they touch the other later.
+- ``verdicts_told``, ``verdicts_at_edges``: numbers of verdicts that count, and that are left out.
 """
 
 import math
@@ -72,7 +74,7 @@ class Made:
 
 @dataclass(frozen=True)
 class Variant:
-    """How an encounter is changed: bodies longer by so much, a factor on the ego's speed, a later response."""
+    """A variation of an encounter: extra length of the bodies, a factor on the ego's speed, a later response."""
 
     longer: float = 0.0
     faster: float = 1.0
@@ -221,7 +223,7 @@ def drawn(choice: random.Random) -> Iterator[Made]:
 
 
 def overlap(one: Any, other: Any) -> bool:
-    """Return whether two rectangles (x, y, heading, length, width) overlap, by separating axes."""
+    """Return True if two rectangles (x, y, heading, length, width) overlap, by separating axes."""
     boxes = []
     for x, y, heading, length, width in (one, other):
         c, s = math.cos(heading), math.sin(heading)
@@ -246,7 +248,7 @@ def placed(curvature: float, along: float, aside: float, turned: float) -> tuple
 
 
 def touches(made: Made, variant: Variant, body: Body, station: float, t: float, less: float) -> bool:
-    """Return whether the ego, shorter by twice ``less``, touches another."""
+    """Return True if the ego, shortened by twice ``less``, touches another road user."""
     if abs(body.along(t) - station) > 20 or abs(body.aside(t)) > 20:
         return False
     length, width = SIZES[made.ego]
@@ -283,7 +285,7 @@ def view(made: Made, variant: Variant, body: Body, station: float, t: float) -> 
 
 
 def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float, begins: float = 0.0) -> bool:
-    """Return whether a driver keeps clear until 30 s after the contact; ``begins``: from when full braking brakes."""
+    """Return True if a driver keeps clear until 30 s after the contact; ``begins``: the start of full braking."""
     t, way = 0.0, 0.0
     v = made.speed(0.0) * variant.faster
     others = [made.met] if made.hider is None else [made.met, made.hider]
@@ -329,7 +331,7 @@ def prevents(made: Made, driver: str, start: str, variant: Variant, touch: float
 
 
 def told(made: Made, touch: float) -> Any:
-    """Return what the product says of a run of this encounter."""
+    """Return the product's statements about a run of this encounter."""
     length, width = SIZES[made.ego]
     count = round(touch / STEP_S) + 1
     times = np.arange(count) * STEP_S
@@ -391,7 +393,7 @@ def closed_forms(choice: random.Random, count: int) -> Iterator[tuple[str, bool]
 
 
 def _is_latest(made: Made, expected: float) -> bool:
-    """Return whether two moments agree within two steps: one of the tried moments, one of the build-up of braking."""
+    """Return True if two times agree within two steps: one between tried times, one of the build-up of braking."""
     touch = hit_s(made)
     found = None if touch is None else told(made, touch)
     return found is not None and abs(float(found.by_braking_until_s) - expected) <= 2 * STEP_S
@@ -421,7 +423,7 @@ def _truth(made: Made, driver: str, start: str, touch: float) -> bool | None:
 
 
 def _brakes_in_time(made: Made, start: str, variant: Variant, touch: float) -> bool:
-    """Return whether full braking from any moment before the contact prevents it; coarse steps suffice off edges."""
+    """Return True if full braking from any time before the contact prevents it; coarse steps suffice off edges."""
     begins = [0.0] if made.met.kind == "car" and made.name != "turning" else [touch * k / 12 for k in range(13)]
     return any(prevents(made, "full_braking", start, variant, touch, begin) for begin in begins)
 

@@ -1,16 +1,15 @@
-"""Whether comparisons of two versions of a user's planner name both versions, only through the tools.
+"""Checks that comparisons of two versions of a user's planner name both versions, using only the tools.
 
 Four planners are edited between batches: a package that declares its version, one in a git checkout with tags, commits
-and uncommitted edits, one that is known only by its source, and a program of the settings file. Each version drives
-the same scenarios under the same configuration; then every batch is compared with every earlier one, and both are
-listed and analysed together.
+and uncommitted edits, one known only by its source, and a program of the settings file. Each version drives the same
+scenarios under the same configuration. Then the bench compares every batch with every earlier one, and lists and
+analyses both together.
 
-A comparison is told right if its headline names both versions: the words that the author gave (a declared version, the
-answer of git itself), and a digest that is another one for another source and the same one whenever that source is
-named; if it pairs every scenario and takes the batch that was named first as the baseline; and if the list of batches
-and an analysis of both batches keep the two apart under the same names.
+A comparison is right if its headline names both versions by the author's text (a declared version, or git's answer) and
+a digest that changes exactly with the source; if it pairs every scenario and uses the first batch given as baseline;
+and if the list of batches and an analysis of both keep them apart under the same names.
 
-Keys: ``versions_told``: share of the comparisons that are told right; ``version_comparisons``: how many there are.
+Keys: ``versions_told``: share of the comparisons that are right; ``version_comparisons``: their number.
 """
 
 import os
@@ -61,13 +60,13 @@ _PROGRAM = Path(__file__).parents[1] / "tuning" / "faulty_program.py"
 
 @dataclass
 class _Author:
-    """Who edits a planner: ``folder`` holds its source."""
+    """The author of a planner; ``folder`` holds its source."""
 
     name: str
     folder: Path
 
     def edited(self, number: int) -> str:
-        """Write a version and give the words by which its author calls it; empty where only the source tells."""
+        """Write a version and return the author's text for it; empty if only the source identifies it."""
         declared = f', version="v1.{number}"' if self.name == "declaring" else ""
         source = _PACKAGE.replace("SLOWER_MPS2", str(0.1 * number)).replace("DECLARED", declared)
         (self.folder / f"own_{self.name}.py").write_text(source, encoding="utf-8")
@@ -85,7 +84,7 @@ class _Author:
         (metadata / "entry_points.txt").write_text(entry, encoding="utf-8")
 
     def _committed(self, number: int) -> str:
-        """Return every other version is committed, the first with a tag; what git calls it then."""
+        """Commit every other version, the first with a tag, and return git's description."""
         if number == 0:
             self._git("init", "--quiet")
         if number % 2 == 0:
@@ -122,11 +121,11 @@ class _Version:
 
 def measure(bench: SeededBench) -> Figures:
     """Return the figures of the keys above, over all pairs of versions or the bench's limit."""
-    told = anyio.run(_told, bench)
+    told = anyio.run(_judge_versions, bench)
     return {"versions_told": share(told), "version_comparisons": len(told)}
 
 
-async def _told(bench: SeededBench) -> list[bool]:
+async def _judge_versions(bench: SeededBench) -> list[bool]:
     authors = [_Author(name, bench.folder(name)) for name in ("declaring", "tracked", "plain")]
     if shutil.which("git") is None:
         sys.stderr.write("git is not installed: the planner in a checkout is left out\n")
@@ -151,7 +150,7 @@ async def _told(bench: SeededBench) -> list[bool]:
 
 @contextmanager
 def _found(folders: Sequence[Path]) -> Iterator[None]:
-    """While the block runs, packages in these folders are found here and by the workers."""
+    """Make packages in these folders importable here and by the workers while the block runs."""
     before, path = os.environ.get("PYTHONPATH"), list(sys.path)
     texts = [str(folder) for folder in folders]
     sys.path[:0] = texts
@@ -180,7 +179,9 @@ async def _versions_of(author: _Author, client: Client, limit: int | None) -> li
 
 
 async def _is_told(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
-    """Return whether the comparison of two versions, the list of batches and an analysis of both name them rightly."""
+    """Return True if the comparison of two versions, the list of batches and an analysis of both name them
+    correctly.
+    """
     ids = [before.batch_id, after.batch_id]
     compared = await client.call_tool("compare_results", {"results": ids})
     text = _text(compared)
@@ -208,7 +209,7 @@ async def _is_told(before: _Version, after: _Version, digests: dict[str, str], c
 
 
 def _is_named(version: _Version, name: str, digests: dict[str, str]) -> bool:
-    """Return whether a name holds the author's words and a digest that stands for this source and no other one."""
+    """Return True if a name holds the author's text and a digest that belongs to this source alone."""
     if not name.startswith(f"{version.planner}:Default ") or version.words not in name:
         return False
     found = _DIGEST.findall(name.rpartition("(")[2] if version.words else name)

@@ -1,1 +1,1 @@
-"""Whether any place on earth can be used: places, large extracts, people, demand, formats, many scenarios at once."""
+"""Checks that any place on earth works: places, large extracts, people, demand, formats, many scenarios at once."""

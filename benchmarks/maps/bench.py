@@ -1,4 +1,4 @@
-"""What the parts of ``make bench-maps`` are given."""
+"""The input of the parts of ``make bench-maps``."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,11 +6,11 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class MapsBench:
-    """Where a part finds its data and may write, and how much it measures.
+    """The folders and limits of a part.
 
-    ``shared``: the folder with ``data/osm`` and ``corpora/dev``; ``scratch``: an empty folder, gone afterwards;
-    ``scenarios``: of the plan; ``minutes``: that it takes at most, what was made till then counts; ``limit``: only so
-    many requests, maps or tracks, all of them where it is None.
+    ``shared``: the folder with ``data/osm`` and ``corpora/dev``; ``scratch``: an empty folder that is deleted
+    afterwards; ``scenarios``: of the plan; ``minutes``: its longest duration, after which the results so far count;
+    ``limit``: the number of requests, maps or tracks, or None for all.
     """
 
     shared: Path
@@ -26,7 +26,7 @@ class MapsBench:
         return self.shared / "data" / "osm"
 
     def folder(self, name: str) -> Path:
-        """A new folder in the scratch."""
+        """Return a new folder in the scratch."""
         folder = self.scratch / name
         folder.mkdir()
         return folder

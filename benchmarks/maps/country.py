@@ -1,27 +1,27 @@
-"""A country of millions of nodes that nobody mapped, and what it costs to make scenarios in it.
+"""Measures the cost of scenarios in a synthetic country of millions of nodes.
 
-``write_country`` makes it of the shared extracts, the same bytes each time: in every cell of a grid lies a copy of one,
-with ids and place names of its own; motorways with slip roads join the cells; houses in bulk stand around. It lies in
-the South Pacific, where no country is near.
+``write_country`` builds it from the shared extracts, with the same bytes each time: every cell of a grid holds a copy
+of one with unique ids and place names, motorways with slip roads connect the cells, and houses add bulk. The country is
+in the South Pacific, away from any real one.
 
-Keys: ``country_cut_s``: seconds of a ``generate_scenarios`` call through the server, from the words for a place to the
-stored scenario (median over ``country_places`` towns; ``country_cut_worst_s``). ``country_cut_alone_s``: of it, looking
-the place up, cutting it out and reading what it shows (median; in a process that did nothing before).
-``country_refused``: towns where nothing could be made.
+Keys:
 
-``country_memory_mb``: the most memory (resident, as the system counts) of the largest worker that reads the country
-into tiles, or of a process that cuts towns out, whichever is more (``country_indexing_mb``, ``country_cutting_mb``).
-``country_server_mb``: of the server's process beside it; ``country_generating_mb``: of the largest worker once
-scenarios were made.
-
-The first server is killed with its workers in the middle of the work (``country_killed_at``, the share that was done;
-``country_kept_tiles``, with their sites known by then), a second one goes on (``country_resumed_s``).
-``country_index_s``: both together. ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``.
-
-``country_tiles_equal``: of ``country_tiles_judged`` tiles, those whose sites in the index are those of the same area
-when it is read as a small map that osmium cut out of the file; ``country_sites_judged``: how many sites that were;
-``country_sites_twice``: sites that the index holds twice. ``country_same_bytes``: 1 where a cut made again has the same
-bytes.
+- ``country_cut_s``: seconds of a ``generate_scenarios`` call through the server, from the place name to the stored
+  scenario (median over ``country_places`` towns); ``country_cut_worst_s``: the worst.
+- ``country_cut_alone_s``: the time to find the place, cut it out and read its content (median, in a fresh process).
+- ``country_refused``: towns in which no scenario could be generated.
+- ``country_memory_mb``: peak resident memory of the largest worker that reads the country into tiles, or of a process
+  that cuts towns out, whichever is more (``country_indexing_mb``, ``country_cutting_mb``).
+- ``country_server_mb``: memory of the server's process; ``country_generating_mb``: memory of the largest worker after
+  generation.
+- ``country_killed_at``: share of the work done when the first server and its workers are killed;
+  ``country_kept_tiles``: tiles kept, with their known sites; ``country_resumed_s``: time of the second server, which
+  continues; ``country_index_s``: both times together.
+- ``country_file_mb``, ``country_index_mb``, ``country_nodes``, ``country_tiles``: sizes.
+- ``country_tiles_equal``: of ``country_tiles_judged`` tiles, those with the same sites in the index as in a small map
+  of the same area that osmium cut out; ``country_sites_judged``: number of these sites; ``country_sites_twice``: sites
+  that the index holds twice.
+- ``country_same_bytes``: 1 if a repeated cut has the same bytes.
 """
 
 import hashlib
@@ -68,15 +68,15 @@ _SOURCES = (
     "o2s_roosevelt_cycletrack.osm",
     "o2s_montlake_roundabout.osm",
 )
-"""Extracts that the country is made of, in turn; traffic keeps to the right on all of them."""
+"""Extracts of the country, in turn; all have right-hand traffic."""
 COLUMNS, ROWS = 12, 12
-"""Cells of the grid: with them the country has over five million nodes."""
+"""Cells of the grid, for over five million nodes."""
 _CELL_M, _REACH_M = 40_000.0, 19_000.0
-"""Side of a cell; from its middle to the farthest that is copied."""
+"""Side of a cell, and the largest distance from its middle that is copied."""
 _SOUTH_WEST = (-45.0, -130.0)
 _METRES_A_DEGREE = 111_195.0
 _HOUSES, _HOUSE_M = 1_800, 10.0
-"""Houses of a cell beside those of its extract, and their sides."""
+"""Number of houses in a cell in addition to those of its extract, and their sides."""
 _IDS_OF_CELL, _NAMES_OF_CELL = 1_000_000, 256
 _SYLLABLES = (
     "ba",
@@ -97,11 +97,11 @@ _SYLLABLES = (
     "zal",
 )
 _PLACES, _JUDGED_TILES = 24, 12
-"""Towns that scenarios are made in, and tiles whose sites are judged."""
+"""Numbers of towns for scenarios, and of tiles for the judge of sites."""
 _KILLED_AT = 0.75
-"""Share of the work at which the first server is killed: in its longest part, the search for sites."""
+"""Share of the work at which the first server is killed, in its longest part, the search for sites."""
 _SURROUNDINGS_DEG = 0.012
-"""Around a tile, what the product says that it looks at."""
+"""Margin around a tile that the product says it uses."""
 _SITES_TWICE = (
     "SELECT COUNT(*) - COUNT(DISTINCT printf('%d %s %f %f %s', tile, kind, latitude, longitude, mark)) FROM sites"
 )
@@ -111,7 +111,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class _Element:
-    """A node, way or relation of an extract: its number there, its tags, and what it is made of."""
+    """A node, way or relation of an extract: its number, its tags, and its members."""
 
     number: int
     tags: Mapping[str, str]
@@ -130,14 +130,14 @@ class _Piece:
 
 
 def name_of(number: int) -> str:
-    """A name for a place that no other number has."""
+    """Return a name for a place that no other number has."""
     base = len(_SYLLABLES)
     parts = [_SYLLABLES[number // base**power % base] for power in range(4)]
     return "".join(parts).capitalize()
 
 
 def town_of(cell: int) -> str:
-    """The name of the town in the middle of a cell."""
+    """Return the name of the town in the middle of a cell."""
     return name_of(cell * _NAMES_OF_CELL)
 
 
@@ -227,7 +227,7 @@ class _Cell:
         return town_of(self._number)
 
     def nodes(self) -> Iterator[mutable.Node]:
-        """All nodes, by id."""
+        """Yield all nodes, by id."""
         places = 0
         for node in self._piece.nodes:
             tags = dict(node.tags)
@@ -243,7 +243,7 @@ class _Cell:
                 yield self._node(number, position, {})
 
     def ways(self) -> Iterator[mutable.Way]:
-        """All ways, by id."""
+        """Yield all ways, by id."""
         for way in self._piece.ways:
             tags = {key: value for key, value in way.tags.items() if key != "place"}
             yield self._way(way.number, way.nodes, tags)
@@ -266,7 +266,7 @@ class _Cell:
             yield self._way(number, tuple(refs), tags)
 
     def relations(self) -> Iterator[mutable.Relation]:
-        """All relations, by id."""
+        """Yield all relations, by id."""
         for relation in self._piece.relations:
             members = [(sort, self._base + key, role) for sort, key, role in relation.members]
             yield mutable.Relation(id=self._base + relation.number, members=members, tags=dict(relation.tags))
@@ -281,7 +281,7 @@ class _Cell:
             ]
 
     def _lines(self) -> Iterator[tuple[list[Position], dict[str, str]]]:
-        """Two carriageways north of the town, with an exit and an entry at each."""
+        """Add two carriageways north of the town, with an exit and an entry at each."""
         steps = range(60)
         bend = [60.0 * math.sin(step / 7) for step in steps]
         length_m = _CELL_M / (len(bend) - 1)
@@ -312,7 +312,7 @@ class _Cell:
 
 @dataclass(frozen=True)
 class _Timed:
-    """What a town's scenario took, in seconds, and whether it was made out of the country."""
+    """The seconds for a town's scenario, and whether it was generated from the country."""
 
     place: str
     seconds: float
@@ -321,7 +321,7 @@ class _Timed:
 
 @asynccontextmanager
 async def _server(bench: MapsBench, workspace: Path) -> AsyncIterator[tuple[Client, psutil.Process]]:
-    """A client of a server in a process of its own, and that process."""
+    """Open a client of a server in its own process, and return that process too."""
     arguments = ["-m", "plannerforge", "serve", "--workspace", str(workspace), "--roots", str(bench.scratch)]
     settings = {"STARTER": "false", "WARM_UP": "false", "MAPS_ONLINE": "offline", "WORKERS": str(bench.workers)}
     environment = {**os.environ, **{f"PLANNERFORGE_{name}": value for name, value in settings.items()}}
@@ -357,7 +357,7 @@ def measure(bench: MapsBench) -> Figures:
 
 @dataclass(frozen=True)
 class _Killed:
-    """How far a server had come when it was killed: the share of the work, seconds, peak in MB, tiles with sites."""
+    """The state of a server when it was killed: share of the work, seconds, peak in MB, tiles with sites."""
 
     share: float
     seconds: float
@@ -376,7 +376,7 @@ async def _broken_off(bench: MapsBench, path: Path, workspace: Path) -> _Killed:
         job = await ask(client, "import_files", path=str(path))
         while (job := await ask(client, "get_job", job_id=job["job_id"], wait_s=1))["share"] < _KILLED_AT:
             if job["state"] != "running":
-                raise RuntimeError(f"the work ended as {job['state']} before it was to be killed: {job}")
+                raise RuntimeError(f"the work ended as {job['state']} before the kill: {job}")
         found = _Killed(job["share"], time.perf_counter() - started, _worker_peak_mb(server), 0)
         for process in (server, *server.children(recursive=True)):
             process.kill()
@@ -428,7 +428,7 @@ async def _made(client: Client, town: str) -> _Timed:
 
 
 def _worker_peak_mb(server: psutil.Process) -> float:
-    """The most memory (resident) that a worker of the server had at once."""
+    """Return the peak resident memory of one of the server's workers."""
     return max((_peak_of(worker.pid) for worker in server.children(recursive=True)), default=0.0)
 
 
@@ -444,7 +444,7 @@ def _records(workspace: Path) -> list[str]:
 
 
 def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float]:
-    """Seconds of cutting a town out in a process of its own; whether it has the same bytes again; its memory."""
+    """Cut a town out in a separate process; return the seconds, whether the bytes repeat, and its memory."""
     seconds: list[float] = []
     same = True
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
@@ -462,14 +462,14 @@ def _cuts_alone(index: Path, facts: MapFacts, folder: Path) -> dict[str, float]:
 
 
 def _cut_s(request: CutExtractRequest) -> tuple[float, str]:
-    """Seconds of a cut, and the digest of what was cut out."""
+    """Return the seconds of a cut, and the digest of its result."""
     started = time.perf_counter()
     path = cut_extract(request, silent).path
     return time.perf_counter() - started, hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
-    """Tiles whose sites are those of a small map of the same area."""
+    """Count the tiles with the same sites as a small map of the same area."""
     with closing(sqlite3.connect(index)) as database:
         tiles = [row[0] for row in database.execute("SELECT DISTINCT tile FROM sites ORDER BY tile")]
         (sites_twice,) = database.execute(_SITES_TWICE).fetchone()
@@ -494,14 +494,14 @@ def _judged(index: Path, path: Path, folder: Path) -> dict[str, int]:
 
 
 def _box_of(tile: int, around_deg: float) -> Box:
-    """A tile's box as docs/maps.md states it: 0.05 degrees, numbered from the south-west by rows."""
+    """Return a tile's box as docs/maps.md states it: 0.05 degrees, numbered from the south-west by rows."""
     row, column = divmod(tile, 7200)
     south, west = row / 20 - 90, column / 20 - 180
     return south - around_deg, west - around_deg, south + 0.05 + around_deg, west + 0.05 + around_deg
 
 
 def _small_maps(path: Path, boxes: Mapping[int, Box], folder: Path) -> dict[int, Path]:
-    """What osmium finds in each box: ways with a node there, whole, in two passes over the file."""
+    """Return what osmium finds in each box: complete ways with a node there, in two passes over the file."""
     inside: dict[int, set[int]] = {tile: set() for tile in boxes}
     for one in osmium.FileProcessor(str(path), osmium.osm.NODE):
         node: Any = one

@@ -1,14 +1,16 @@
-"""Whether generated traffic has the variety of drivers that was asked for by the name of a published calibration.
+"""Checks that generated traffic has the driver variety of the requested published calibration.
 
-A motorway of a real extract is filled with usual drivers, with those of ``gb_motorway`` (few vehicles) and with those
-of ``m25_gaps`` (many), and what they do is read from the written files by code of its own, with lxml and shapely, from
-nothing but the XML. Keys:
+The bench fills a motorway of a real extract with usual drivers, with those of ``gb_motorway`` (few vehicles) and with
+those of ``m25_gaps`` (many). It reads their behaviour from the written XML alone, with lxml and shapely.
 
-``free_speed_mean``, ``free_speed_deviation``: of the highest speed over the limit that a car holds on a free road
-for ``FREE_S``, one value a car, under ``gb_motorway``; ``usual_speed_…`` without a condition.
-``time_gap_mean_s``, ``time_gap_deviation_s``: of the gaps from bumper to bumper, less the ``STANDING_M`` that are kept
-when standing, over the speed, of vehicles that follow another at its speed within ``FOLLOWED_S``, one value a vehicle,
-under ``m25_gaps``; ``usual_gap_…`` without a condition. ``free_cars``, ``followers``: how many those are.
+Keys:
+
+- ``free_speed_mean``, ``free_speed_deviation``: the highest speed over the limit that a car keeps on a free road for
+  ``FREE_S``, one value per car, under ``gb_motorway``; ``usual_speed_…`` without a condition.
+- ``time_gap_mean_s``, ``time_gap_deviation_s``: the gap from bumper to bumper, minus the ``STANDING_M`` kept at a
+  standstill, over the speed, for vehicles that follow another at its speed within ``FOLLOWED_S``, one value per
+  vehicle, under ``m25_gaps``; ``usual_gap_…`` without a condition.
+- ``free_cars``, ``followers``: how many these are.
 """
 
 import statistics
@@ -28,12 +30,12 @@ from ..harness import Figures
 from .bench import MapsBench
 
 MAP = "o2s_arizona_highways"
-"""An extract with straight motorways: in curves no car drives as fast as it would like."""
+"""An extract with straight motorways, because in curves no car drives at its desired speed."""
 SEEDS = range(4)
 FEW_PER_LANE_KM, MANY_PER_LANE_KM = 2.0, 24.0
 FREE_S, FOLLOWED_S, STANDING_M = 6.0, 3.0, 2.5
 _WINDOW = 10
-"""Steps (1 s) before and after a moment, for which a vehicle has to hold its speed."""
+"""Steps (1 s) before and after a time in which a vehicle must keep its speed."""
 _HELD_MPS, _SAME_MPS, _STRAIGHT_RAD, _BESIDE_M, _SLOWEST_MPS, _FAST_MPS = 0.3, 0.5, 0.05, 1.75, 8.0, 25.0
 _CARS = frozenset({"car", "taxi"})
 
@@ -112,7 +114,7 @@ class _Vehicle:
 
 
 def judge_file(path: Path) -> Driving:
-    """How the cars of a file drive where they are free, and the vehicles where they follow."""
+    """Judge the driving of a file's free cars, and of its followers."""
     root = etree.parse(path).getroot()
     vehicles = [_vehicle(element) for element in root.iterfind("dynamicObstacle")]
     roads = _Roads(root)
@@ -135,14 +137,14 @@ def judge_file(path: Path) -> Driving:
 
 
 def _is_steady(vehicle: _Vehicle, step: int) -> bool:
-    """Whether a vehicle drives straight on at one speed around a step."""
+    """Return True if a vehicle drives straight on at constant speed around a step."""
     around = vehicle.states[step - _WINDOW : step + _WINDOW + 1]
     turn = np.abs(np.unwrap(around[:, 2]) - around[_WINDOW, 2]).max()
     return bool(around[:, 3].min() > _SLOWEST_MPS and np.ptp(around[:, 3]) < _HELD_MPS and turn < _STRAIGHT_RAD)
 
 
 def _ahead(vehicle: _Vehicle, others: Sequence[_Vehicle], step: int) -> tuple[float, _Vehicle] | None:
-    """The gap in m to the nearest vehicle ahead on the same line, and that vehicle."""
+    """Return the gap in m to the nearest vehicle ahead on the same line, and that vehicle."""
     x, y, heading, _ = vehicle.states[step]
     gaps = []
     for other in others:
@@ -156,7 +158,7 @@ def _ahead(vehicle: _Vehicle, others: Sequence[_Vehicle], step: int) -> tuple[fl
 
 
 def _is_followed(vehicle: _Vehicle, leader: _Vehicle, step: int) -> bool:
-    """Whether a vehicle has the speed of the one ahead, and keeps it."""
+    """Return True if a vehicle keeps its leader's speed."""
     last = step + _WINDOW
     if last >= len(leader.states):
         return False
@@ -188,7 +190,7 @@ class _Roads:
         self._tree = STRtree(areas)
 
     def limits_mps(self, place: NDArray[np.float64]) -> Iterator[float]:
-        """The limit at a place, where it is the same on all lanelets there; otherwise nothing."""
+        """Return the speed limit at a place if it is the same on all lanelets there, otherwise None."""
         from shapely import Point
 
         there = {self._limits[index] for index in self._tree.query(Point(place), predicate="within")}

@@ -1,6 +1,6 @@
-"""Extracts of OpenStreetMap in memory, and the part of Overpass's query language that asks for them.
+"""Extracts of OpenStreetMap in memory, and the part of Overpass's query language that requests them.
 
-Written apart from the product, which never sees these files: it gets what the queries that it sends come to.
+This code is independent of the product, which only sees the responses to its queries.
 """
 
 import re
@@ -48,9 +48,9 @@ class Extract:
         renamed: Mapping[str, str] | None = None,
         nameless: bool = False,
     ) -> "Extract":
-        """Read a file; with ``middle`` (latitude, longitude) it is moved there, its metres kept.
+        """Read a file; with ``middle`` (latitude, longitude) move it there with its distances kept.
 
-        ``nameless``: without the settlements and addresses that say where it lies in truth.
+        ``nameless``: without the settlements and addresses that reveal its true place.
         """
         import osmium
 
@@ -114,7 +114,7 @@ class Extract:
         return keys, np.array(boxes).reshape(-1, 4)
 
     def nodes_in(self, box: Box) -> set[int]:
-        """Nodes inside a box."""
+        """Return nodes inside a box."""
         south, west, north, east = box
         return {key for key, (lat, lon, _) in self.nodes.items() if south <= lat <= north and west <= lon <= east}
 
@@ -136,13 +136,13 @@ class Extract:
         return found
 
     def tags(self, key: Key) -> dict[str, str]:
-        """The tags of an element."""
+        """Return the tags of an element."""
         kind, number = key
         held = {"node": self.nodes, "way": self.ways, "relation": self.relations}[kind]
         return held[number][-1]  # type: ignore[index,no-any-return]
 
     def center(self, key: Key) -> tuple[float, float] | None:
-        """The middle of the box around an element; None for relations."""
+        """Return the middle of the box around an element; None for relations."""
         kind, number = key
         if kind == "node":
             return self.nodes[number][:2]
@@ -155,7 +155,7 @@ class Extract:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a query comes to: its format (json or xml), the elements and how they are to be written."""
+    """The result of a query: its format (json or xml), the elements and their notation."""
 
     format: str
     elements: tuple[dict[str, Any], ...]
@@ -171,7 +171,7 @@ def run_query(text: str, extract: Extract) -> Asked:
 
 
 class _Run:
-    """One query: its words one after the other, the named sets."""
+    """One query: its tokens in order, the named sets."""
 
     def __init__(self, text: str, extract: Extract) -> None:
         self._words, self._extract = _words(text), extract
@@ -305,7 +305,7 @@ class _Run:
         if len(numbers) == 1:
             return {(kind, int(numbers[0])) for kind in kinds}
         if len(numbers) != 4 or not (-90 <= numbers[0] <= numbers[2] <= 90):
-            raise QueryError("static error: the bounding box is none")
+            raise QueryError("static error: invalid bounding box")
         return self._within((numbers[0], numbers[1], numbers[2], numbers[3]), kinds)
 
     def _within(self, box: Box, kinds: Sequence[str]) -> set[Key]:

@@ -1,23 +1,27 @@
-"""Beside Scenario Factory 2.0: the same map files, the same machine, by turns, each in one process.
+"""Compares the product with Scenario Factory 2.0 on the same map files and machine, alternately, each in one process.
 
-It runs in an environment of its own (``factory_requirements.txt``; in the folder that ``PLANNERFORGE_FACTORY`` names,
-otherwise in one for temporary files, where it is made once), offline: it is given the files themselves
-(``factory_driver.py``). Maps are the extracts in XML that its documentation allows by their size. Settings are those
-of its documentation: scenarios of 20 s cut from 100 s of traffic (its command line) and of 5 s cut from 50 s (its
-read-me). Ours are asked for scenarios of the same length at different sites, all else by default.
+Scenario Factory runs offline in its own environment (``factory_requirements.txt``), in the folder that
+``PLANNERFORGE_FACTORY`` gives or a temporary one, created once. It receives the map files themselves
+(``factory_driver.py``): the XML extracts within the size that its documentation allows. The settings follow its
+documentation: scenarios of 20 s cut from 100 s of traffic (its command line) and of 5 s cut from 50 s (its readme). The
+product generates scenarios of the same lengths at different sites with its defaults.
 
-Time is processor time, programs that were started included, because other work on the machine lengthens the clock's;
-``factory_ratio_clock`` is by the clock. Start-up, and for Scenario Factory its table of places and the pauses of its
-executor, do not count; reading and indexing the map count for both. Of each map at most so many scenarios of each are
-judged (``factory_judge.py``), and the share of the judged ones stands for the others.
+Times are processor times including started programs, because other load lengthens the wall time
+(``factory_ratio_clock``). They exclude start-up and, for Scenario Factory, its table of places and the pauses of its
+executor; they include reading and indexing the map. For each map, ``factory_judge.py`` judges a limited number of
+scenarios of each side, and their share represents the rest.
 
-Keys: ``factory_ratio`` (executable scenarios a minute, ours over theirs, of 20 s), ``factory_ratio_5s``,
-``factory_ratio_clock`` (of 20 s), ``factory_ratio_places`` (different places with an executable scenario a minute, of
-20 s); for ``ours`` and ``theirs`` at each length ``_made``, ``_judged``, ``_executable`` (share of the judged),
-``_per_min``, ``_places`` (different networks among the scenarios), ``_empty_maps`` (maps without any), ``_inside``
-(positions on lanelets), ``_feasible`` (tracks), ``_overlaps`` (pairs), ``_collisions`` (of the default planner's runs);
-``_sites_km2``; ``factory_environment_s`` (0 where it was there) and ``factory_environment_mb``; ``factory_maps``.
-Faults with their reasons go to standard error, their whole log to ``factory.log`` in the environment's folder.
+Keys:
+
+- ``factory_ratio``: executable scenarios of 20 s per minute, ours over theirs; ``factory_ratio_5s``;
+  ``factory_ratio_clock`` (20 s); ``factory_ratio_places``: the same for different places with an executable scenario.
+- For ``ours`` and ``theirs`` at each length: ``_made``, ``_judged``, ``_executable`` (share of the judged),
+  ``_per_min``, ``_places`` (different networks), ``_empty_maps`` (maps without a scenario), ``_inside`` (positions on
+  lanelets), ``_feasible`` (tracks), ``_overlaps`` (pairs), ``_collisions`` (of the default planner's runs);
+  ``_sites_km2``.
+- ``factory_environment_s`` (0 if it existed), ``factory_environment_mb``; ``factory_maps``.
+
+Faults and their reasons go to standard error, and the full log to ``factory.log`` in the environment's folder.
 """
 
 import asyncio
@@ -57,13 +61,13 @@ from .bench import MapsBench
 from .factory_judge import FileVerdict, judge_file
 
 LARGEST_KM2 = 1.6**2
-"""Its documentation allows places of up to 0.8 km around a middle to be fetched; larger files are not offered."""
+"""The largest map in km²: its documentation allows places of up to 0.8 km around a middle."""
 LENGTHS: Mapping[int, int] = {20: 1000, 5: 500}
-"""Seconds of a scenario, and the steps of 0.1 s of traffic that its documentation simulates for that."""
+"""Seconds of a scenario, and the steps of 0.1 s of traffic that the documentation simulates for it."""
 MOST_JUDGED = 6
-"""Of each maker, map and length (chosen); of ours no more are made."""
+"""Number of judged scenarios for each generator, map and length (chosen); ours generates no more."""
 LIMIT_S = 400.0
-"""On the clock for one map, after which it is given up and its time left out (chosen)."""
+"""Wall time after which a map is given up and its time left out (chosen)."""
 KM_A_DEGREE = 111.2
 THEIRS, OURS = "theirs", "ours"
 _REQUIREMENTS, _DRIVER = (Path(__file__).with_name(f"factory_{name}") for name in ("requirements.txt", "driver.py"))
@@ -84,7 +88,7 @@ class MapTask:
 
 @dataclass(frozen=True)
 class Produced:
-    """What a maker made of a map: files, how many sites it found, time, and faults with how often they came."""
+    """A generator's result for a map: files, number of sites, time, and faults with their counts."""
 
     task: MapTask
     maker: str
@@ -101,10 +105,10 @@ class Produced:
 
 
 def measure(bench: MapsBench) -> Figures:
-    """Make scenarios by turns, judge them, and set them side by side.
+    """Generate scenarios alternately, judge them, and compare both sides.
 
     Raises:
-        LeftOut: the other environment cannot be made here.
+        LeftOut: the other environment cannot be created here.
     """
     environment, made_in_s = prepared_environment()
     tasks = _tasks(bench)
@@ -126,10 +130,10 @@ def measure(bench: MapsBench) -> Figures:
 
 
 def prepared_environment() -> tuple[Path, float]:
-    """The folder of the environment, and the seconds that it took to make it: next to 0 where it was there.
+    """Return the folder of the environment, and the seconds to create it (nearly 0 if it existed).
 
     Raises:
-        LeftOut: it cannot be made here.
+        LeftOut: it cannot be created here.
     """
     began = time.perf_counter()
     return made_environment("factory", "Scenario Factory", _REQUIREMENTS), time.perf_counter() - began
@@ -144,7 +148,7 @@ class Factory(LineProcess):
         )
 
     def make(self, task: MapTask) -> Produced:
-        """Scenarios of a map; one that takes too long or ends the process is a fault, and its time is left out."""
+        """Generate scenarios of a map; a timeout or the end of the process is a fault, and its time is left out."""
         task.folder.mkdir(parents=True)
         try:
             answer = self.answer(
@@ -164,7 +168,7 @@ class Factory(LineProcess):
 
 
 def make_ours(task: MapTask) -> Produced:
-    """Scenarios of a map at different sites, as ``generate_scenarios`` assigns them."""
+    """Return scenarios of a map at different sites, as ``generate_scenarios`` assigns them."""
     began = Spent.now()
     files: list[Path] = []
     faults: Counter[str] = Counter()
@@ -191,7 +195,7 @@ def make_ours(task: MapTask) -> Produced:
 
 
 def figures(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> dict[str, float | int | str]:
-    """The keys of the module out of what was made and the verdicts on it."""
+    """Compute the module's keys from the results and their verdicts."""
     found: dict[str, float | int | str] = {}
     rates: dict[tuple[int, str], _Rate] = {}
     for length_s in LENGTHS:
@@ -237,7 +241,7 @@ class _Rate:
 
 
 def _part_figures(part: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> dict[str, float | int]:
-    """What one maker made at one length."""
+    """Compute the figures of one generator at one length."""
     verdicts = [verdict for _, seen in part for verdict in seen]
     motion = motion_figures(verdict.motion for verdict in verdicts)
     runs = [verdict for verdict in verdicts if verdict.outcome not in ("", "invalid")]
@@ -259,7 +263,7 @@ def _over(one: float, other: float) -> float:
 
 
 def _tasks(bench: MapsBench) -> list[MapTask]:
-    """Every map at every length; with a limit, always the same maps."""
+    """Return every map at every length; with a limit, always the same maps."""
     listed = json.loads((bench.maps / "places.json").read_text(encoding="utf-8"))
     known = {path.name: listed[path.name] for path in sorted(bench.maps.glob("*.osm")) if path.name in listed}
     sizes = {name: _km2(shown["bbox"]) for name, shown in known.items()}
@@ -285,13 +289,13 @@ def _km2(box: Iterable[float]) -> float:
 
 
 def _warm_up(task: MapTask, bench: MapsBench, factory: Factory, own: ProcessPoolExecutor) -> None:
-    """A map that does not count: both have loaded their libraries then."""
+    """Run a map that does not count, so that both load their libraries."""
     factory.make(_moved(task, bench.scratch / "warm-up" / THEIRS))
     own.submit(make_ours, _moved(task, bench.scratch / "warm-up" / OURS)).result()
 
 
 def _by_turns(task: MapTask, number: int, factory: Factory, own: ProcessPoolExecutor) -> list[Produced]:
-    """Both makers on one map, on every other one in the other order."""
+    """Run both generators on one map, in reverse order on every other map."""
 
     def ours() -> Produced:
         return own.submit(make_ours, _moved(task, task.folder / OURS)).result()
@@ -314,7 +318,7 @@ def _moved(task: MapTask, folder: Path) -> MapTask:
 
 
 def _tell_faults(judged: Sequence[tuple[Produced, Sequence[FileVerdict]]]) -> None:
-    """Faults of making and of the files, by maker, the most frequent first."""
+    """Print faults of generation and of the files, by generator, most frequent first."""
     for maker in (OURS, THEIRS):
         making: Counter[str] = Counter()
         for one, _ in judged:

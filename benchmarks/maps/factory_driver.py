@@ -1,11 +1,10 @@
-"""Runs Scenario Factory 2.0 inside its own environment: ``python -P factory_driver.py``, by ``factory.py`` alone.
+"""Runs Scenario Factory 2.0 in its own environment: ``python -P factory_driver.py``, started only by ``factory.py``.
 
-A line of JSON in is a map to work on, a line of JSON out is what came of it (``factory.py`` names the fields). What its
-libraries print goes to standard error, which is kept as the log. Nothing of this project is imported here.
+Each input line is a JSON object with a map, and each output line holds the result (``factory.py`` defines the fields).
+Output of its libraries goes to standard error, which is kept as the log. This file imports nothing of the project.
 
-The pipeline is the one that its documentation shows, from the file of a map on: where the documentation downloads a
-map, the file is at hand. Everything happens in this one process; start-up, the table of places that it loads once and
-the pauses of its executor are no part of the times.
+The pipeline is the one in its documentation, starting from the map file instead of a download. Everything happens in
+this process. The times exclude start-up, its table of places and the pauses of its executor.
 """
 
 import json
@@ -71,13 +70,13 @@ def _work(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def _processor_s() -> float:
-    """Processor time of this process and of the programs that it ran."""
+    """Return the processor time of this process and the programs that it ran."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def _reason(trace: str) -> str:
-    """The last line of a traceback, and the function that it came from."""
+    """Return the last line of a traceback, and its function."""
     lines = trace.strip().splitlines()
     where = next((line.rpartition(" in ")[2] for line in reversed(lines) if line.startswith("  File ")), "")
     return f"{lines[-1][:160]} (in {where})"

@@ -1,7 +1,7 @@
-"""Judges a CommonRoad file, whoever made it, by commonroad-io, CommonRoad's schema and shapely.
+"""Judges a CommonRoad file from either generator with commonroad-io, CommonRoad's schema and shapely.
 
-Nothing here is code of a maker: the files of Scenario Factory 2.0 and ours go through the same checks. Then Frenetix
-with its default weights drives them, and the drivability checker looks at some of the recorded tracks.
+This module shares no code with the generators: files of Scenario Factory 2.0 and ours pass the same checks. Frenetix
+then drives them with its default weights, and the drivability checker tests some of the recorded tracks.
 """
 
 from dataclasses import dataclass
@@ -27,12 +27,14 @@ if TYPE_CHECKING:
 EGO_LENGTH_M, EGO_WIDTH_M = 4.508, 1.61
 """CommonRoad's vehicle 2 (BMW 320i), which the default planner drives."""
 _TRACKS = 3
-"""Drawn from each scenario for the drivability checker (chosen): each takes half a second."""
+"""Number of tracks per scenario for the drivability checker (chosen): each takes half a second."""
 
 
 @dataclass(frozen=True)
 class FileVerdict:
-    """What is wrong with a file (empty: nothing), how the default planner's run ended, how the traffic moves."""
+    """The faults of a file (empty if it is right), the outcome of the default planner, and the motion of the
+    traffic.
+    """
 
     fault: str
     outcome: str = ""
@@ -62,7 +64,7 @@ def judge_file(path: Path, seed: int) -> FileVerdict:
 
 
 def _fault(path: Path) -> str:
-    """What schema, start and goal show; empty where nothing is wrong."""
+    """Return the fault in schema, start or goal, empty if there is none."""
     import commonroad
     from commonroad.common.file_reader import CommonRoadFileReader
 
@@ -89,7 +91,7 @@ def _begins_in_a_collision(scenario: "Scenario", problem: "PlanningProblem") -> 
 
 
 def _reaches_its_goal(network: "LaneletNetwork", problem: "PlanningProblem") -> bool:
-    """Whether lanelets lead from the start to one that has a part of the goal; lanes may be changed."""
+    """Return True if lanelets lead from the start to one with a part of the goal; lane changes are allowed."""
     goal = _goal_lanelets(network, problem)
     if goal is None:
         return True
@@ -110,7 +112,7 @@ def _next(lanelet: "Lanelet") -> list[int]:
 
 
 def _goal_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") -> set[int] | None:
-    """The lanelets of the goal; None where it is no place."""
+    """Return the lanelets of the goal, or None if it has no place."""
     named = problem.goal.lanelets_of_goal_position
     if named:
         return {key for keys in named.values() for key in keys}

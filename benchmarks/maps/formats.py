@@ -1,17 +1,19 @@
-"""Roads and scenarios in other formats: what is written says what was there, what is read can be driven on.
+"""Checks that exported roads and scenarios match their source, and that imported ones can be driven.
 
-``opendrive_within_share``: share of the points of lanelet bounds that lie within 0.1 m of the bound of the same lanelet
-in the exported .xodr, and of the places on that bound, every 0.5 m, that lie within 0.1 m of the lanelet's: both ways,
-the lesser share; ``opendrive_max_m``: the farthest. The file is evaluated
-here by OpenDRIVE's formulas (reference line, lane offset, widths). ``opendrive_valid``: share of the files that
-ASAM's schema accepts.
-``openscenario_same_share``: share of the recorded poses whose centre the exported .xosc, read as XML, has at the same
-time within 1 mm; ``openscenario_valid``: share of the files that ASAM's schema accepts.
-``filled_networks_ok``: share of the public road networks that could be filled with new traffic and whose checks pass,
-judged from the written file: CommonRoad's schema, lanelets as in the source, the ego and a goal there, no overlap at
-the start. ``filled_networks``: how many were tried.
-``lanelet2_read``: share of the lanelets of public networks, written as Lanelet2 by code of this module, that are read
-with the same id, bounds within 0.1 m and the same successors.
+Keys:
+
+- ``opendrive_within_share``: share of the points of lanelet bounds within 0.1 m of the same bound in the exported
+  .xodr, or of the points on that bound (every 0.5 m) within 0.1 m of the lanelet's, whichever is smaller;
+  ``opendrive_max_m``: the largest distance. OpenDRIVE's formulas are evaluated here (reference line, lane offset,
+  widths).
+- ``opendrive_valid``, ``openscenario_valid``: share of the files that ASAM's schema accepts.
+- ``openscenario_same_share``: share of the recorded poses with the same centre in the exported .xosc at the same time
+  within 1 mm.
+- ``filled_networks_ok``: share of the public road networks that could be filled with new traffic and pass all checks of
+  the written file: CommonRoad's schema, unchanged lanelets, an ego and a goal, no overlap at the start;
+  ``filled_networks``: number of networks tried.
+- ``lanelet2_read``: share of the lanelets of public networks, written as Lanelet2 by this module, that are read with
+  the same id, bounds within 0.1 m and the same successors.
 """
 
 import math
@@ -41,7 +43,7 @@ Line = NDArray[np.float64]
 NEAR_M, EVERY_M, SAME_NODE_M, SAME_POSE_M = 0.1, 0.5, 0.02, 1e-3
 FILLED = 40
 EXPORTED = 60
-"""How many public scenarios are exported (chosen), in addition to those that networks were filled with."""
+"""Number of exported public scenarios (chosen), in addition to those of filled networks."""
 
 
 def measure(bench: MapsBench) -> Figures:
@@ -61,7 +63,7 @@ def _spread(files: Sequence[Path], count: int) -> list[Path]:
 
 
 def _quiet(share: float, message: str = "") -> None:
-    """Nobody watches the progress."""
+    """Ignore the progress."""
 
 
 def _network(path: Path) -> object:
@@ -109,7 +111,7 @@ def _near(distances_m: Line) -> int:
 
 
 def asam_schema(name: str) -> etree.XMLSchema:
-    """A schema of ASAM's that the package scenariogeneration brings."""
+    """Return an ASAM schema from the package scenariogeneration."""
     import scenariogeneration
 
     return etree.XMLSchema(etree.parse(Path(scenariogeneration.__file__).parents[1] / "schemas" / name))
@@ -124,7 +126,7 @@ def _distances(points: Line, line: Line) -> NDArray[np.float64]:
 
 
 def bounds_of(path: Path) -> dict[int, tuple[Line, Line]]:
-    """Left and right bound of each lanelet in an OpenDRIVE file, by the formulas of ASAM OpenDRIVE 1.7.
+    """Return left and right bound of each lanelet in an OpenDRIVE file, by the formulas of ASAM OpenDRIVE 1.7.
 
     Section 7: reference line of paramPoly3 pieces with a normalised parameter; 9.4: lane offset; 9.5: widths.
     """
@@ -161,7 +163,7 @@ def _cubic(rows: Sequence[tuple[float, ...]], station: float) -> float:
 
 
 def _reference(road: "etree._Element", station: float) -> tuple[float, float, float]:
-    """x, y in m and heading in rad of a road's reference line."""
+    """Return x, y in m and heading in rad of a road's reference line."""
     piece = [one for one in road.iterfind("planView/geometry") if float(one.get("s", "0")) <= station + 1e-9][-1]
     curve = piece.find("paramPoly3")
     if curve is None or curve.get("pRange") != "normalized":
@@ -177,7 +179,9 @@ def _reference(road: "etree._Element", station: float) -> tuple[float, float, fl
 
 
 def _pose_errors_m(scenario: object, path: Path) -> list[float]:
-    """How far each recorded centre lies from that of the entity in the file at the same time; not there is infinite."""
+    """Return the distance of each recorded centre from the file's entity at the same time, infinite if it is
+    missing.
+    """
     root = ElementTree.parse(path).getroot()  # noqa: S314 - written by ourselves just now
     ahead = {
         str(one.get("name")): float(center.get("x", "0"))
@@ -209,7 +213,7 @@ def _centres(group: ElementTree.Element, ahead_m: float) -> Iterator[tuple[float
 
 
 def _filled(files: Sequence[Path], scratch: Path) -> tuple[dict[str, float | int | str], list[Path]]:
-    """The figures, and the scenarios that were made."""
+    """Return the figures and the generated scenarios."""
     good, refused, made_files = 0, 0, list[Path]()
     for number, path in enumerate(files):
         try:
@@ -249,7 +253,7 @@ def _fill(path: Path, number: int, scratch: Path) -> Path:
 
 
 def _is_sound(made: Path, source: Path) -> bool:
-    """Whether the written file holds what was asked for, told without the generator."""
+    """Return True if the written file holds what was requested, judged without the generator."""
     scenario, problems = CommonRoadFileReader(str(made)).open()
     given = {
         lanelet.lanelet_id: lanelet for lanelet in CommonRoadFileReader(str(source)).open()[0].lanelet_network.lanelets
@@ -284,7 +288,7 @@ def _lanelet2(files: Sequence[Path], scratch: Path) -> dict[str, float | int | s
 
 
 def _shift(path: Path) -> tuple[float, float]:
-    """What the file's plane adds to the coordinates that were written, by the place of its middle."""
+    """Return the offset of the file's plane from the written coordinates, by the position of its middle."""
     latitude = float(etree.parse(path).findtext("location/gpsLatitude") or 0)
     longitude = float(etree.parse(path).findtext("location/gpsLongitude") or 0)
     return _metres(latitude, longitude)
@@ -294,7 +298,7 @@ _METRES_A_DEGREE = 111_000.0
 
 
 def _metres(latitude: float, longitude: float) -> tuple[float, float]:
-    """Where a position of :func:`write_lanelet2` lies in its plane, near the equator in m."""
+    """Return the position of :func:`write_lanelet2` in its plane, in m near the equator."""
     from pyproj import Proj
 
     x, y = Proj("+proj=tmerc +lat_0=0 +lon_0=0 +k=1 +ellps=WGS84")(longitude, latitude)

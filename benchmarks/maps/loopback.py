@@ -1,8 +1,8 @@
-"""Nominatim and Overpass on this machine: their protocols, with extracts for the earth, and what can go wrong.
+"""Local servers for the protocols of Nominatim and Overpass, with extracts as the earth and injected faults.
 
 ``MapServers`` serves ``/search``, ``/lookup`` and ``/status`` of Nominatim below its address ``nominatim``, and
-``/interpreter``, ``/status`` and ``/kill_my_queries`` of Overpass below those of its ``mirrors``. A ``Fault`` is put
-before the next answers of one of them. All requests are noted.
+``/interpreter``, ``/status`` and ``/kill_my_queries`` of Overpass below those of its ``mirrors``. A ``Fault`` applies
+to the next responses of one of them. All requests are recorded.
 """
 
 import json
@@ -48,7 +48,7 @@ _HUGE_MB = 200
 _MOST_SLOW_S = 60.0
 _PARTS_OF_TOWNS = ("suburb", "quarter", "neighbourhood", "borough", "city_district", "hamlet")
 _REACH_DEG = {"city": 0.16, "town": 0.04, "village": 0.02, "hamlet": 0.01}
-"""Half the side of the box that Nominatim gives a settlement without an outline, by its kind; 0.01 for others."""
+"""Half the side of Nominatim's box for a settlement without an outline, by its kind; 0.01 for others."""
 _SIGHTS = ("tourism", "historic", "railway", "leisure", "amenity", "place", "junction")
 _SHORT = {
     "st": "street",
@@ -73,9 +73,9 @@ _SHORT = {
 
 @dataclass(frozen=True)
 class Fault:
-    """What a service does wrong; ``times``: to so many requests; ``wait_s``: the Retry-After that it names.
+    """A fault of a service; ``times``: number of affected requests; ``wait_s``: its Retry-After.
 
-    ``body``: what it answers if the fault is ``forged``.
+    ``body``: the response if the fault is ``forged``.
     """
 
     kind: FaultKind
@@ -86,7 +86,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Place:
-    """What the served Nominatim knows: a settlement, a road or a sight.
+    """An entry of the served Nominatim: a settlement, a road or a sight.
 
     ``names`` by OpenStreetMap's keys; ``address``: Nominatim's, without the country.
     """
@@ -110,13 +110,13 @@ class Place:
 
     @cached_property
     def words_around(self) -> frozenset[str]:
-        """The words of what it lies in."""
+        """The words of the places around it."""
         return frozenset(
             word for name in (*self.address.values(), country_name(self.country)) for word in words_of(name)
         )
 
     def is_called(self, words: Sequence[str]) -> bool:
-        """Whether the words name it: they are its own or of what it lies in; of a settlement none is left out."""
+        """Return True if the words name it: its own or those of places around it, and all of a settlement's own."""
         asked = frozenset(words)
         if not asked <= self.own_words | self.words_around or not asked & self.own_words:
             return False
@@ -127,7 +127,7 @@ class Place:
         return any(rest <= name for name in each) if rest else any(name <= asked for name in each if name)
 
     def as_json(self, number: int) -> dict[str, Any]:
-        """An entry of Nominatim's format jsonv2."""
+        """Return an entry of Nominatim's format jsonv2."""
         name = self.names.get("name:en") or self.names.get("name") or self.names.get("ref", "")
         address = {**self.address, "country": country_name(self.country), "country_code": alpha2(self.country)}
         if self.country == "VIR":
@@ -158,20 +158,20 @@ class Place:
 
 
 def words_of(text: str) -> tuple[str, ...]:
-    """The words of a name as Nominatim compares them: in Latin letters, abbreviations written out."""
+    """Return the words of a name in Nominatim's comparison form: Latin letters, abbreviations expanded."""
     plain = "".join(letter if letter.isalnum() else " " for letter in anyascii(text).casefold().replace("'", ""))
     return tuple(word for part in plain.split() if (word := _SHORT.get(part, part)))
 
 
 def country_name(code: str) -> str:
-    """A country's English name by its ISO alpha-3 code."""
+    """Return a country's English name by its ISO alpha-3 code."""
     from iso3166 import countries_by_alpha3
 
     return str(countries_by_alpha3[code].apolitical_name)
 
 
 def alpha2(code: str) -> str:
-    """A country's ISO alpha-2 code in small letters."""
+    """Return a country's ISO alpha-2 code in small letters."""
     from iso3166 import countries_by_alpha3
 
     return str(countries_by_alpha3[code].alpha2).lower()
@@ -180,7 +180,7 @@ def alpha2(code: str) -> str:
 def settlement(
     names: Sequence[str], country: str, box: Box, *, importance: float = 0.6, kind: str = "city", **address: str
 ) -> Place:
-    """A town of a box, with the names that it goes by."""
+    """Return a town with a box and its names."""
     middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     named = {"name": names[0], **{f"alt_name:{number}": name for number, name in enumerate(names[1:])}}
     return Place(
@@ -189,12 +189,12 @@ def settlement(
 
 
 def hash_of(text: str) -> int:
-    """A number that stands for a text, the same in every process."""
+    """Return a number for a text, the same in every process."""
     return int.from_bytes(text.encode()[-6:], "big")
 
 
 def places_in(extract: Extract, town: str, country: str) -> Iterator[Place]:
-    """Settlements, roads and sights of an extract; those that are no towns lie in ``town``."""
+    """Return settlements, roads and sights of an extract; those that are not towns are in ``town``."""
     for key, (lat, lon, tags) in extract.nodes.items():
         if tags.get("name") or tags.get("highway") == "motorway_junction":
             yield from _point(("node", key), (lat, lon), tags, town, country)
@@ -293,7 +293,7 @@ class MapServers:
             self.stop()
 
     def stop(self) -> None:
-        """Answer no more: what connects is refused."""
+        """Stop listening, so that connections are refused."""
         self.stopped.set()
         if self._server.is_running():
             self._server.stop()
@@ -314,17 +314,17 @@ class MapServers:
         return tuple(f"http://127.0.0.1:{self.port}/{name}/api" for name in self._mirrors)
 
     def fail(self, service: str, *faults: Fault) -> None:
-        """Have a service (``nominatim`` or a mirror's name) do something wrong next."""
+        """Make a service (``nominatim`` or a mirror's name) fail next."""
         waiting = self.faults.setdefault(service, deque())
         for fault in faults:
             waiting.extend([fault] * fault.times)
 
     def asked(self, service: str, ending: str = "") -> list[Request]:
-        """The requests to a service whose path has an ending."""
+        """Return the requests to a service with a path ending."""
         return [one for one in self.requests if one.service == service and one.path.endswith(ending)]
 
     def search(self, parameters: Mapping[str, str]) -> list[dict[str, Any]]:
-        """Nominatim's answer."""
+        """Return Nominatim's response."""
         words = words_of(parameters.get("q", ""))
         codes = {code for code in parameters.get("countrycodes", "").split(",") if code}
         numbers = {number for word in words for number in self._by_word.get(word, ())}
@@ -335,13 +335,13 @@ class MapServers:
         return [place.as_json(number) for number, place in enumerate(found[: int(parameters.get("limit", "10"))])]
 
     def lookup(self, osm_ids: str) -> list[dict[str, Any]]:
-        """Nominatim's answer for ids such as ``R123,W45``."""
+        """Return Nominatim's response for ids such as ``R123,W45``."""
         asked = [part.strip() for part in osm_ids.split(",")]
         by_id = {f"{place.osm[0][0].upper()}{place.osm[1]}": place for place in self._places}
         return [by_id[one].as_json(number) for number, one in enumerate(asked) if one in by_id]
 
     def query(self, mirror: str, text: str) -> tuple[str, bytes]:
-        """Overpass's answer: media type and body.
+        """Return Overpass's response: media type and body.
 
         Raises:
             QueryError: the query is not understood.
@@ -349,7 +349,7 @@ class MapServers:
         held = self._mirrors[mirror]
         boxes = [tuple(map(float, box)) for box in _BOX.findall(text)]
         elements: dict[tuple[str, int], dict[str, Any]] = {}
-        kind = run_query(text, Extract(Path())).format  # also says what is wrong with the query where nothing is held
+        kind = run_query(text, Extract(Path())).format  # also explains what is wrong with the query
         for extract in self._extracts:
             if not boxes or any(_overlap(box, extract.box) for box in boxes):
                 for one in run_query(text, extract).elements:
@@ -362,7 +362,7 @@ class MapServers:
         return ("application/json", _as_json(listed, held)) if kind == "json" else ("text/xml", _as_xml(listed, held))
 
     def _answer(self, asked: WebRequest) -> Response:
-        """What a service says: what it is asked for, or the fault that is next."""
+        """Return a service's response: the requested content, or the next fault."""
         service, given = asked.path.split("/")[1], {**asked.args.to_dict(), **asked.form.to_dict()}
         agent = asked.headers.get("user-agent", "")
         self.requests.append(Request(service, asked.path, given, agent, time.monotonic()))
@@ -376,7 +376,7 @@ class MapServers:
         return _json(self.lookup(given.get("osm_ids", ""))) if asked.path.endswith("/lookup") else _plain(b"OK")
 
     def _fault(self, service: str, path: str) -> Fault | None:
-        """The next fault; that of slots shows in the status, all others in what is asked for."""
+        """Return the next fault; one of slots shows in the status, all others in the requested content."""
         waiting = self.faults.get(service)
         if not waiting or (waiting[0].kind == "no_slot") != path.endswith("/status"):
             return None
@@ -416,7 +416,7 @@ class MapServers:
         return Response(bodies[fault.kind], content_type="application/json")
 
     def _stream(self, kind: str) -> Iterator[bytes]:
-        """An answer that is too long, too slow, or breaks off."""
+        """Send a response that is too long, too slow, or breaks off."""
         if kind == "slow":
             self.stopped.wait(_MOST_SLOW_S)
             return
@@ -481,7 +481,7 @@ def _as_xml(elements: Sequence[Mapping[str, Any]], mirror: Mirror) -> bytes:
 
 
 def _page(title: str, text: str) -> bytes:
-    """A page as Overpass writes it in place of data."""
+    """Return a page as Overpass writes it in place of data."""
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE html PUBLIC "-//W3C//DTD XHTML 1.0 Strict//EN">\n'
         f"<html><head><title>{title}</title></head><body><p><strong>Error</strong>: {text}</p></body></html>"
@@ -489,7 +489,7 @@ def _page(title: str, text: str) -> bytes:
 
 
 def _status(free: int, wait_s: int) -> bytes:
-    """Overpass's status: how many slots are free, or when the next one is."""
+    """Return Overpass's status: the number of free slots, or the time of the next one."""
     now = datetime.now(UTC)
     then = now + timedelta(seconds=wait_s)
     slots = (

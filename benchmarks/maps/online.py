@@ -1,17 +1,21 @@
-"""Places from the net: the requests of the corpus with no map at hand, against services on this machine.
+"""Sends the corpus's requests without a local map, against Nominatim and Overpass services on this machine.
 
-Nominatim and Overpass are those of ``loopback.py``; they serve the real extracts at their places, and moved ones for
-places that none of them shows (``earth.py``). Every request goes through a client's session; what came is judged from
-the stored files by the judges of ``make bench-generation``, and by what the services themselves know.
+The services of ``loopback.py`` serve the real extracts at their places, and moved ones for places without an extract
+(``earth.py``). Every request goes through a client's session. The judges of ``make bench-generation`` examine the
+stored files, together with what the services know.
 
-Keys: ``online_requests`` that can be met, ``online_done`` (the share of them that came as asked: number of scenarios,
-type of road, vehicles, place, country, street, box, density or why not, and where the roads come from),
-``online_local_done`` (the same requests of places with an extract, the extracts at hand), ``online_refused`` (requests
-to be refused) and ``online_refused_right``; ``faults`` (cases of services that do something wrong) and
-``faults_survived`` (the scenario came and what was wrong is told, or the refusal tells it and nothing is stored);
-``cache_same_bytes`` (the share of requests that a fresh workspace answers with the same bytes from kept answers alone,
-the services stopped); ``online_median_s`` (a request, the pauses of politeness included); ``online_asked`` (requests
-to the services for one of a scenario: median).
+Keys:
+
+- ``online_requests``: requests that can be met; ``online_done``: share that succeeds as requested: number of scenarios,
+  type of road, vehicles, place, country, street, box, density or the reason against it, and the source of the roads.
+- ``online_local_done``: the same for places with an extract, with the extracts available locally.
+- ``online_refused``: requests that must be refused; ``online_refused_right``: share refused correctly.
+- ``faults``: cases of faulty services; ``faults_survived``: those in which the scenario is generated and the fault
+  reported, or the refusal reports it and nothing is stored.
+- ``cache_same_bytes``: share of requests that a fresh workspace answers with the same bytes from the cache alone, with
+  the services stopped.
+- ``online_median_s``: time per request, including pauses for the services' usage policy; ``online_asked``: median
+  number of service requests per scenario.
 """
 
 import json
@@ -52,11 +56,11 @@ from .extracts import Extract
 from .loopback import Fault, FaultKind, MapServers, places_in, settlement
 
 _BEYOND_DEG, _BEYOND_BOX_DEG = 0.01, 0.0001
-"""Roads lead beyond an extract's bounds; in a box that was asked for, only rounding is let pass (10 m)."""
+"""Tolerance of an extract's bounds, beyond which its roads extend; a requested box allows only rounding (10 m)."""
 _SAME_BYTES = 8
-"""Requests that are made again from kept answers (chosen)."""
+"""Number of requests repeated from the cache (chosen)."""
 _TIMEOUT_S = 3.0
-"""For a service in the cases of faults."""
+"""Time limit for a service in the cases of faults."""
 _CODES = {
     "unknown_place": "[unknown_name]",
     "no_map_here": "[unknown_name]",
@@ -69,7 +73,7 @@ _CODES = {
 
 @dataclass(frozen=True)
 class _Answered:
-    """What a call came to: its text, the scenarios that it names, how long it took, what the services were asked."""
+    """The result of a call: its text, the scenarios that it names, its duration, and the requests to the services."""
 
     text: str
     refused: bool
@@ -97,7 +101,7 @@ async def _measure(bench: MapsBench) -> Figures:
 
 
 def _good(lines: Sequence[Mapping[str, Any]], earth: Earth) -> list[BenchRequest]:
-    """The requests that can be met, with the region that each is for in place of its map."""
+    """Measure the feasible requests, with the region of each in place of its map."""
     named = [{**line, "map": line["map"] or line["id"]} for line in lines]
     return corpus_requests([json.dumps(line) for line in named], frozenset(earth.regions))
 
@@ -144,7 +148,7 @@ async def _requests(
     async with Client(create_server(_settings(bench, workspace, servers))) as client:
         for request in requests:
             answered = await _call(client, _given(request), servers)
-            faults = _what_is_wrong(request, answered, earth.regions[request.map_name], workspace)
+            faults = _describe_faults(request, answered, earth.regions[request.map_name], workspace)
             if not answered.refused and "downloaded" not in answered.text:
                 faults.append("does not say where the roads come from")
             _say(request.name, faults, answered)
@@ -160,7 +164,7 @@ async def _requests(
 
 
 async def _local(bench: MapsBench, earth: Earth, requests: Sequence[BenchRequest]) -> dict[str, float]:
-    """The same requests with the extracts in the library, and no service to be asked."""
+    """Measure the same requests with the extracts in the library and without services."""
     workspace, done = bench.scratch / "local", []
     settings = Settings(
         workspace=workspace, roots=(bench.maps,), workers=bench.workers, starter=False, warm_up=False, journal=False,
@@ -173,14 +177,14 @@ async def _local(bench: MapsBench, earth: Earth, requests: Sequence[BenchRequest
             await client.call_tool("import_files", given)
         for request in requests:
             answered = await _call(client, _given(request))
-            faults = _what_is_wrong(request, answered, earth.regions[request.map_name], workspace)
+            faults = _describe_faults(request, answered, earth.regions[request.map_name], workspace)
             _say(f"{request.name} (local)", faults, answered)
             done.append(not faults)
     return {"online_local_done": share(done)}
 
 
-def _what_is_wrong(request: BenchRequest, answered: _Answered, region: Region, workspace: Path) -> list[str]:
-    """What did not come as asked, a few words each."""
+def _describe_faults(request: BenchRequest, answered: _Answered, region: Region, workspace: Path) -> list[str]:
+    """Return the deviations from the request, a few words each."""
     if answered.refused:
         return [f"refused: {answered.text}"]
     asked = min(request.arguments.count, region.most.get(request.arguments.scenario_type, request.arguments.count))
@@ -204,11 +208,11 @@ def _faults_of(request: BenchRequest, scenario_id: str, folder: Path, region: Re
         f"shows no {stated}": shows_type(files, stated, region.evidence),
         f"is {stated}": asked.scenario_type in (stated, "any"),
         "lacks vehicles": holds_vehicles(files, _required(asked.vehicles)),
-        "lies elsewhere": lies_in(files, region.extract.box, _BEYOND_DEG),
-        "lies outside the box": asked.bbox is None or lies_in(files, asked.bbox, _BEYOND_BOX_DEG),
-        "lies at another street": request.street is None
+        "is elsewhere": lies_in(files, region.extract.box, _BEYOND_DEG),
+        "is outside the box": asked.bbox is None or lies_in(files, asked.bbox, _BEYOND_BOX_DEG),
+        "is at another street": request.street is None
         or lies_at_street(files, request.street, region.towns, region.evidence, within_m),
-        "lies in another country": asked.country in (None, scenario_id[:3]),
+        "is in another country": asked.country in (None, scenario_id[:3]),
         "density": judge_density(files, asked.density, report.notes).honest,
         "duration": recorded,
     }
@@ -216,7 +220,7 @@ def _faults_of(request: BenchRequest, scenario_id: str, folder: Path, region: Re
 
 
 def _required(texts: Sequence[str]) -> dict[str, tuple[int, int | None]]:
-    """(least, most) of each class in the corpus's arguments: ``truck``, ``truck=2``, ``car=4..4``."""
+    """Return (least, most) of each class in the corpus's arguments: ``truck``, ``truck=2``, ``car=4..4``."""
     required: dict[str, tuple[int, int | None]] = {}
     for text in texts:
         name, _, count = text.partition("=")
@@ -226,9 +230,9 @@ def _required(texts: Sequence[str]) -> dict[str, tuple[int, int | None]]:
 
 
 async def _refusals(bench: MapsBench, servers: MapServers, refusals: Sequence[Refusal]) -> dict[str, float | int]:
-    """Requests that have to be refused, with those that only a person can decide: which Springfield, which box."""
+    """Measure requests that must be refused, with those that only a person can decide: which Springfield, which box."""
     workspace = bench.scratch / "refusals"
-    cases = [(refusal.name, dict(refusal.given), _words_of(refusal)) for refusal in refusals]
+    cases = [(refusal.name, dict(refusal.given), _expected_text(refusal)) for refusal in refusals]
     springfields = ("Springfield, Illinois", "Springfield, Missouri", "Springfield, Massachusetts", "place=")
     cases.append(("ambiguous", {"place": "Springfield", "country": "USA"}, ("[invalid_request]", *springfields)))
     cases.append(("box", {"place": "Vienna", "bbox": [48.2, 16.4, 48.1, 16.3]}, ("[invalid_request]", "bbox")))
@@ -246,13 +250,13 @@ async def _refusals(bench: MapsBench, servers: MapServers, refusals: Sequence[Re
     return {"online_refused": len(right), "online_refused_right": 0.0 if stored else share(right)}
 
 
-def _words_of(refusal: Refusal) -> tuple[str, ...]:
-    """What the text of a right refusal holds: its code, and one word for what is wrong."""
+def _expected_text(refusal: Refusal) -> tuple[str, ...]:
+    """Return the required text of a right refusal: its code, and one word for the fault."""
     return (_CODES[refusal.reason], *refusal.subjects[:1])
 
 
 async def _same_bytes(bench: MapsBench, requests: Sequence[BenchRequest]) -> dict[str, float]:
-    """Requests that were made before, in a workspace that has only the kept answers, with the services stopped."""
+    """Repeat earlier requests in a workspace that has only the cached responses, with the services stopped."""
     first, second = bench.scratch / "online", bench.scratch / "again"
     if not requests:
         return {"cache_same_bytes": 0.0}
@@ -274,7 +278,7 @@ async def _same_bytes(bench: MapsBench, requests: Sequence[BenchRequest]) -> dic
 
 
 def _kept_address(workspace: Path) -> str:
-    """The address of the Nominatim whose answers a workspace keeps: it is a part of what was asked."""
+    """Return the address of the Nominatim with cached responses in a workspace, as it is part of the request."""
     import gzip
 
     for path in sorted((workspace / ANSWERS_FOLDER).glob("*.json.gz")):
@@ -286,7 +290,7 @@ def _kept_address(workspace: Path) -> str:
 
 @dataclass(frozen=True)
 class _FaultCase:
-    """Services that do something wrong, and how it has to end: survived, or told in these words."""
+    """Faulty services, and the required end: survived, or reported in these words."""
 
     name: str
     faults: Mapping[str, tuple[Fault, ...]]
@@ -308,11 +312,13 @@ _TOLD: Mapping[FaultKind, str] = {
     "redirect": "redirects",
     "no_slot": "no slot",
 }
-"""What the answer says of each kind of fault."""
+"""The answer's text for each kind of fault."""
 
 
 def _fault_cases() -> list[_FaultCase]:
-    """Each fault of the first service, of all, and of Nominatim; and what is no fault of one service alone."""
+    """Return each fault of the first service, of all, and of Nominatim, and faults that do not belong to one
+    service.
+    """
     cases: list[_FaultCase] = []
     for kind, told in _TOLD.items():
         often = Fault(kind, 2)
@@ -336,7 +342,9 @@ def _fault_cases() -> list[_FaultCase]:
 
 
 async def _faults(bench: MapsBench) -> dict[str, float | int]:
-    """Every case at a town of its own, so that no kept answer helps; then an area over the limit, and no net at all."""
+    """Measure every case at its own town, so that the cache does not help; then an area over the limit, and no
+    network.
+    """
     cases = _fault_cases()[: bench.limit]
     workspace = bench.scratch / "faulty"
     extracts = [
@@ -380,7 +388,7 @@ async def _is_met(client: Client, case: _FaultCase, town: str, workspace: Path, 
 
 
 def _stored(workspace: Path, kind: str) -> list[str]:
-    """The ids of what a workspace holds of a kind, and the folders of it that lie there."""
+    """Return the ids of a workspace's artifacts of a kind, and their existing folders."""
     opened = Workspace(workspace)
     try:
         ids = [one.artifact_id for one in opened.newest(kind=kind, limit=1000)]  # type: ignore[arg-type]

@@ -1,15 +1,19 @@
-"""People and bicycles on the real extracts: are they where people walk and ride, do they meet cars, do cars give way.
+"""Checks pedestrians and bicycles on real extracts: their lanelets, their overlaps, and whether cars yield.
 
-Each map gives one scenario with ten pedestrians and four bicycles where its site has ways for both. The written files
-are judged by code of its own, with lxml and shapely, from nothing but the XML. Keys:
+Each map gives one scenario with ten pedestrians and four bicycles if its site has paths for both. The judge reads only
+the written XML, with lxml and shapely.
 
-``walkers_feasible``: share of the positions of pedestrians and cyclists that lie on lanelets for them: those whose type
-is a pavement, a crossing or a bicycle lane, or whose users name them.
-``walkers_overlaps``: pairs of a pedestrian or cyclist and another road user whose rectangles overlap at any step.
-``cars_yield_share``: of the encounters of a motor vehicle and a pedestrian on a crossing, those in which the vehicle
-comes ``GAP_S`` or more before or after the person at the place where their ways cross, or had come to a stand before.
-``walkers_encounters``: how many these are; ``walkers_on_crossings``: pedestrians who are on one in the recording, of
-``walkers``; ``walkers_scenarios`` made, ``walkers_refused`` for want of a way to walk or of room.
+Keys:
+
+- ``walkers_feasible``: share of the positions of pedestrians and cyclists on lanelets for them (type pavement, crossing
+  or bicycle lane, or users that name them).
+- ``walkers_overlaps``: pairs of a pedestrian or cyclist and another road user with overlapping rectangles at any time
+  step.
+- ``cars_yield_share``: of the encounters of a motor vehicle and a pedestrian on a crossing, the share in which the
+  vehicle passes the conflict point ``GAP_S`` or more before or after the pedestrian, or stopped before it.
+- ``walkers_encounters``: number of these; ``walkers_on_crossings``: pedestrians on a crossing in the recording, of
+  ``walkers``.
+- ``walkers_scenarios``: generated; ``walkers_refused``: refused for lack of a path or of space.
 """
 
 from collections import Counter
@@ -34,10 +38,10 @@ if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
 TYPES: tuple[ScenarioType, ...] = ("signalised_intersection", "intersection", "roundabout", "urban", "rural")
-"""Asked for in turn, until a map has a site of the type: another one first at each map."""
+"""Site types tried in turn until a map has one; each map begins with another type."""
 PEDESTRIANS, BICYCLES, DURATION_S, SEED = 10, 4, 20.0, 18
 GAP_S, ENCOUNTER_S, STANDS_MPS = 1.0, 4.0, 0.5
-"""Whoever comes this much later than the other is no encounter; the other two decide whether a vehicle gave way."""
+"""A larger time difference is no encounter; the other two values decide whether a vehicle gave way."""
 EDGE_M = 0.02
 _FOR_PEDESTRIANS = frozenset({"sidewalk", "crosswalk"})
 _STEP_S = 0.1
@@ -75,7 +79,7 @@ def _share(part: int, whole: int) -> float:
 
 
 def _make(map_path: Path, folder: Path, number: int) -> bool:
-    """Make the scenario of a map, of the first type that it gives one of; whether there is one."""
+    """Generate a map's scenario, of the first possible type; return True if there is one."""
     turn = number % len(TYPES)
     for kind in (*TYPES[turn:], *TYPES[:turn]):
         request = GenerationRequest(
@@ -111,7 +115,7 @@ class _User:
     states: NDArray[np.float64]
 
     def boxes(self) -> "NDArray[np.object_]":
-        """The rectangle at every step."""
+        """Return the rectangle at every step."""
         from shapely import polygons
 
         x, y, heading, _ = self.states.T
@@ -124,7 +128,7 @@ class _User:
 
 
 def judge_file(path: Path) -> Counter[str]:
-    """What is counted in one file."""
+    """Return the counts of one file."""
     from shapely import union_all
 
     root = etree.parse(path).getroot()
@@ -160,7 +164,9 @@ def _encounters(
     vehicle_boxes: "NDArray[np.object_]",
     crossings: "list[BaseGeometry]",
 ) -> Iterator[str]:
-    """``encounters`` for each crossing where the two meet, ``yielded`` where the vehicle gave way or came apart."""
+    """Count ``encounters`` for each shared crossing, and ``yielded`` if the vehicle gave way or passed apart in
+    time.
+    """
     from shapely import intersects, union_all
 
     for area in crossings:
@@ -185,7 +191,7 @@ def _encounters(
 
 
 def _overlap(first: "NDArray[np.object_]", second: "NDArray[np.object_]") -> bool:
-    """Whether two road users overlap by an area at any step at which both are there."""
+    """Return True if two road users overlap by an area at any step at which both exist."""
     from shapely import area, intersection
 
     both = min(len(first), len(second))
@@ -199,7 +205,7 @@ def _inside(shape: "BaseGeometry", states: NDArray[np.float64]) -> NDArray[np.bo
 
 
 def _ways(root: etree._Element, kind: str) -> "list[BaseGeometry]":
-    """The lanelets that are for pedestrians or for bicycles."""
+    """Return the lanelets for pedestrians or for bicycles."""
     if kind == "pedestrian":
         return [area for types, _, area in _lanelets(root) if types & _FOR_PEDESTRIANS]
     return [
@@ -210,7 +216,7 @@ def _ways(root: etree._Element, kind: str) -> "list[BaseGeometry]":
 
 
 def _lanelets(root: etree._Element) -> "Iterator[tuple[set[str], set[str], BaseGeometry]]":
-    """Types, users and area of each lanelet."""
+    """Return types, users and area of each lanelet."""
     from shapely import Polygon, make_valid
 
     for lanelet in root.iterfind("lanelet"):

@@ -1,22 +1,21 @@
-"""Places, districts and streets by other spellings: ``python -m benchmarks.maps.places FOLDER``.
+"""Places, districts and streets in other spellings: ``python -m benchmarks.maps.places FOLDER``.
 
-The folder holds OpenStreetMap extracts, such as those that public repositories of routing programs keep for their
-tests. Every extract is read as a map; then all maps are at hand, and each request has to find its own.
+The folder holds OpenStreetMap extracts, such as the test data of public routing programs. Every extract is read as a
+map, all maps are then available, and each request must find its own.
 
-Requests are drawn from the extracts' own tags (``name:*``, ``alt_name``, ...), at most ``PER_KEY`` of one extract and
-tag, and read from ``words_for_places.tsv``, which was written by hand before any was tried. Half-typed and compound
-ones are drawn too: of ``HALVES`` names of roads of an extract in turn, the beginning alone, the name and the extract's
-largest place with nothing between, and the same the other way round. Extracts that the file lists under ``tune`` were
-looked at while the program was made; every other one is kept aside.
+Requests are drawn from the extracts' tags (``name:*``, ``alt_name``, ...), at most ``PER_KEY`` for each extract and
+tag, and read from ``words_for_places.tsv``, written by hand before any was tried. For ``HALVES`` road names of each
+extract in turn, a request has only the beginning of the name, or joins it with the extract's largest place, in either
+order. Extracts listed there under ``tune`` were used in development; all others are held out.
 
-A road counts as an extract's if the extract holds a stretch of it: relations name ways far outside.
+A road counts for an extract only if the extract holds a stretch of it, because relations name ways far outside.
 
-A request for a place is right if exactly the maps are found that show it, one for a road if the map is found and the
-road is among the streets that the site must carry there; other maps may have a road of that name too.
+A request for a place is right if it finds exactly the maps that show it. A request for a road is right if it finds the
+map and the road is among the streets required of the site; other maps may have a road of that name too.
 
-Keys: ``places_kept_aside``, the share of the spellings of extracts kept aside that are right; ``half_typed``, the same
-of half-typed and compound words; ``places_tuned`` and ``half_typed_tuned``, of the others; ``places_asked``,
-``half_asked`` and ``languages``, how many requests and languages the first two count.
+Keys: ``places_kept_aside``: share of the held-out spellings that are right; ``half_typed``: the same for partial and
+compound names; ``places_tuned``, ``half_typed_tuned``: the same for the others; ``places_asked``, ``half_asked``,
+``languages``: how many requests and languages the first two count.
 """
 
 import hashlib
@@ -54,15 +53,15 @@ from ..harness import Figures, existing, print_figures, share
 
 WORDS = Path(__file__).parent / "words_for_places.tsv"
 PER_KEY = 6
-"""Requests that are drawn from one tag of one extract: a city has an ``alt_name`` for every street (chosen)."""
+"""Number of requests from one tag of one extract: a city has an ``alt_name`` for every street (chosen)."""
 HALVES = 9
-"""Half-typed and compound requests that are drawn of one extract (chosen)."""
+"""Number of half-typed and compound requests for one extract (chosen)."""
 BEGUN = 0.6
-"""Share of the letters of a name that are typed when it is half typed (chosen)."""
+"""Share of the letters in a half-typed name (chosen)."""
 _SHORTEST_BEGUN = 10
-"""The beginning of a name with at least this many letters says more than a kind of road (chosen)."""
+"""Least number of letters that identify more than a kind of road (chosen)."""
 _CLOSED = ("access", "vehicle", "motor_vehicle", "motorcar")
-"""Tags of a road; where one says ``no`` or ``private``, the road is part of no map for cars."""
+"""Tags of a road; if one says ``no`` or ``private``, the road is not part of a map for cars."""
 _DRIVEN = re.compile(r"(motorway|trunk|primary|secondary|tertiary)(_link)?|unclassified|residential|living_street")
 _SETTLED = re.compile(
     r"city|town|village|suburb|borough|quarter|neighbourhood|hamlet|isolated_dwelling|square|locality"
@@ -105,7 +104,7 @@ def measure(folder: Path, workers: int = 1) -> Figures:
 
 
 def _read(paths: Sequence[Path], scratch: Path, workers: int) -> dict[str, MapEntry]:
-    """The maps of the extracts by the names of their files; those without a road for vehicles are left out."""
+    """Return the maps of the extracts by file name, without those that have no road for vehicles."""
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         found = pool.map(_entry, paths, [scratch] * len(paths))
     return {_stem(path): entry for path, entry in zip(paths, found, strict=True) if entry is not None}
@@ -130,7 +129,7 @@ def _stem(path: Path) -> str:
 
 
 def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
-    """The requests written by hand of the extracts that there are, and the extracts that were tuned on."""
+    """Return the handwritten requests for the available extracts, and the tuned extracts."""
     asked: list[_Asked] = []
     tuned: set[str] = set()
     is_tuned = True
@@ -147,7 +146,7 @@ def _written(stems: frozenset[str]) -> tuple[list[_Asked], frozenset[str]]:
 
 
 def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
-    """The requests drawn from the tags of the extracts, with every extract that has a name."""
+    """Return the requests drawn from the tags of the extracts, with every extract that has a name."""
     holders: dict[str, set[str]] = {}
     rows: dict[tuple[str, str, str], tuple[str, str]] = {}
     for stem, entry in entries.items():
@@ -166,7 +165,7 @@ def _drawn(entries: Mapping[str, MapEntry]) -> list[_Asked]:
 
 
 def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
-    """The main name, whether it is a road's, the tag and the name of everything in an extract with another name."""
+    """Return main name, whether it is a road's, tag and name of everything in an extract with another name."""
     nodes = _nodes(path)
     for element in osmium.FileProcessor(str(path)):
         tags = {tag.k: tag.v for tag in element.tags}
@@ -180,12 +179,12 @@ def _other_names(path: Path) -> Iterator[tuple[str, bool, str, str]]:
 
 
 def _nodes(path: Path) -> frozenset[int]:
-    """The ids of the nodes that an extract holds."""
+    """Return the ids of the nodes that an extract holds."""
     return frozenset(node.id for node in osmium.FileProcessor(str(path), osmium.osm.NODE))
 
 
 def _is_there(way: Any, nodes: frozenset[int]) -> bool:
-    """Whether an extract holds at least one stretch of a way; relations name ways with nodes that lie far outside."""
+    """Return True if an extract holds a stretch of a way; relations name ways with nodes far outside."""
     return any(one.ref in nodes and other.ref in nodes for one, other in pairwise(way.nodes))
 
 
@@ -199,7 +198,7 @@ def _is_settled(tags: Mapping[str, str]) -> bool:
 
 
 def _halves(entries: Mapping[str, MapEntry]) -> list[_Asked]:
-    """Half-typed and compound requests for roads of each extract; which roads is told by a digest of their names."""
+    """Return half-typed and compound requests for roads of each extract, chosen by a digest of their names."""
     asked = []
     for stem, entry in entries.items():
         roads: dict[str, None] = {}

@@ -1,24 +1,26 @@
-"""A coverage plan over all maps, in one batch whose server is killed twice without notice.
+"""Runs a coverage plan over all maps in one batch, and kills its server twice without notice.
 
-Keys: ``batch_scenarios`` (made); ``batch_per_min``: of them, from the plan's call to its end, with both restarts (the
-maps are read before, in ``batch_maps_s``); ``batch_cpu_s``: processor time of server and workers for each, which other
-work on the machine hardly lengthens; ``batch_memory_slope_mb``: what the server and its workers hold more for each
-thousand scenarios, one slope over all looks, of each server by itself after its first ``_WARM`` scenarios;
-``batch_server_slope_mb``: the server alone (both are left out where fewer than two looks tell them);
-``batch_server_mb`` and ``batch_memory_mb``: the most that the server, and all processes, held; ``batch_disk_kb``: for
-each scenario, of the workspace without its maps and without the recordings that workers keep for the next reading (512
-MB at most); ``batch_kills``; ``batch_lost``: scenarios of the plan whose file or record is missing or broken, that were
-there before a kill and are not now, that were made twice, or that are not there of those asked for; ``batch_refused``
-(tries); ``batch_failed``.
+Keys:
 
-``coverage_2way``: of the pairs of levels that the maps allow, the share that the made files show by type, density,
-classes and turn; ``coverage_pairs`` is how many there are, without ``batch_cannot``: those that were refused three
-times and never made, though a map holds the type of site and the type has the turn (named on standard error).
-``coverage_asked``: the share of all of them, those refused included. ``batch_shown``: of the judged levels, the share
-that the files show.
+- ``batch_scenarios``: generated; ``batch_per_min``: scenarios per minute from the plan's call to its end, including
+  both restarts (the maps are read before, in ``batch_maps_s``); ``batch_cpu_s``: processor time of server and workers
+  for each.
+- ``batch_memory_slope_mb``: memory growth of the server and its workers per thousand scenarios, one slope over all
+  samples, for each server after its first ``_WARM`` scenarios; ``batch_server_slope_mb``: the same for the server alone
+  (both are omitted with fewer than two samples).
+- ``batch_server_mb``, ``batch_memory_mb``: peak memory of the server and of all processes.
+- ``batch_disk_kb``: size of the workspace per scenario, without its maps and the recordings cached by workers (512 MB
+  at most).
+- ``batch_kills``; ``batch_lost``: scenarios with a missing or broken file or record, that vanished in a kill, that
+  were generated twice, or that are missing from the requested ones; ``batch_refused`` (attempts); ``batch_failed``.
+- ``coverage_2way``: of the pairs of levels that the maps allow, the share that the files show by type, density, classes
+  and turn; ``coverage_pairs``: their number without ``batch_cannot``, the pairs that were refused three times and never
+  generated although a map holds the site type and the type has the turn (listed on standard error); ``coverage_asked``:
+  the share of all pairs, including refused ones.
+- ``batch_shown``: share of the judged levels that the files show.
 
-Files are judged by the code that judges single generations (``evals/scoring/made_files.py``), and turns by the ego's
-heading at its start and at its goal, or by the classes of the roads there; a change of lane is not judged.
+``evals/scoring/made_files.py`` judges the files as for single generations. Turns follow from the ego's heading at its
+start and goal, or from the classes of the roads there. Lane changes are not judged.
 """
 
 import json
@@ -61,13 +63,13 @@ LEVELS: Mapping[str, tuple[str, ...]] = {
 }
 _KILLS = 2
 _LOOK_S = 2.0
-"""Between two looks at what is made and at the memory (chosen)."""
+"""Time between two samples of progress and memory (chosen)."""
 _WARM = 60
 """Scenarios of a server before its memory counts: workers load libraries and maps first (chosen)."""
 _JUDGED = 400
-"""Scenarios that are judged, evenly taken; more only for pairs that these do not show (chosen)."""
+"""Number of judged scenarios, evenly spaced; more only for pairs that these do not show (chosen)."""
 _TURNED_RAD = (math.radians(20.0), math.radians(170.0))
-"""Between its start and its goal an ego that turned is turned by so much (chosen: streets bend before and behind)."""
+"""Range of the change of heading between start and goal in a turn (chosen: streets bend before and after it)."""
 _FAST = frozenset({"motorway", "trunk"})
 Pair = tuple[tuple[str, str], tuple[str, str]]
 Row = tuple[str, ...]
@@ -76,7 +78,7 @@ Row = tuple[str, ...]
 
 @dataclass
 class _Watch:
-    """What was seen while the plan was carried out: memory by scenarios made, of each server by itself."""
+    """The observations during the plan: memory by number of scenarios, for each server."""
 
     server: list[list[tuple[int, float]]] = field(default_factory=list)
     all_of_it: list[list[tuple[int, float]]] = field(default_factory=list)
@@ -90,19 +92,19 @@ class _Watch:
 
 @dataclass(frozen=True)
 class End:
-    """When a server is killed: once so many scenarios are there, or at a moment of ``perf_counter``."""
+    """The condition for killing a server: a number of scenarios, or a time of ``perf_counter``."""
 
     made: int | None
     moment_s: float | None
 
     def is_reached(self, made: int) -> bool:
-        """Whether it is to be killed now."""
+        """Return True if it must be killed now."""
         enough = self.made is not None and made >= self.made
         return enough or (self.moment_s is not None and time.perf_counter() >= self.moment_s)
 
 
 def measure(bench: MapsBench) -> Figures:
-    """Carry the plan out, kill its server twice, and judge what is there."""
+    """Carry out the plan, kill its server twice, and judge the result."""
     folder = bench.folder("plan")
     watch = _Watch()
     anyio.run(_carry_out, bench, folder, watch)
@@ -143,7 +145,7 @@ def measure(bench: MapsBench) -> Figures:
 
 
 async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
-    """The plan from its first call to its end, over as many servers as it takes."""
+    """Carry out the plan from its first call to its end, over as many servers as necessary."""
     cover = [f"{name}={'|'.join(levels)}" for name, levels in LEVELS.items()]
     wish = {"cover": cover, "count": bench.scenarios}
     started = time.perf_counter()
@@ -165,14 +167,14 @@ async def _carry_out(bench: MapsBench, folder: Path, watch: _Watch) -> None:
             watch.there_at_kills.append(frozenset(_stored_files(workspace)))
     watch.batch_s = time.perf_counter() - started
     watch.asked = bench.scenarios
-    if not watch.plan and bench.minutes is not None:  # time was up: what is there is what was asked for
+    if not watch.plan and bench.minutes is not None:  # time is up: the results so far count
         watch.asked = _count_made(workspace)
         async with _server(bench, folder) as client:
             watch.plan = (await ask(client, "generate_scenarios", **{**wish, "count": watch.asked}))["plan"]
     if not watch.plan:
-        raise RuntimeError("the plan did not come to its end")
+        raise RuntimeError("the plan did not finish")
     if not any(watch.server):
-        raise RuntimeError(f"no server made {_WARM} scenarios, so its memory was not measured: give it more minutes")
+        raise RuntimeError(f"no server made {_WARM} scenarios, so the memory could not be measured; allow more minutes")
 
 
 def _server(bench: MapsBench, folder: Path) -> Client:
@@ -185,7 +187,7 @@ def _server(bench: MapsBench, folder: Path) -> Client:
 
 
 async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, watch: _Watch, end: End) -> None:
-    """Have one server carry the plan on, look at its memory, and kill it when its end is reached."""
+    """Let one server continue the plan, sample its memory, and kill it when its end is reached."""
     process = next(child for child in psutil.Process().children() if str(workspace) in child.cmdline())
     begun = _count_made(workspace)
     server: list[tuple[int, float]] = []
@@ -205,8 +207,8 @@ async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, 
                     process.kill()
                     return
                 if made - begun >= _WARM or wish["count"] < 3 * _WARM:
-                    server.append((made, _held_mb([process])))
-                    all_of_it.append((made, _held_mb(processes)))
+                    server.append((made, _memory_mb([process])))
+                    all_of_it.append((made, _memory_mb(processes)))
                 if made // 100 > told[0]:
                     told[0] = made // 100
                     sys.stderr.write(f"{made} made\n")
@@ -221,7 +223,7 @@ async def _one_server(client: Client, wish: Mapping[str, Any], workspace: Path, 
 
 
 def _cpu_s(processes: Sequence[psutil.Process]) -> dict[tuple[int, float], float]:
-    """Processor seconds of processes and of what they ran and has ended (netconvert), by process."""
+    """Return the processor seconds of each process, including its ended children (netconvert)."""
     spent = {}
     for process in processes:
         with suppress(psutil.Error):
@@ -229,8 +231,8 @@ def _cpu_s(processes: Sequence[psutil.Process]) -> dict[tuple[int, float], float
     return spent
 
 
-def _held_mb(processes: Sequence[psutil.Process]) -> float:
-    """The memory that processes hold by themselves and share, in MB: what is shared counts once."""
+def _memory_mb(processes: Sequence[psutil.Process]) -> float:
+    """Return the private and shared memory of processes in MB; shared memory counts once."""
     held = 0.0
     for process in processes:
         with suppress(psutil.Error):
@@ -239,9 +241,9 @@ def _held_mb(processes: Sequence[psutil.Process]) -> float:
 
 
 def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float | None:
-    """MB for each thousand scenarios: one slope through the looks of all servers, each about its own middle.
+    """Return MB per thousand scenarios: one slope through the samples of all servers, each centred on its own mean.
 
-    None where no server was looked at with two numbers of scenarios.
+    None if no server has samples at two numbers of scenarios.
     """
     above = below = 0.0
     for life in lives:
@@ -255,7 +257,7 @@ def slope_mb(lives: Sequence[Sequence[tuple[int, float]]]) -> float | None:
 
 @dataclass(frozen=True)
 class _Made:
-    """A scenario of the plan: what it was made for, where its files lie, and the map that it comes from."""
+    """A scenario of the plan: its row, the folder of its files, and its map."""
 
     scenario_id: str
     row: Row
@@ -283,14 +285,14 @@ def _count_made(workspace: Path) -> int:
 
 
 def _stored_files(workspace: Path) -> Iterator[str]:
-    """The scenarios that lie in the workspace with their record."""
+    """Return the scenarios in the workspace that have a record."""
     for row in _rows(workspace, "SELECT artifact_id FROM artifacts WHERE kind = 'scenario'"):
         if (workspace / "scenarios" / row["artifact_id"] / "scenario.xml").is_file():
             yield row["artifact_id"]
 
 
 def _made(workspace: Path) -> dict[int, _Made]:
-    """The rows of the plan that were made, by number, with what the workspace holds of each."""
+    """Return the generated rows of the plan by number, with the workspace's content for each."""
     recipes = {
         row["artifact_id"]: json.loads(row["recipe"])["arguments"]
         for row in _rows(workspace, "SELECT artifact_id, recipe FROM artifacts WHERE kind = 'scenario'")
@@ -310,13 +312,13 @@ def _made(workspace: Path) -> dict[int, _Made]:
 
 
 def _row_of(asked: Mapping[str, Any]) -> Row:
-    """What a scenario was asked for, by its recipe."""
+    """Return the request for a scenario, by its recipe."""
     classes = [demand["vehicle_class"] for demand in asked["vehicles"]] or ["cars"]
     return asked["scenario_type"], asked["density"], classes[0], asked["goal"].removeprefix("through:")
 
 
 def _shown(made: Mapping[int, _Made], workspace: Path, spread: Any) -> dict[int, tuple[bool, ...]]:
-    """For some scenarios, which of their levels the files show: evenly taken ones, then those with pairs not seen."""
+    """Return which levels the files of some scenarios show: evenly spaced ones, then those with unseen pairs."""
     numbers = sorted(made)
     step = max(1, len(numbers) // _JUDGED)
     judged = _judge_all({number: made[number] for number in numbers[::step]}, spread)
@@ -356,7 +358,7 @@ def _judge(one: _Made, evidence: MapEvidence) -> tuple[bool, ...]:
 
 
 def _turns(folder: Path, files: MadeFiles, turn: str) -> bool:
-    """Whether the ego's start and goal fit the turn that was asked for."""
+    """Return True if the ego's start and goal fit the requested turn."""
     root = etree.parse(folder / "scenario.xml").getroot()
     problem = root.find("planningProblem")
     if problem is None:
@@ -384,7 +386,7 @@ def _point(problem: etree._Element, path: str) -> Points:
 
 
 def _classes_at(files: MadeFiles, point: Points) -> frozenset[str]:
-    """OSM's classes of the road nearest to a point."""
+    """Return OSM's classes of the road nearest to a point."""
 
     def distance_m(edge: NetEdge) -> float:
         return min(
@@ -402,13 +404,13 @@ def _dense(line: Points) -> Points:
 
 
 def _pairs_of(row: Row, shown: Sequence[bool]) -> Iterator[Pair]:
-    """The pairs of levels that a scenario shows."""
+    """Yield the pairs of levels that a scenario shows."""
     parts = [part for part, is_shown in zip(zip(LEVELS, row, strict=True), shown, strict=True) if is_shown]
     yield from combinations(parts, 2)
 
 
 def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
-    """The pairs that the maps allow; and those of them that were refused three times and never made, with a reason."""
+    """Return the pairs that the maps allow, and those refused three times and never generated, with a reason."""
     kinds = {
         kind
         for row in _rows(workspace, "SELECT record FROM artifacts WHERE kind = 'map'")
@@ -417,7 +419,7 @@ def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
     }
     parts = [[(name, level) for level in levels] for name, levels in LEVELS.items()]
     pairs = {pair for one, other in combinations(parts, 2) for pair in product(one, other)}
-    possible = {pair for pair in pairs if _can_be(pair, kinds)}
+    possible = {pair for pair in pairs if _is_possible(pair, kinds)}
     refused: defaultdict[Pair, list[str]] = defaultdict(list)
     made: set[Pair] = set()
     for row in _rows(workspace, "SELECT levels, state, reason FROM plan_rows WHERE state IN ('made', 'refused')"):
@@ -431,8 +433,8 @@ def _pairs_to_cover(workspace: Path) -> tuple[set[Pair], dict[Pair, str]]:
     return possible - set(cannot), cannot
 
 
-def _can_be(pair: Pair, kinds: set[str]) -> bool:
-    """Whether a map holds the type of site, and sites of the type have the turn."""
+def _is_possible(pair: Pair, kinds: set[str]) -> bool:
+    """Return True if a map holds the type of site, and sites of the type have the turn."""
     levels = dict(pair)
     kind = levels.get("scenario_type")
     if kind is None:
@@ -441,14 +443,14 @@ def _can_be(pair: Pair, kinds: set[str]) -> bool:
 
 
 def _lost(workspace: Path, made: Mapping[int, _Made], watch: _Watch, asked: int) -> list[str]:
-    """What is missing, broken or double, in words."""
+    """Describe missing, broken and duplicate scenarios."""
     now = frozenset(_stored_files(workspace))
     ids = [one.scenario_id for one in made.values()]
     lost = [f"{key} was there when a server was killed" for there in watch.there_at_kills for key in there - now]
     lost += [f"{key} was made twice" for key in set(ids) if ids.count(key) > 1]
     lost += [f"{key} has no file" for key in set(ids) - now]
     lost += [f"{one.scenario_id} is broken" for one in made.values() if not _is_whole(one.folder)]
-    lost += ["one of those asked for is not there"] * max(asked - len(made), 0)
+    lost += ["a requested scenario is missing"] * max(asked - len(made), 0)
     for text in lost[:20]:
         sys.stderr.write(f"LOST: {text}\n")
     return lost
@@ -462,7 +464,7 @@ def _is_whole(folder: Path) -> bool:
 
 
 def _disk_bytes(workspace: Path) -> int:
-    """What the workspace takes on the disk without maps and kept recordings, by blocks."""
+    """Return the workspace's disk use in blocks, without maps and cached recordings."""
     others = {workspace / name for name in ("maps", "recordings", "scratch", "logs")}
     kept = (path for path in workspace.rglob("*") if path.is_file() and not others & set(path.parents))
     return sum(path.stat().st_blocks * 512 for path in kept)

@@ -1,1 +1,1 @@
-"""Edits of real scenarios, judged from the written files: ``python -m benchmarks.modification``."""
+"""Edits of real scenarios, judged by the written files: ``python -m benchmarks.modification``."""

@@ -1,32 +1,37 @@
-"""``make bench-modification``: does an edit do what was asked, and nothing else?
+"""``make bench-modification``: checks that an edit does what was requested, and nothing else.
 
-All scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes of the safety
-table) and the requests of the modification corpus with their ground truth as arguments. Judged is what was written and
-what SUMO held in the run that made it: a vehicle's type, the route that it drove, the file.
+The bench edits all scenarios of a folder that have dynamic obstacles (a drawn edit of each task, refusals, the recipes
+of the safety table) and carries out the requests of the modification corpus with their ground truth as arguments. It
+judges the written file and the content of SUMO in that run: a vehicle's type and the route that it drove.
 
-Keys (shares unless said otherwise): ``round_trip`` (files whose road users SUMO shows where and as fast as they were
-recorded), ``T_ends``, ``B_preset``, ``P_count``, ``G_edge`` (the paper's checks; a refusal of what can be done fails),
-``composite_done`` (all checks of all edits of a composite), ``T_arrives`` (vehicles sent somewhere that are there
-before the scenario ends: of the others ``T_ends`` demands that they are on their way, and had no time or were held up),
-``checks_min`` (the least of all checks), ``valid_min`` (no schema error that the source does not have; CommonRoad's
-schema has no form for who enters after time 0, so that vehicles which the request itself lets enter later may, and no
-others), ``valid_strict_min`` (not those either), ``executable_min`` (all three the least over the tasks),
-``refused_right``, ``untouched_identical``, ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``
-(touched vehicles that the edits name, by the drivability checker from their hand-over + 1 s on),
-``physical_handed_over`` (those that no edit names), ``handovers_smooth`` (at most 5 cm beyond v·dt and 1 m/s, from the
-old and the new file), ``unreported_collisions`` (a touched vehicle), ``collisions_left``, ``several_calls_equal``
-(composites, by the tool's calls), ``edit_median_s``, ``edit_p95_s`` (seconds of a warm worker, reading and writing
-included; a scenario's first edit reads it, later ones find it kept), ``edit_first_median_s`` (first edits alone),
-``edit_cpu_median_s`` (processor time of all, which other work does not lengthen).
+Keys (shares unless stated otherwise):
 
-``--fresh SEED`` makes the same drawn edits on scenarios that are made just then, ``--count`` of each seed
-(``fresh_scenarios`` of ``evals.symmetries.fresh_data``): one half generated, one half recordings made new. Keys:
-``seeds``,
-``fresh_files``, ``fresh_refused`` (of them, by name when they were read; no failure), ``fresh_crashed``,
-``fresh_edits`` (carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``,
-``fresh_G_edge``, ``fresh_checks_min``, ``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``,
+- ``round_trip``: files with all road users at their recorded positions and speeds in SUMO.
+- ``T_ends``, ``B_preset``, ``P_count``, ``G_edge``: the paper's checks; a refusal of a feasible edit fails.
+- ``composite_done``: all checks of all edits of a composite.
+- ``T_arrives``: redirected vehicles that arrive before the scenario ends. ``T_ends`` requires of the others that they
+  are on their route and lacked time or were held up.
+- ``checks_min``: the lowest of all checks.
+- ``valid_min``: no schema error that the source does not have, except for vehicles that the request lets enter after
+  time 0, which CommonRoad's schema cannot express; ``valid_strict_min``: without this exception.
+- ``executable_min``: as the two before, the lowest over the tasks.
+- ``refused_right``, ``untouched_identical``.
+- ``physical_T``, ``physical_B``, ``physical_P``, ``physical_composite``: vehicles named by the edits, by the
+  drivability checker from 1 s after their hand-over on; ``physical_handed_over``: vehicles that no edit names.
+- ``handovers_smooth``: at most 5 cm beyond v·dt and 1 m/s, from the old and the new file.
+- ``unreported_collisions`` (of a touched vehicle), ``collisions_left``: numbers.
+- ``several_calls_equal``: composites, by calls of the tool.
+- ``edit_median_s``, ``edit_p95_s``: seconds of a warm worker including reading and writing (a scenario's first edit
+  reads it, later ones find it cached); ``edit_first_median_s``: first edits alone; ``edit_cpu_median_s``: processor
+  time of all edits.
+
+``--fresh SEED`` makes the same drawn edits on newly created scenarios, ``--count`` for each seed (``fresh_scenarios``
+of ``benchmarks.symmetries.fresh_data``): one half generated, one half rewritten recordings. Keys: ``seeds``,
+``fresh_files``, ``fresh_refused`` (refused by name on reading, which is no failure), ``fresh_crashed``, ``fresh_edits``
+(carried out), as above ``fresh_round_trip``, ``fresh_T_ends``, ``fresh_B_preset``, ``fresh_P_count``, ``fresh_G_edge``,
+``fresh_checks_min``, ``fresh_valid_min``, ``fresh_executable_min``, ``fresh_refused_right``,
 ``fresh_handovers_smooth``, ``fresh_untouched_identical``, ``fresh_unreported_collisions``, and ``fresh_physical_min``
-(the least of the ``physical_*``).
+(the lowest of ``physical_*``).
 """
 
 import argparse
@@ -52,23 +57,24 @@ TASKS = ("T", "B", "P", "G")
 CORPUS = ("T", "B", "P", "G", "composite")
 EVERY_FILE_PLANNED, EVERY_FILE_SAFE, EVERY_FILE_WHOLE, EVERY_LINE_PLANNED = 4, 8, 4, 16
 """The planner drives the edits of every fourth file and of every sixteenth line of the corpus, and the recipes of every
-eighth file; the drivability checker judges one drawn vehicle of each edit, and all that were touched on every fourth
-file. Either takes longer than the edits; the table says on how many each figure rests."""
+eighth file. The drivability checker judges one drawn vehicle of each edit, and all touched ones on every fourth file.
+Either takes longer than the edits; the table states the sample of each figure.
+"""
 HEADLINES = ("T_ends", "B_preset", "P_count", "G_edge", "composite_done")
 PHYSICAL = ("T", "B", "P", "composite")
 LARGEST_JUMP_M, LARGEST_STEP_MPS = 0.05, 1.0
-"""Of a hand-over that counts as smooth: beyond v·dt, and of speed."""
+"""Limits of a smooth hand-over: distance beyond v·dt, and speed."""
 FRESH = (
     *("round_trip", "T_ends", "B_preset", "P_count", "G_edge", "checks_min", "valid_min", "executable_min"),
     *("refused_right", "handovers_smooth", "untouched_identical", "unreported_collisions"),
 )
-"""Figures that are measured on fresh scenarios too."""
+"""Figures also measured on fresh scenarios."""
 REASONS, REASON_LETTERS = 6, 110
-"""Of refusals that the table shows for each task: how many, and how long."""
+"""Number and length of the refusals that the table shows for each task."""
 
 
 def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[Measured]:
-    """All jobs on worker processes; the results in no particular order."""
+    """Run all jobs on worker processes, in no particular order."""
     presets = published_presets(shared_folder() / "facts")
     with process_pool(workers) as pool:
         jobs: list[Future[Measured]] = []
@@ -86,7 +92,7 @@ def _measure(files: Sequence[Path], lines: Sequence[str], workers: int) -> list[
 
 
 def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measured]:
-    """As many fresh scenarios of each seed on worker processes; the results in no particular order."""
+    """Measure the given number of fresh scenarios of each seed on worker processes, in no particular order."""
     presets = published_presets(shared_folder() / "facts")
     with process_pool(workers) as pool:
         jobs = [
@@ -108,7 +114,7 @@ def _measure_fresh(seeds: Sequence[int], count: int, workers: int) -> list[Measu
 
 
 def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
-    """What came of the jobs; what went wrong is printed at once, because a run takes long and may be broken off."""
+    """Return the results of the jobs, and print faults at once, because a long run may be interrupted."""
     console, results = Console(stderr=True, soft_wrap=True), list[Measured]()
     try:
         for job in track(as_completed(jobs), total=len(jobs), console=console):
@@ -123,7 +129,7 @@ def _results(jobs: Sequence[Future[Measured]]) -> list[Measured]:
 
 
 def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[str, float | int | str]:
-    """The figures of fresh scenarios by key."""
+    """Return the figures of fresh scenarios by key."""
     made = [case for result in measured for case in result.cases if not case.refused]
     figures = figures_of(measured)
     physical = [_settled(made, task) for task in (*PHYSICAL, None)]
@@ -139,7 +145,7 @@ def fresh_figures(seeds: Sequence[int], measured: Sequence[Measured]) -> dict[st
 
 
 def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
-    """The figures by key."""
+    """Return the figures by key."""
     cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     checks = _checks(cases)
@@ -172,7 +178,7 @@ def figures_of(measured: Sequence[Measured]) -> dict[str, float]:
 
 
 def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
-    """Return what is told with the figures: counts, hand-overs, and the checker's verdicts."""
+    """Return the rows next to the figures: counts, hand-overs, and the checker's verdicts."""
     cases = [case for result in measured for case in result.cases]
     made = [case for case in cases if not case.refused]
     rows = []
@@ -189,7 +195,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
     for task in (*TASKS, "composite"):
         rows.append((f"executable {task}", _interval([case.executed for case in made if case.task == task])))
     later = sum(case.enter_later > 0 for case in made)
-    rows.append(("enter later, as asked", f"{later} files, for which the schema has no form"))
+    rows.append(("enter later, as requested", f"{later} files, for which the schema has no form"))
     given = [errors for case in made for errors in case.handovers]
     jump, step = (max(errors, default=0.0) for errors in (zip(*given, strict=True) if given else ((), ())))
     rows.append(("largest hand-over", f"{jump:.3f} m beyond v·dt, {step:.2f} m/s, of {len(given)}"))
@@ -208,7 +214,7 @@ def rows_of(measured: Sequence[Measured]) -> list[tuple[str, str]]:
 
 
 def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
-    """How many requests that were drawn or are in the corpus were refused, and with which reasons, figures left out."""
+    """Count the refused requests, drawn or from the corpus, by their reasons without figures."""
     rows = []
     for task in (*TASKS, "composite"):
         mine = [refusal for refusal in tries if refusal.task == task]
@@ -220,7 +226,7 @@ def refusal_rows(tries: Sequence[Refusal]) -> list[tuple[str, str]]:
 
 
 def failures_of(measured: Sequence[Measured]) -> list[str]:
-    """Every request and check that went wrong, one line each."""
+    """Return every failed request and check, one line each."""
     lines = [f"round trip: {result.round_trip_error}" for result in measured if result.round_trip_error]
     lines += [f"not refused right: {name}" for result in measured for name, right in result.refused_right if not right]
     lines += [f"crashed: {result.crashed}" for result in measured if result.crashed]
@@ -255,7 +261,7 @@ def _drivable(cases: Sequence[Case]) -> str:
 
 
 def _settled(cases: Sequence[Case], task: str | None = None) -> list[bool]:
-    """Verdicts from the hand-over + 1 s on: on those that the edits of a task name, or on those that none names."""
+    """Return verdicts from 1 s after the hand-over on, for vehicles that a task's edits name or for the others."""
     verdicts = [verdict for case in cases if task in (None, case.task) for verdict in case.physical]
     return _known(verdict.settled for verdict in verdicts if verdict.handed_over == (task is None))
 
@@ -265,12 +271,12 @@ def _is_smooth(jump_m: float, step_mps: float) -> bool:
 
 
 def _known(values: Iterable[bool | None]) -> list[bool]:
-    """The values without those that were not measured."""
+    """Return the values without those that were not measured."""
     return [value for value in values if value is not None]
 
 
 def _interval(values: Iterable[bool | None]) -> str:
-    """A count with the 95 % interval of its share; what was not measured is left out."""
+    """Return a count with the 95 % interval of its share, or nothing if it was not measured."""
     known = _known(values)
     if not known:
         return "not measured"
@@ -279,16 +285,16 @@ def _interval(values: Iterable[bool | None]) -> str:
 
 
 def _in_short(reason: str) -> str:
-    """What was wrong, without the figures and what is said after it."""
+    """Return a fault without its figures and the text after it."""
     wrong = re.split(r"[.] (?:Valid|Next):", reason.partition("] ")[2] or reason)[0]
     return re.sub(r"-?\d[\d.]*", "N", wrong)[:REASON_LETTERS]
 
 
 def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
-    """The verdicts by check; a request that could be carried out and was refused fails the headline of its task.
+    """Return the verdicts by check; the refusal of a feasible request fails the headline of its task.
 
-    A try that is followed by another request is only counted where the bench knows that it was refused wrongly; of
-    those that physics keep from their target none is.
+    An attempt followed by another request counts only if the bench knows that its refusal was wrong. Attempts that
+    physics prevents do not count.
     """
     checks: dict[str, list[bool]] = defaultdict(list)
     for case in cases:
@@ -304,7 +310,7 @@ def _checks(cases: Sequence[Case]) -> dict[str, list[bool]]:
 
 
 def _least(cases: Sequence[Case], judge: Callable[[Case], bool | None]) -> float:
-    """The share of the task that has the least; what was not measured is left out."""
+    """Return the lowest share over the tasks, ignoring unmeasured ones."""
     verdicts = [_known(judge(case) for case in cases if case.task == task) for task in CORPUS]
     return min((share(values) for values in verdicts if values), default=0.0)
 
@@ -313,7 +319,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=1, help="only every n-th file and request")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="on scenarios that are made just then")
+    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="use new scenarios from these seeds")
     parser.add_argument("--count", type=int, default=50, help="with --fresh: scenarios of each seed")
     asked = parser.parse_args()
     if asked.fresh is not None:

@@ -1,7 +1,6 @@
-"""Whether a vehicle gets to its target, had to get there in time, and could have been sent there at all.
+"""Checks whether a vehicle arrives at its target, had enough time to, and could have been sent there at all.
 
-Computed from the lanelets and the motion as written, whatever the report says of it; none of this asks the code that
-edits.
+Everything is computed from the lanelets and the written motion, without the report or the editing code.
 """
 
 import math
@@ -36,35 +35,37 @@ if TYPE_CHECKING:
     from commonroad.scenario.lanelet import LaneletNetwork
 
 BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
-"""A vehicle follows lanelets if this share of its positions is on them or at most this far beside."""
+"""A vehicle follows lanelets if this share of its positions is on them or at most this far from them."""
 LINE_M = 0.5
-"""A vehicle whose bumper is so little past the end of a lanelet stands at it."""
+"""A vehicle with its bumper at most this far past the end of a lanelet stands at the end."""
 SLOW_MPS, EASY_MPS2, EASY_LATERAL_MPS2, SLOW_SHARE = 6.0, 1.5, 3.0, 0.5
-"""A driver in no hurry: the speed in the turns of a crossing, or half of the own speed where that is more; how hard he
-brakes, speeds up and turns."""
+"""A slow driver: the speed in the turns of a crossing, or half of the vehicle's own speed if that is more;
+deceleration, acceleration and turning.
+"""
 DETOUR_SHARE, ROOM_M = 0.7, 15.0
-"""What is left to the target shrinks by at least this share of what is driven, but for this distance."""
+"""The remaining distance shrinks by at least this share of the driven one, except for this distance."""
 STANDING_MPS, LAST_S, SLOWED_SHARE = 0.5, 1.0, 0.7
-"""A vehicle stands below this speed; it slowed if it drives its last second at this share of its largest speed."""
+"""A vehicle stands below this speed; it slowed if its speed in the last second is at this share of its highest."""
 GAP_M, GAP_S = 10.0, 2.0
 """A road user within these ahead holds a vehicle up."""
 NARROWEST_TURN_M = 5.0
-"""The front of hardly any car turns in a narrower circle (radius)."""
+"""Radius of the narrowest circle in which the front of a usual car turns."""
 SIDE_M = 0.5
-"""Sideways gap within which a road user ahead is in the corridor."""
+"""Lateral gap within which a road user ahead is in the corridor."""
 LOOK_S, LANE_CHANGE_S = 1.0, 3.0
 LANE_FROM_M, LANE_TO_M = 1.5, 5.5
 LEAST_GAP_M, HEADWAY_S = 2.5, 1.0
-"""A driver changes lanes where no vehicle in the next one is nearer than in ordinary traffic; looking and changing take
-so long. The next lane lies within these distances to the side."""
+"""A driver changes lanes if no vehicle in the next one is nearer than in ordinary traffic; looking and changing take
+this long. The next lane is within these distances to the side.
+"""
 
 
 def arrives_on(network: "LaneletNetwork", track: Track, targets: Collection[int]) -> bool:
-    """Whether the vehicle's front half gets onto one of the lanelets, and then stays there or drives on from it.
+    """Return True if the vehicle's front half gets onto one of the lanelets, and then stays there or drives on from it.
 
-    A bumper over the line is no arrival: more than half a metre of the front half (half its length of a shorter
-    lanelet) is on the lanelet, or on those that it alone leads to. A vehicle that arrives does not vanish: one that is
-    on the target early drives on along what follows it.
+    A bumper over the line is no arrival: more than half a metre of the front half (or half the length of a shorter
+    lanelet) must be on the lanelet or on those that only it leads to. A vehicle does not vanish on arrival: if it is
+    early, it drives on along what follows the target.
     """
     there, centres = fronts(track), track.positions
     # A lanelet may be shorter than one step of the way, so that the way between the steps counts and not their ends.
@@ -83,7 +84,7 @@ def arrives_on(network: "LaneletNetwork", track: Track, targets: Collection[int]
 
 
 def follows(network: "LaneletNetwork", lanelets: Collection[int], positions: Points) -> bool:
-    """Whether positions (n, 2) lie on the lanelets or on their neighbours of the same direction."""
+    """Return True if positions (n, 2) are on the lanelets or on their neighbours of the same direction."""
     every = {*lanelets, *(key for lanelet in lanelets for key in beside(network.find_lanelet_by_id(lanelet)))}
     areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(BESIDE_M) for key in sorted(every)]
     area = shapely.union_all(areas)
@@ -91,9 +92,9 @@ def follows(network: "LaneletNetwork", lanelets: Collection[int], positions: Poi
 
 
 def handover_errors(old: Track, new: Track, from_step: int, step_s: float) -> tuple[float, float] | None:
-    """What the hand-over adds to the motion: m beyond v·dt, and m/s; None where nothing was written after it.
+    """Return the error of the hand-over: m beyond v·dt, and m/s; None if nothing was written after it.
 
-    The state at the hand-over is held against the recording, the one after it against that state.
+    The state at the hand-over is compared with the recording, and the next one with that state.
     """
     before, here = old.index_at(from_step), new.index_at(from_step)
     if before is None or here is None or here + 1 >= len(new.positions):
@@ -113,7 +114,7 @@ def _area(network: "LaneletNetwork", lanelets: Collection[int]) -> shapely.Geome
 
 
 def _only_through(network: "LaneletNetwork", key: int) -> list[int]:
-    """A lanelet and those after it that no other way leads to."""
+    """Return a lanelet and those after it that can only be reached over it."""
     only = [key]
     for known in only:  # which grows meanwhile
         after = [network.find_lanelet_by_id(one) for one in network.find_lanelet_by_id(known).successor]
@@ -123,7 +124,7 @@ def _only_through(network: "LaneletNetwork", key: int) -> list[int]:
 
 
 def _onwards(network: "LaneletNetwork", key: int) -> frozenset[int]:
-    """A lanelet and all that follow it; where one ends without a successor, those that follow the ones beside it."""
+    """Return a lanelet and all that follow it; at an end without a successor, those that follow its neighbours."""
 
     def following(key: int) -> list[int]:
         lanelet = network.find_lanelet_by_id(key)
@@ -144,15 +145,15 @@ class Journey:
     step_s: float
 
     def is_late_with_reason(self) -> bool:
-        """Whether a vehicle that does not arrive is on its route at last, and had no time or was held up.
+        """Return True if a vehicle that does not arrive is on its route at the end, and lacked time or was held up.
 
-        It may not have driven past, or another way: what is left shrinks by most of what it drove.
+        It must not drive past or take another route: the remaining distance shrinks by most of the driven one.
         """
         begin = lanelets_at_first(self.network, self.track)
-        before = _way_m(self.network, self.track, 0, self.targets, begin)
+        before = _route_length_m(self.network, self.track, 0, self.targets, begin)
         if not math.isfinite(before):
-            before = _way_m(self.network, self.track, 0, self.targets)
-        left = _way_m(self.network, self.track, -1, self.targets)
+            before = _route_length_m(self.network, self.track, 0, self.targets)
+        left = _route_length_m(self.network, self.track, -1, self.targets)
         if not (math.isfinite(before) and math.isfinite(left)):
             return False
         if left > before - DETOUR_SHARE * length_m(self.track.positions) + ROOM_M:
@@ -160,10 +161,10 @@ class Journey:
         return before + LINE_M > self._slow_reach_m() or self._lacks_time_to_change() or self._finds_no_gap()
 
     def _slow_reach_m(self) -> float:
-        """How far a driver in no hurry gets in the time that the vehicle is there.
+        """Return how far a slow driver gets in the time that the vehicle exists.
 
-        Where the vehicle is held up, or brakes until it is, that driver is as fast as it was; from there on he comes to
-        his own speed again.
+        While the vehicle is held up, or brakes until it is, that driver has its speed; from there on it returns to its
+        own speed.
         """
         first_mps = max(float(self.track.speeds_mps[0]), 0.0)
         aim_mps = self._allowed_mps(max(SLOW_MPS, SLOW_SHARE * first_mps))
@@ -175,16 +176,16 @@ class Journey:
         return reached_m
 
     def _allowed_mps(self, speed_mps: float) -> float:
-        """A speed as far as signs allow it where the vehicle drives, on average over its time."""
+        """Return a speed limited by the signs on the vehicle's route, on average over its time."""
         under = self.network.find_lanelet_by_position(list(self.track.positions))
         limits = [max((speed_limit_mps(self.network, int(key)) for key in keys), default=math.inf) for keys in under]
         return float(np.minimum(limits, speed_mps).mean())
 
     @cached_property
     def _is_held_up(self) -> list[bool]:
-        """For every step whether others, the end of its lane or a curve hold it up.
+        """Return for every step whether other road users, the end of its lane or a curve hold it up.
 
-        Where they do for a second or longer, what it brakes before that counts too.
+        If they do for a second or longer, its braking before that counts too.
         """
         holds = (self._is_behind_another, self._waits_at_end, self._has_no_gap, self._brakes_for_a_curve)
         held = [any(is_held(index) for is_held in holds) for index in range(len(self.track.positions) - 1)]
@@ -198,13 +199,15 @@ class Journey:
         return held
 
     def _lacks_time_to_change(self) -> bool:
-        """Whether the lane changes alone take longer than the vehicle is there."""
+        """Return True if the lane changes alone take longer than the vehicle exists."""
         begin = lanelets_at_first(self.network, self.track)
         changes = min((self._changes[key] for key in begin if key in self._changes), default=math.inf)
         return (len(self.track.positions) - 1) * self.step_s < changes * (LOOK_S + LANE_CHANGE_S)
 
     def _finds_no_gap(self) -> bool:
-        """Whether a vehicle that has to change lanes at last slows or waits for it, or never had a gap for long."""
+        """Return True if a vehicle that still has to change lanes slows or waits for it, or never had a gap for
+        long.
+        """
         side = self._side_to_change_to(-1)
         if side is None:
             return False
@@ -213,12 +216,14 @@ class Journey:
         return slowed or self._longest_gap_s(side) < LOOK_S + LANE_CHANGE_S
 
     def _has_no_gap(self, index: int) -> bool:
-        """Whether it has to change lanes and another is beside."""
+        """Return True if it has to change lanes and another road user is alongside."""
         side = self._side_to_change_to(index)
         return side is not None and not self._is_free_beside(index, side)
 
     def _others_at(self, index: int) -> Iterator[tuple[float, float, Track, int]]:
-        """Every other road user that is there: how far ahead and to the left its centre is, it and its own index."""
+        """Return every other road user present: its centre's distance ahead and to the left, itself and its own
+        index.
+        """
         for key, other in self.others.items():
             there = other.index_at(self.track.first_step + index)
             if key != self.track.obstacle_id and there is not None:
@@ -226,7 +231,7 @@ class Journey:
                 yield *ahead_and_left_m(other.positions[there], self.track.positions[index], heading_rad), other, there
 
     def _is_behind_another(self, index: int) -> bool:
-        """Whether a road user is in the corridor close ahead."""
+        """Return True if a road user is in the corridor close ahead."""
         close_m = max(GAP_M, GAP_S * float(self.track.speeds_mps[index]))
         return any(
             -other.length_m < ahead_m - (self.track.length_m + other.length_m) / 2 <= close_m
@@ -235,7 +240,9 @@ class Journey:
         )
 
     def _waits_at_end(self, index: int) -> bool:
-        """Whether it stands where a lanelet ends right ahead: a stop line, a junction, or the last place to change."""
+        """Return True if it stands just before a lanelet's end: a stop line, a junction, or the last place to
+        change.
+        """
         if float(self.track.speeds_mps[index]) > STANDING_MPS:
             return False
         front = fronts(self.track)[index]
@@ -245,7 +252,7 @@ class Journey:
         return any(length_m(line) - project(line, point)[0] <= ROOM_M for point, line in lines)
 
     def _brakes_for_a_curve(self, index: int) -> bool:
-        """Whether it slows, and a driver in no hurry slows there for a curve, or slowed before, on every way ahead."""
+        """Return True if it slows, and a slow driver slows there or earlier for a curve, on every route ahead."""
         speeds, heading_rad = self.track.speeds_mps, float(self.track.headings_rad[index])
         if speeds[index + 1] >= speeds[index]:
             return False
@@ -256,7 +263,7 @@ class Journey:
         return self.targets.isdisjoint(slowed)
 
     def _side_to_change_to(self, index: int) -> int | None:
-        """1 if a change to the left is needed from the lanelet there, -1 if to the right; None if none is."""
+        """Return 1 if the lanelet requires a change to the left, -1 to the right, None if neither."""
         sides = (self._side_from(key) for key in _lanelets_at(self.network, self.track, index))
         return next((side for side in sides if side is not None), None)
 
@@ -272,12 +279,14 @@ class Journey:
         return changes_to(self.network, self.targets)
 
     def _longest_gap_s(self, side: int) -> float:
-        """How long at a stretch the lane beside was free enough to change into it."""
+        """Return the longest time for which the neighbouring lane was free enough for a change."""
         free = (self._is_free_beside(index, side) for index in range(len(self.track.positions)))
         return max(len(list(run)) if is_free else 0 for is_free, run in groupby(free)) * self.step_s
 
     def _is_free_beside(self, index: int, side: int) -> bool:
-        """Whether no vehicle is beside, nor so close ahead or behind there that a driver would not change lanes."""
+        """Return True if no vehicle is alongside or so close ahead or behind there that a driver would not change
+        lanes.
+        """
         for ahead_m, left_m, other, there in self._others_at(index):
             behind_mps = float(self.track.speeds_mps[index] if ahead_m > 0 else other.speeds_mps[there])
             gap_m = abs(ahead_m) - (self.track.length_m + other.length_m) / 2
@@ -289,25 +298,25 @@ class Journey:
 def refusal_is_right(
     network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float = math.inf
 ) -> bool:
-    """Whether physics keep a recorded vehicle from being sent to any of some lanelets from its first state on.
+    """Return True if physics prevents sending a recorded vehicle to any of some lanelets from its first state on.
 
-    No way leads there, or none without a curve that it comes to too fast, or it can neither change lanes nor stop in
-    the room that is left: v² / (2 · 8 m/s²); or that is too short to steer over in, however it brakes. A way round that
-    is longer than ``farthest_m`` is none.
+    Either no route leads there, or every route has a curve that it reaches too fast, or it can neither change lanes nor
+    stop in the remaining distance v² / (2 · 8 m/s²), or that is too short to steer over however it brakes. A detour
+    longer than ``farthest_m`` does not count.
     """
     speed, heading = max(float(track.speeds_mps[0]), 0.0), float(track.headings_rad[0])
     begin = lanelets_at_first(network, track)
     if begin and not targets & set(distances_m(network, track.positions[0], heading, speed, begin)):
         return True
-    room = _room_m(network, track, targets, farthest_m)
-    return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _least_way_over_m(network, track, targets, speed) > room
+    room = _remaining_distance_m(network, track, targets, farthest_m)
+    return speed**2 / (2 * HARD_BRAKING_MPS2) > room or _shortest_crossing_m(network, track, targets, speed) > room
 
 
-def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
-    """The least way in m in which the front gets onto any lanelet that leads straight on to a target.
+def _shortest_crossing_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], speed_mps: float) -> float:
+    """Return the shortest distance in m in which the front gets onto any lanelet that leads straight on to a target.
 
-    Braked to some speed, it turns in the narrowest circle of radius r that grip and steering allow, and by 45° at most:
-    an arc comes y aside on √(2 r y - y²); what is left it drives aslant.
+    Braked to some speed, the vehicle turns in the narrowest circle of radius r that grip and steering allow, by 45° at
+    most: an arc moves y sideways on √(2 r y - y²), and it drives the rest diagonally.
     """
     front = shapely.Point(fronts(track)[0])
     over = [one for one in network.lanelets if _straight_on(network, int(one.lanelet_id)) & targets]
@@ -319,10 +328,11 @@ def _least_way_over_m(network: "LaneletNetwork", track: Track, targets: frozense
     return float((braking + np.sqrt(2 * radius * turned - turned**2) + aside - turned).min())
 
 
-def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
-    """Way in m from the front to the last place from which a target can be reached; infinite if straight on.
+def _remaining_distance_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], farthest_m: float) -> float:
+    """Return the distance in m from the front to the last place from which a target can be reached; infinite if
+    straight on.
 
-    Ways that are longer than the shortest one, and than ``farthest_m``, are left out.
+    Routes longer than the shortest one and than ``farthest_m`` are left out.
     """
     ways, front, room_m = ways_to_m(network, targets), fronts(track)[0], 0.0
     for key in _lanelets_at(network, track, 0):
@@ -337,7 +347,9 @@ def _room_m(network: "LaneletNetwork", track: Track, targets: frozenset[int], fa
 
 
 def _longest_m(network: "LaneletNetwork", key: int, ways: "Mapping[int, float]", limit_m: float) -> float:
-    """The longest way from a lanelet's start straight on over lanelets that lead to a target within a limit."""
+    """Return the longest route straight on from a lanelet's start over lanelets that lead to a target within a
+    limit.
+    """
     if key not in ways or ways[key] > limit_m:
         return 0.0
     lanelet, others = network.find_lanelet_by_id(key), {one: way_m for one, way_m in ways.items() if one != key}
@@ -347,23 +359,23 @@ def _longest_m(network: "LaneletNetwork", key: int, ways: "Mapping[int, float]",
 
 
 def _straight_on(network: "LaneletNetwork", key: int) -> frozenset[int]:
-    """A lanelet and all that follow it without a lane change."""
+    """Return a lanelet and all that follow it without a lane change."""
     return all_after([key], lambda one: network.find_lanelet_by_id(one).successor)
 
 
 def _lanelets_at(network: "LaneletNetwork", track: Track, index: int) -> list[int]:
-    """The lanelets under a vehicle that do not lead against its heading."""
+    """Return the lanelets under a vehicle that do not oppose its heading."""
     here = _inside(network, track, index)
     onward = distances_m(network, here, float(track.headings_rad[index]))
     return sorted(int(key) for key in set(network.find_lanelet_by_position([here])[0]) & set(onward))
 
 
-def _way_m(
+def _route_length_m(
     network: "LaneletNetwork", track: Track, index: int, targets: frozenset[int], among: Collection[int] | None = None
 ) -> float:
-    """The shortest way to a target from a vehicle, which may drive a little beside its lanelet where it turns.
+    """Return the shortest route to a target for a vehicle that may drive slightly off its lanelet in turns.
 
-    ``among``: the lanelets on which it begins; None or none: all that are under it.
+    ``among``: the lanelets on which it begins; all lanelets under it if None or empty.
     """
     heading_rad = float(track.headings_rad[index])
     aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * BESIDE_M
@@ -374,7 +386,7 @@ def _way_m(
 
 
 def _inside(network: "LaneletNetwork", track: Track, index: int) -> Points:
-    """The centre, the front where the centre is on no lanelet, or the nearest point of any lanelet."""
+    """Return the centre, the front if the centre is on no lanelet, or otherwise the nearest point of any lanelet."""
     points = [track.positions[index], fronts(track)[index]]
     for point in points:
         if network.find_lanelet_by_position([point])[0]:

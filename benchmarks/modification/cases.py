@@ -1,4 +1,4 @@
-"""One worker's share of the modification bench: everything that is measured on one file or one corpus line."""
+"""One worker's share of the modification bench: all measurements on one file or one corpus line."""
 
 import json
 import time
@@ -67,7 +67,7 @@ ON_FOOT = ("pedestrian",)
 class Physical:
     """The drivability checker's verdicts on a touched vehicle.
 
-    ``settled``: from its hand-over + 1 s on (an added one: from its start), None where nothing is left then;
+    ``settled``: from 1 s after its hand-over on (an added one: from its start), None if nothing is left then;
     ``recorded``: on its old recording; ``handed_over``: no edit names it.
     """
 
@@ -80,10 +80,10 @@ class Physical:
 
 @dataclass(frozen=True)
 class Refusal:
-    """A request that was to be carried out and was refused.
+    """A refused request that should have been carried out.
 
-    ``is_right``: physics keep a vehicle from being rerouted so, or a road user is on the place that is said to be taken
-    or cannot brake before it; None where the bench has no rule of its own, as for a class that a road does not allow.
+    ``is_right``: physics prevents such a rerouting, or a road user occupies the place or cannot brake before it; None
+    if the bench has no rule for it, as for a class that a road does not allow.
     """
 
     task: str
@@ -93,13 +93,13 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Case:
-    """What came of one request; ``refused`` holds the reason where nothing was made.
+    """The result of one request; ``refused`` holds the reason if nothing was written.
 
-    ``tries``: those that were refused before it, and itself if it was. ``arrivals``: of each vehicle that was sent to
-    a target, whether the written motion gets there. ``is_first``: the scenario was not edited before, so that
-    its file was read for this. ``handovers``: m beyond v·dt and m/s of each vehicle that SUMO took over. ``valid`` lets
-    vehicles enter later that were asked to, for which the schema has no form; ``enter_later`` counts them, and
-    ``strictly_valid`` does not let them.
+    ``tries``: refused requests before it, and itself if it was refused. ``arrivals``: for each vehicle sent to a
+    target, whether the written motion arrives. ``is_first``: the scenario was not edited before, so its file was read
+    for this. ``handovers``: m beyond v·dt and m/s of each vehicle that SUMO took over. ``valid`` allows vehicles to
+    enter later if requested, which the schema cannot express; ``enter_later`` counts them, and ``strictly_valid`` does
+    not allow them.
     """
 
     task: str
@@ -127,12 +127,12 @@ class Case:
 
 @dataclass(frozen=True)
 class Measured:
-    """All of one job: cases, refusals that were right and asked for, round trip, shifts of danger.
+    """All results of one job: cases, right refusals as requested, round trip, shifts of risk.
 
-    ``no_request``: tasks that the scenario does not allow. ``not_to_refuse``: lines of the corpus for which going
-    on is right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
-    re-simulation keeps their recording and leaves them out of SUMO. ``unread``: why the product reads a fresh scenario
-    not; ``crashed``: what it failed with but a refusal.
+    ``no_request``: tasks that the scenario does not allow. ``not_to_refuse``: lines of the corpus for which going on is
+    right too. ``off_lanes``: those of ``road_users`` off all lanelets: SUMO shows them in the round trip, while a
+    re-simulation keeps their recording and leaves them out of SUMO. ``unread``: why the product does not read a fresh
+    scenario; ``crashed``: a failure other than a refusal.
     """
 
     cases: tuple[Case, ...] = ()
@@ -149,11 +149,11 @@ class Measured:
 
 @dataclass(frozen=True)
 class Effort:
-    """What is measured in addition to the edits, which takes longer than they do.
+    """Measurements in addition to the edits, which take longer than the edits.
 
-    ``planner``: it drives what the drawn edits made; ``safety``: what the recipes of the safety table made too.
-    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names. ``recipes``: the
-    edits of the safety table are made at all.
+    ``planner``: drives the results of the drawn edits; ``safety``: also those of the recipes of the safety table.
+    ``every_vehicle``: the drivability checker judges all touched vehicles, not one that an edit names. ``recipes``:
+    whether the edits of the safety table are made at all.
     """
 
     planner: bool = False
@@ -163,14 +163,14 @@ class Effort:
 
 
 def measure_file(path: Path, presets: Presets, effort: Effort) -> Measured:
-    """Round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
+    """Measure the round trip, one drawn edit of each task, refusals and the recipes of the safety table."""
     return _measured(path, Scene.of(read_scenario(path)), presets, effort)
 
 
 def measure_fresh(seed: int, number: int, presets: Presets, effort: Effort) -> Measured:
-    """The same on one of the ``fresh_scenarios``; its edits are drawn by its name, which no other seed gives.
+    """Measure the same on one of the ``fresh_scenarios``; its name, unique to the seed, draws its edits.
 
-    A scenario that is refused by name is ``unread``; whatever else the product or a judge raises has ``crashed``.
+    A scenario refused by name is ``unread``; any other exception of the product or a judge counts as ``crashed``.
     """
     with TemporaryDirectory() as name:
         try:
@@ -210,7 +210,7 @@ def _measured(path: Path, scene: Scene, presets: Presets, effort: Effort) -> Mea
 
 
 def measure_line(line: str, data: Path, effort: Effort) -> Measured:
-    """A request of the corpus with its ground truth as arguments."""
+    """Measure a request of the corpus with its ground truth as arguments."""
     row = json.loads(line)
     truth, path = row["truth"], data / row["scenario"]
     if row["expect"] != "ok":
@@ -237,7 +237,7 @@ def _first_possible(
     *,
     name: str = "",
 ) -> Case:
-    """The first request that the scenario allows, carried out and checked; the last refusal where none is."""
+    """Carry out and check the first request that the scenario allows; return the last refusal if it allows none."""
     tries: list[Refusal] = []
     for attempt, one in enumerate(asked):
         try:
@@ -253,9 +253,9 @@ def _first_possible(
 
 
 def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | None:
-    """Whether a request had to be refused, by the bench's own rules; a worker's failure is no refusal at all.
+    """Return whether a request had to be refused, by the bench's own rules; a worker's failure is not a refusal.
 
-    A way round is one where the fastest of all that were recorded drives it before the scenario ends.
+    A detour counts if the fastest recorded vehicle drives it before the scenario ends.
     """
     if isinstance(error, WorkerFailure):
         return False
@@ -278,7 +278,7 @@ def _is_right(scene: Scene, asked: Asked, error: PlannerForgeError) -> bool | No
 
 
 def _edited(path: Path, asked: Asked, folder: Path) -> tuple[ModificationOutcome, float, float]:
-    """The outcome, and the wall and processor seconds that it took; files of edits before it are gone."""
+    """Return the outcome with its wall and processor seconds, after removing files of earlier edits."""
     for left in folder.iterdir():
         left.unlink()
     request = ModificationRequest(
@@ -324,7 +324,7 @@ def _checked(
 
 
 def _physical(written: Written, seed: str, *, every_vehicle: bool) -> tuple[Physical, ...]:
-    """Verdicts on all touched vehicles, or on one drawn of those that the edits name."""
+    """Return verdicts on all touched vehicles, or on one drawn from those that the edits name."""
     tracks = written.new
     there = [
         one
@@ -353,7 +353,7 @@ def _verdicts(written: Written, one: TouchedVehicle, track: Track) -> Physical:
 
 
 def is_refused(path: Path, asked: Asked) -> bool:
-    """Whether a request is refused with a reason that names what is wrong, and writes nothing."""
+    """Return True if a request is refused with a reason that names the fault, and writes nothing."""
     with TemporaryDirectory() as folder:
         try:
             _edited(path, asked, Path(folder))
@@ -364,7 +364,7 @@ def is_refused(path: Path, asked: Asked) -> bool:
 
 
 def _round_trip_error(scene: Scene) -> str:
-    """Empty if every road user comes back as put in, else what differs."""
+    """Return an empty text if every road user comes back unchanged, otherwise the difference."""
     trip = round_trip(scene)
     good = not trip.missing and trip.position_error_m <= POSITION_M and trip.speed_error_mps <= SPEED_MPS
     where = f"{len(trip.missing)} states missing, {trip.position_error_m:.3f} m, {trip.speed_error_mps:.3f} m/s"
@@ -372,11 +372,11 @@ def _round_trip_error(scene: Scene) -> str:
 
 
 def several_calls_equal(path: Path, edits: Sequence[Edit]) -> bool:
-    """Whether one call for each edit, each on the scenario that the one before made, ends with the bytes of one call.
+    """Return True if one call per edit, each on the previous scenario, ends with the same bytes as one call for all.
 
-    Ids are made of what was asked: where the words of all calls together are those of the one, they have to be equal
-    too. Vehicles that were added, and those that words mean after an addition or a removal, are named in later calls by
-    the ids that were reported.
+    Ids depend on the request: if the words of all calls together equal those of the one, the ids must be equal too.
+    Later calls name vehicles by reported ids if they were added, or if words refer to them after an addition or a
+    removal.
     """
     return anyio.run(_several_calls_equal, path, tuple(edits))
 
@@ -401,7 +401,7 @@ async def _several_calls_equal(path: Path, edits: tuple[Edit, ...]) -> bool:
 
 
 def _by_ids(edits: tuple[Edit, ...], reports: Sequence[EditReport]) -> tuple[Edit, ...]:
-    """The edits with ids in place of words whose meaning depends on the edits before them."""
+    """Return the edits with ids in place of words that depend on earlier edits."""
     made, is_altered = [], False
     for edit, report in zip(edits, reports, strict=True):
         words = is_altered and not all(text.isdigit() for text in edit.vehicles)

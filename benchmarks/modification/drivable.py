@@ -1,8 +1,9 @@
-"""``make bench-drivable``: how many recorded road users an edit can drive, and why the others cannot.
+"""``make bench-drivable``: how many recorded road users an edit can drive, and why it cannot drive the others.
 
-Keys: ``files``, ``unreadable`` (files), ``vehicles`` (recorded, of kinds that are driven), ``drivable_share``, and of
-the rest ``off_lanelets`` (matched with no lanelet), ``against_lanes`` (from one lanelet to another that runs the other
-way), ``beside_lanes`` (to one that starts near the end of the first or beside it) and ``far_lanes`` (farther away).
+Keys: ``files``, ``unreadable`` (files), ``vehicles`` (recorded, of kinds that can be driven), ``drivable_share``, and
+for the rest ``off_lanelets`` (on no lanelet), ``against_lanes`` (from one lanelet to another in the opposite
+direction), ``beside_lanes`` (to a lanelet that starts next to or near the end of the first) and ``far_lanes`` (farther
+away).
 """
 
 import math
@@ -20,14 +21,14 @@ from ..harness import print_figures, process_pool, scenario_arguments, scenario_
 
 _PROCESSES = 2
 _OPPOSITE_RAD = 2.1
-"""Lanelets whose directions differ by more run against each other (chosen)."""
+"""Lanelets with a larger difference of direction are opposite (chosen)."""
 _NEAR_M = 20.0
-"""A lanelet that starts as near to the end of another is beside it (chosen: two lanes and a junction's corner)."""
+"""A lanelet that starts this close to another's end is next to it (chosen: two lanes and a junction's corner)."""
 _CAUSES = ("off_lanelets", "against_lanes", "beside_lanes", "far_lanes")
 
 
 def counts(files: list[Path]) -> Counter[str]:
-    """Files, vehicles and causes over the files."""
+    """Count files, vehicles and causes over the files."""
     total: Counter[str] = Counter(files=len(files))
     with process_pool(_PROCESSES) as pool:
         for of_file in pool.map(_counts_of, files):

@@ -1,8 +1,8 @@
-"""The paper's checks of an edited scenario, made on what was written and what SUMO held, never on the product's word.
+"""The paper's checks of an edited scenario, from the written file and from SUMO, never from the product's report.
 
-Each kind of edit has its judges: B the vehicle types that SUMO drove with, T the route that SUMO drove and the motion
-that was written, P the road users of both files, G the planning problem as written. Which other
-vehicles were handed over is taken from the report, and told with the figures.
+Each kind of edit has its judges: B the vehicle types in SUMO, T the route driven in SUMO and the written motion, P the
+road users of both files, G the written planning problem. Only the list of other handed-over vehicles comes from the
+report; the figures say so.
 """
 
 import math
@@ -26,19 +26,20 @@ from .arrivals import ON_ROUTE_SHARE, Journey, arrives_on, handover_errors
 from .written import Truth, Written, entry_step
 
 DEEP_M, SAME_HIT_S = 0.05, 1.0
-"""Two road users that overlap by more than this depth collide; not by the edit if they overlap in the recording within
-this time."""
+"""Two road users with a deeper overlap collide; the edit is not the cause if they overlap in the recording within this
+time.
+"""
 
 
 def checks_of(written: Written, index: int) -> dict[str, bool]:
-    """The paper's checks of one edit by name."""
+    """Return the paper's checks of one edit by name."""
     return _CHECKS[written.truths[index]["op"]](written, index)
 
 
 def is_untouched_identical(written: Written) -> bool:
-    """Whether every element but those that the edits are about has the bytes of the source.
+    """Return True if every element that the edits do not concern has the bytes of the source.
 
-    Those are the named and added road users, those handed over, and the problem whose goal is edited.
+    They concern the named and added road users, those handed over, and the problem with the edited goal.
     """
     old, new = _elements(written.base), _elements(written.xml)
     changed = {key for key in {*old, *new} if old.get(key) != new.get(key)}
@@ -55,12 +56,14 @@ def is_untouched_identical(written: Written) -> bool:
 
 
 def unreported_collisions(written: Written) -> int:
-    """Pairs that overlap by more than 5 cm on either side, did not about then in the source, and are not reported."""
+    """Return unreported pairs that overlap by more than 5 cm on either side and did not around that time in the
+    source.
+    """
     base, new = {**written.scene.standing, **written.old}, {**written.scene.standing, **written.new}
     told = {frozenset(hit.vehicles) for hit in written.outcome.collisions}
     window = SAME_HIT_S / written.scene.step_s
     colliding = set()
-    for key in (key for key in sorted(written.new) if _moves_anew(written, key)):
+    for key in (key for key in sorted(written.new) if _is_new_or_moved(written, key)):
         for other in new:
             pair = frozenset((key, other))
             if other == key or pair in told or pair in colliding:
@@ -73,7 +76,9 @@ def unreported_collisions(written: Written) -> int:
 
 
 def handovers_of(written: Written) -> tuple[tuple[float, float], ...]:
-    """For every vehicle that SUMO took over from its recording what that adds in m and m/s, from both files."""
+    """Return the hand-over error in m and m/s for every vehicle that SUMO took over from its recording, from both
+    files.
+    """
     new, old, step_s = written.new, written.old, written.scene.step_s
     errors = [
         handover_errors(old[vehicle.vehicle_id], new[vehicle.vehicle_id], round(vehicle.from_time_s / step_s), step_s)
@@ -83,8 +88,8 @@ def handovers_of(written: Written) -> tuple[tuple[float, float], ...]:
     return tuple(error for error in errors if error is not None)
 
 
-def _moves_anew(written: Written, key: int) -> bool:
-    """Whether a road user was not there before, or moves in another way."""
+def _is_new_or_moved(written: Written, key: int) -> bool:
+    """Return True if a road user is new, or moves differently."""
     old = written.old.get(key)
     return old is None or not np.array_equal(old.positions, written.new[key].positions)
 
@@ -101,7 +106,7 @@ def _elements(path: Path) -> dict[str, bytes]:
 RELATIVE_TOLERANCE, SIZE_TOLERANCE_M = 1e-3, 0.01
 """Files round parameters and sizes."""
 LEAST_M = 0.5, 0.3
-"""Least length and width with which a vehicle is driven in SUMO."""
+"""Least length and width of a vehicle in SUMO."""
 SUMO_CLASSES = {
     "car": "passenger",
     "taxi": "taxi",
@@ -113,11 +118,11 @@ SUMO_CLASSES = {
 }
 """SUMO's vehicle class for a CommonRoad obstacle type; ``passenger`` for all others."""
 OWN_GAPS_M = {"motorcycle": 2.0, "bicycle": 0.5}
-"""The gap that two-wheelers keep when standing, whatever the preset, unless a parameter sets it."""
+"""The standstill gap of two-wheelers, whatever the preset, unless a parameter sets it."""
 
 
 def _behaviour_checks(written: Written, index: int) -> dict[str, bool]:
-    """Every vehicle that is meant drove in SUMO by the asked parameters, and is of the class and size it was of."""
+    """Check that each selected vehicle drove in SUMO by the requested parameters, with its former class and size."""
     truth = written.truths[index]
     meant = sorted(written.meant_by(index) - written.meant_to_go())
     named = written.meant_by(index) == set(written.outcome.edits[index].vehicles)
@@ -129,7 +134,7 @@ def _behaviour_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _is_of_its_class(written: Written, key: int) -> bool:
-    """Whether SUMO drove a vehicle as what the file says that it is, and a recorded one is what it was."""
+    """Return True if SUMO drove a vehicle as the file describes it, and a recorded one is unchanged."""
     track, kind, old = written.new.get(key), written.sumo.types.get(key), written.old.get(key)
     if track is None or kind is None:
         return False
@@ -153,12 +158,14 @@ def _has_parameters(written: Written, truth: Truth, key: int) -> bool:
 
 
 def _reroute_checks(written: Written, index: int) -> dict[str, bool]:
-    """The vehicle is there, its route ends on the target and it drives along it; body and all others are kept."""
+    """Check that the vehicle follows a route that ends on the target, and that its body and all others are
+    unchanged.
+    """
     truth, meant = written.truths[index], written.meant_by(index)
     targets = frozenset(int(key) for key in truth["target_lanelets"])
     through = frozenset(int(key) for key in truth.get("via", ()))
     told = meant == set(written.outcome.edits[index].vehicles)
-    ends = all(_ends_right(written, key, targets) and _tells_so(written, index, key, targets) for key in meant)
+    ends = all(_ends_right(written, key, targets) and _report_agrees(written, index, key, targets) for key in meant)
     return {
         "tgt": meant <= set(written.new),
         "T_ends": bool(meant) and ends and all(_routed_over(written, key, {one}) for key in meant for one in through),
@@ -167,7 +174,9 @@ def _reroute_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
-    """Whether a vehicle is routed over a target, drives along that route, and arrives or is late with reason."""
+    """Return True if a vehicle's route includes a target, and it follows the route and arrives or is late with
+    reason.
+    """
     if key not in written.new or not _routed_over(written, key, targets):
         return False
     track = written.new[key]
@@ -179,12 +188,12 @@ def _ends_right(written: Written, key: int, targets: frozenset[int]) -> bool:
 
 
 def arrives(written: Written, key: int, targets: frozenset[int]) -> bool:
-    """Whether the written motion of a vehicle gets onto a target and stays there or drives on from it."""
+    """Return True if the written motion of a vehicle gets onto a target and stays there or drives on from it."""
     return key in written.new and arrives_on(written.scene.network, written.new[key], targets)
 
 
 def _others_stay(written: Written) -> bool:
-    """Whether all are there but those that are meant to go."""
+    """Return True if all road users are there except those that the edits remove."""
     return set(written.old) - set(written.new) == written.meant_to_go() & set(written.old)
 
 
@@ -193,8 +202,8 @@ def _routed_over(written: Written, key: int, lanelets: "frozenset[int] | set[int
     return any(written.sumo.leads_over(key, network.find_lanelet_by_id(one).center_vertices) for one in lanelets)
 
 
-def _tells_so(written: Written, index: int, key: int, targets: frozenset[int]) -> bool:
-    """Whether the report says of a vehicle what its motion shows, with a reason where it does not arrive."""
+def _report_agrees(written: Written, index: int, key: int, targets: frozenset[int]) -> bool:
+    """Return True if the report agrees with a vehicle's motion, with a reason if it does not arrive."""
     told = [route for route in written.outcome.edits[index].routes if route.vehicle_id == key]
     if len(told) != 1 or told[0].arrives is None:
         return False
@@ -202,15 +211,15 @@ def _tells_so(written: Written, index: int, key: int, targets: frozenset[int]) -
 
 
 PLACE_TOLERANCE_M, SPEED_TOLERANCE_MPS = 2.0, 0.01
-"""Between what was asked for and what was written."""
+"""Tolerance between the request and the file."""
 EGO_LENGTH_M = 4.5
-"""Of CommonRoad's vehicle 2 (BMW 320i), rounded; the file does not tell it."""
+"""Length of CommonRoad's vehicle 2 (BMW 320i), rounded; the file does not state it."""
 CLEARANCE_M = 1.0
-"""A vehicle enters later than asked only where a road user is on its place or so near."""
+"""A vehicle enters later than requested only if a road user is on its place or this close to it."""
 REACTION_S, HARDEST_BRAKING_MPS2 = 0.5, 8.0
-"""After this time a driver brakes, at most this hard."""
+"""A driver's reaction time and highest deceleration."""
 PASSING_M = 0.5
-"""A road user that passes by nearer than that is said to hit."""
+"""A road user that passes closer counts as a hit."""
 
 
 @dataclass(frozen=True)
@@ -222,7 +231,7 @@ class _Kind:
     widths_m: tuple[float, float]
 
     def fits(self, track: Track) -> bool:
-        """Whether a road user is of this class."""
+        """Return True if a road user is of this class."""
         sizes = ((track.length_m, self.lengths_m), (track.width_m, self.widths_m))
         return track.kind == self.commonroad_type and all(low <= size <= high for size, (low, high) in sizes)
 
@@ -237,7 +246,7 @@ KINDS = {
 
 
 def _removal_checks(written: Written, index: int) -> dict[str, bool]:
-    """The vehicles that are meant are gone, and no other."""
+    """Check that exactly the selected vehicles are gone."""
     meant = written.meant_by(index)
     gone = not meant & set(written.new)
     told = meant == set(written.outcome.edits[index].vehicles)
@@ -245,7 +254,7 @@ def _removal_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _addition_checks(written: Written, index: int) -> dict[str, bool]:
-    """As many as asked, of the class, where, when, how fast and to where they were asked for; all others stay."""
+    """Check number, class, place, time, speed and target of the added vehicles, and that all others stay."""
     truth, told = written.truths[index], written.outcome.edits[index].vehicles
     added = [key for key in told if key in written.added()]
     left_out = [key for key in told if key in written.meant_to_go()]
@@ -262,7 +271,7 @@ def _addition_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def is_taken(scene: Scene, truth: Truth) -> bool:
-    """Whether a recorded road user is on or close to a place that is asked for when the first vehicle is to enter."""
+    """Return True if a recorded road user is on or close to a requested place when the first vehicle enters there."""
     size = _largest_size(truth, CLEARANCE_M)
     places = _places(scene, truth, 0, sum(KINDS[truth["class"]].lengths_m) / 2)
     rooms = [shapely.Point(place).buffer(float(np.hypot(*size)) / 2) for place in places]
@@ -273,7 +282,7 @@ def is_taken(scene: Scene, truth: Truth) -> bool:
 
 
 def is_run_over(scene: Scene, truth: Truth) -> bool:
-    """Whether a recorded road user gets onto or close to such a place although it brakes as hard as it can.
+    """Return True if a recorded road user gets onto or close to the place although it brakes as hard as it can.
 
     It does not react to the vehicle before that enters, and takes some time to brake.
     """
@@ -294,19 +303,19 @@ def is_run_over(scene: Scene, truth: Truth) -> bool:
 
 
 def _bodies_at(tracks: Mapping[int, Track], step: int) -> list[shapely.Polygon]:
-    """The bodies of all that are there at a step."""
+    """Return the bodies of all road users present at a step."""
     there = ((track, track.index_at(step)) for track in tracks.values())
     return [bodies(track, np.array([index]))[0] for track, index in there if index is not None]
 
 
 def _largest_size(truth: Truth, larger_m: float) -> tuple[float, float]:
-    """Length and width in m of the largest vehicle of the class, with some room on all its sides."""
+    """Return length and width in m of the largest vehicle of the class, with a margin on all sides."""
     kind = KINDS[truth["class"]]
     return kind.lengths_m[1] + 2 * larger_m, kind.widths_m[1] + 2 * larger_m
 
 
 def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shapely.Polygon]:
-    """Rectangles around a place along all lanelets that it lies on."""
+    """Return rectangles around a place along all lanelets under it."""
     under = scene.network.find_lanelet_by_position([place])[0]
     lines = [scene.network.find_lanelet_by_id(key).center_vertices for key in under]
     headings_rad = [point_at(line, project(line, place)[0])[1] for line in lines]
@@ -314,14 +323,14 @@ def _rooms(scene: Scene, place: Points, size: tuple[float, float]) -> list[shape
 
 
 def _adds_up(written: Written) -> bool:
-    """Whether the new file has exactly as many new road users as all edits together add."""
+    """Return True if the new file has exactly as many new road users as all edits together add."""
     asked = sum(truth["count"] for truth in written.truths if truth["op"] == "add_vehicle")
     gone = written.meant_to_go() - set(written.old)
     return len(written.added()) + len(gone) == int(asked)
 
 
 def _is_placed(written: Written, track: Track, truth: Truth, index: int) -> bool:
-    """Whether an added vehicle starts where it was asked for: where the corpus says, or by the rules of its words."""
+    """Return True if an added vehicle starts at the requested place, from the corpus or by the rules of its words."""
     return nearest_m(track.positions[0], _places(written.scene, truth, index, track.length_m)) <= PLACE_TOLERANCE_M
 
 
@@ -343,7 +352,7 @@ def _has_speed(track: Track, truth: Truth) -> bool:
 
 
 def _departs(written: Written, track: Track, truth: Truth) -> bool:
-    """At the asked step, or as soon after one that was named as the place is free."""
+    """Return True if it departs at the requested step, or after a named one as soon as the place is free."""
     asked = entry_step(written.scene, truth)
     if asked == 0:
         return track.first_step == 0
@@ -361,18 +370,18 @@ def _gets_there(written: Written, key: int, truth: Truth) -> bool:
 
 
 GOAL_TOLERANCE_M = 0.5
-"""Along the lanelet, between the place that was asked for and the one that was written."""
+"""Distance along the lanelet between the requested and the written place."""
 USUAL_SIZE_M = (6.0, 2.0)
-"""Length and width of a goal where neither the request nor the file gives any, as in the paper's code."""
+"""Default length and width of a goal if neither the request nor the file gives any, as in the paper's code."""
 ROUNDING = 1e-6
-"""Of a step: times divided by the step are not exact."""
+"""Tolerance of a step: times divided by the step are not exact."""
 
 
 def _goal_checks(written: Written, index: int) -> dict[str, bool]:
-    """The goal as written: on its lanelet, along it where the word says, of the size and at the time that were asked.
+    """Check the written goal: on its lanelet, along it as requested, with the requested size and time.
 
-    On a lanelet is what commonroad-io finds there: planners look for the ego's way by it.
-    What was not named is as in the source; a problem that had no goal state has nothing to keep.
+    commonroad-io decides what is on a lanelet, because planners find the ego's route by it. Unnamed values must equal
+    the source's; a problem without a goal state has none to keep.
     """
     truth, network = written.truths[index], written.loaded.scenario.lanelet_network
     lanelet = network.find_lanelet_by_id(int(truth["lanelet"]))
@@ -391,12 +400,14 @@ def _goal_checks(written: Written, index: int) -> dict[str, bool]:
 
 
 def _goal(path: Any) -> Any:
-    """The first goal state of a file's first planning problem; None where it has none."""
+    """Return the first goal state of a file's first planning problem, or None if it has none."""
     return etree.parse(path).getroot().find("planningProblem/goalState")
 
 
 def _right_size(truth: Truth, old: Any) -> tuple[float, float]:
-    """Length and width in m that are right: those asked for, else those before, else the usual ones."""
+    """Return the right length and width in m: the requested ones, otherwise the previous ones, otherwise the usual
+    ones.
+    """
     asked = truth.get("rectangle")
     if asked:
         return float(asked["length_m"]), float(asked["width_m"])
@@ -409,7 +420,7 @@ def _size(goal: Any) -> tuple[float, float] | None:
 
 
 def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: float, old: Any) -> bool:
-    """Return whether both steps are as asked, rounded inwards; if no time was asked for, they stay as before."""
+    """Return True if both steps are as requested, rounded inwards, or unchanged if no time was requested."""
     asked = truth.get("time")
     if asked:
         first, last = asked["start_s"] / step_s, asked["end_s"] / step_s
@@ -420,7 +431,7 @@ def _is_at_its_time(steps: tuple[float, float] | None, truth: Truth, step_s: flo
 
 
 def _interval(goal: Any, name: str) -> tuple[float, float] | None:
-    """Both ends of an interval, or twice an exact value; None where it is not given."""
+    """Return both ends of an interval, twice an exact value, or None if it is not given."""
     element = goal.find(name)
     if element is None:
         return None

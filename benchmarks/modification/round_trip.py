@@ -1,4 +1,4 @@
-"""Whether SUMO holds all road users as recorded: they are put into it and read back, step by step."""
+"""Checks that SUMO holds all road users as recorded: inserts them and reads them back, step by step."""
 
 import math
 import tempfile
@@ -25,7 +25,7 @@ class RoundTrip:
 
 
 def round_trip(scene: Scene, seed: int = 0) -> RoundTrip:
-    """Replay a scenario's trajectories and static obstacles in SUMO, and compare what it shows with the recording.
+    """Replay a scenario's trajectories and static obstacles in SUMO, and compare the result with the recording.
 
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle.
@@ -49,7 +49,7 @@ def round_trip(scene: Scene, seed: int = 0) -> RoundTrip:
 
 
 def _errors(track: Track, index: int, shown: ShownState) -> tuple[float, float]:
-    """Distance in m between centres, and difference in m/s between speeds."""
+    """Return the distance in m between centres, and the difference in m/s between speeds."""
     heading = math.radians(90.0 - shown.angle_deg)
     center = np.array(shown.front) - track.length_m / 2 * np.array([math.cos(heading), math.sin(heading)])
     away = float(np.linalg.norm(center - track.positions[index]))
@@ -57,7 +57,7 @@ def _errors(track: Track, index: int, shown: ShownState) -> tuple[float, float]:
 
 
 def _participant(scene: Scene, key: int) -> Actor:
-    """A road user as in a re-simulation; one off the lanes is put where it was recorded too."""
+    """Return a road user as in a re-simulation; one off the lanes is put at its recorded position too."""
     track = (scene.tracks | scene.standing)[key]
     match = scene.matches.get(key)
     if match is not None:

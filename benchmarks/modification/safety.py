@@ -1,10 +1,10 @@
-"""The paper's safety table: what a stated recipe of each kind of edit does to an ego's risk.
+"""The paper's safety table: how a fixed recipe of each kind of edit changes an ego's risk.
 
-Recipes. B: the three nearest vehicles become aggressive. T: the nearest vehicle that has another branch within reach
-takes it. P: a car is put 15 m ahead of the ego in its lane, at half its speed. G: the goal moves to the nearest other
-lanelet that can be reached. The risk score (0 collision … 5 negligible) is that of an ego that drives ordinarily, and
-where a planner was run, of the planner. Vehicles that hit the ordinary ego from behind on their recording are left out,
-because they cannot react to it; the table says in how many scenarios an ego collides before any edit all the same.
+Recipes. B: the three nearest vehicles become aggressive. T: the nearest vehicle with another branch within reach takes
+it. P: a car is added 15 m ahead of the ego in its lane at half its speed. G: the goal moves to the nearest other
+reachable lanelet. The risk score (0 collision … 5 negligible) is that of an ordinarily driving ego, or of the planner
+if one ran. Vehicles that hit the ordinary ego from behind on their recording are left out, because they cannot react;
+the table still states in how many scenarios an ego collides before any edit.
 """
 
 import statistics
@@ -29,13 +29,13 @@ from plannerforge.schemas.runs import NO_TRAJECTORY, RunRecord
 
 PLANNER = "frenetix:Default"
 NEAREST, AHEAD_M = 3, 15.0
-"""Of the recipes B and P (see above)."""
+"""Values of the recipes B and P (see above)."""
 RESAMPLES = 2000
-"""Of the bootstrap (chosen)."""
+"""Draws of the bootstrap (chosen)."""
 MOST_TRIES = 6
-"""Nearest vehicles and lanelets that a recipe tries in turn (chosen)."""
+"""Number of nearest vehicles and lanelets that a recipe tries (chosen)."""
 DIGEST = "b"
-"""Stands where the id of an edited scenario has the digest of its request."""
+"""Replaces the digest of the request in the id of an edited scenario."""
 NEGLIGIBLE = 5
 
 
@@ -51,12 +51,12 @@ class Shift:
 
 
 def new_id(path: Path) -> str:
-    """The id of an edited scenario: of its source's country, because a planner reads traffic signs by it."""
+    """Return the id of an edited scenario with its source's country, which a planner needs to read traffic signs."""
     return derived_benchmark_id(path.stem, DIGEST)
 
 
 def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) -> tuple[Shift, ...]:
-    """One shift for each recipe that the scenario allows; with a base run, of the planner too."""
+    """Return one shift for each recipe that the scenario allows, with a base run also of the planner."""
     recipes: tuple[tuple[str, Callable[[Scene], Iterator[Edit]]], ...] = (
         ("B", _aggressive),
         ("T", _other_branch),
@@ -68,12 +68,12 @@ def shifts_of(path: Path, scene: Scene, folder: Path, base: RunRecord | None) ->
 
 
 def executed(path: Path, base: RunRecord) -> bool | None:
-    """Whether the planner drives an edited file to some end; None where it does not drive its source either."""
+    """Return whether the planner drives an edited file to an end; None if it does not drive its source either."""
     return None if base.outcome in NO_TRAJECTORY else planner_run(path).outcome not in NO_TRAJECTORY
 
 
 def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:
-    """The table: mean score before → after with the interval of the mean difference, and collisions."""
+    """Return the table: mean score before → after with the interval of the mean difference, and collisions."""
     rows = []
     for task in ("B", "T", "P", "G"):
         mine = [one for one in shifts if one.task == task]
@@ -84,7 +84,7 @@ def safety_rows(shifts: Sequence[Shift]) -> list[tuple[str, str]]:
 
 
 def difference_interval(differences: Sequence[float], seed: int = 0) -> tuple[float, float]:
-    """95 % interval of a mean by the percentile bootstrap (Efron 1979)."""
+    """Return the 95 % interval of a mean by the percentile bootstrap (Efron 1979)."""
     drawn = np.random.default_rng(seed).choice(differences, size=(RESAMPLES, len(differences)))
     low, high = np.quantile(drawn.mean(axis=1), [0.025, 0.975])
     return float(low), float(high)
@@ -121,7 +121,7 @@ def _shift(path: Path, folder: Path, task: str, edits: Iterator[Edit], base: Run
 
 
 def planner_run(path: Path) -> RunRecord:
-    """A run of the default planner among recorded traffic."""
+    """Return a run of the default planner among recorded traffic."""
     request = RunRequest(
         run_id="bench",
         scenario_path=str(path),
@@ -137,7 +137,7 @@ def _risk(record: RunRecord | None) -> int | None:
 
 
 def _score(value: int | None) -> int:
-    """A risk score; where no road user is near, the risk is negligible."""
+    """Return a risk score; without a road user nearby, the risk is negligible."""
     return NEGLIGIBLE if value is None else value
 
 

@@ -1,12 +1,12 @@
-"""What the modification bench judges: the base, the file that was written, and what SUMO held meanwhile.
+"""The input of the modification bench's judges: the base, the written file, and the content of SUMO.
 
-Of SUMO's run it reads the vehicle types from the file that SUMO was started with, the routes from SUMO's own record,
-and the net that is kept with every scenario.
+Vehicle types come from the file that SUMO started with, routes from SUMO's own record, and the net is the one kept with
+every scenario.
 
-CommonRoad's schema has no form for a road user that enters after time 0: the ``initialState`` of a ``dynamicObstacle``
-is at time 0 and says that it is there then; a ``phantomObstacle``, which may begin later, stands for no real road user
-and has no type. CommonRoad's own reader takes any time. A vehicle that the request itself lets enter later hence makes
-one error that no way of writing avoids; that error of that vehicle is told apart from all others.
+CommonRoad's schema cannot express a road user that enters after time 0: the ``initialState`` of a ``dynamicObstacle``
+is at time 0, and a ``phantomObstacle``, which may begin later, is not a real road user and has no type. CommonRoad's
+own reader accepts any time. So a vehicle that the request lets enter later causes one unavoidable error, which is
+reported separately.
 """
 
 from collections.abc import Mapping
@@ -32,16 +32,16 @@ Truth = Mapping[str, Any]
 """The ground truth of an edit in the corpus's form."""
 ENTRY = "initialState/time/exact"
 SAME_LINE_M = 0.3
-"""A lanelet's centre line so near to a lane's is the same lane."""
+"""A lanelet's centre line this close to a lane's is the same lane."""
 BESIDE_M = 1.0
-"""A vehicle up to this far beside a lane is still on its route."""
+"""A vehicle up to this far from a lane is still on its route."""
 ENDS = (0.1, 0.5, 0.9)
-"""The shares of a lanelet's length at which it has to lie on a lane to be that lane."""
+"""The shares of a lanelet's length at which it must be on a lane to be that lane."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """The base as read, the ground truth of all edits, what was reported, the file that came of it, and SUMO's record.
+    """The base as read, the ground truth of all edits, the report, the resulting file, and SUMO's record.
 
     ``old`` and ``new``: the trajectories of both files.
     """
@@ -58,7 +58,7 @@ class Written:
 
     @classmethod
     def of(cls, base: Path, scene: Scene, truths: tuple[Truth, ...], outcome: ModificationOutcome) -> "Written":
-        """Read the new file and what was kept beside it."""
+        """Read the new file and the files kept next to it."""
         if outcome.xml is None:
             raise ValueError("a dry run wrote nothing to check")
         loaded = read_scenario(outcome.xml)
@@ -68,13 +68,13 @@ class Written:
         )
 
     def added(self) -> tuple[int, ...]:
-        """Ids of the road users that the base has not."""
+        """Return ids of the road users that the base lacks."""
         return tuple(key for key in self.new if key not in self.old)
 
     def meant_by(self, index: int) -> frozenset[int]:
-        """Ids of the vehicles that the edit at an index is about, by the ground truth.
+        """Return the ids of the vehicles that the edit at an index refers to, by the ground truth.
 
-        Only where that leaves it open, as for a vehicle that another edit adds, it is taken from the report.
+        Only if that leaves it open, as for a vehicle that another edit adds, the report decides.
         """
         truth, reports = self.truths[index], self.outcome.edits
         if "vehicle_id" in truth:
@@ -87,20 +87,20 @@ class Written:
         return frozenset(named).union(*(reports[edit].vehicles for edit in added))
 
     def meant_to_go(self) -> frozenset[int]:
-        """Ids of all that are to be removed."""
+        """Return ids of all road users that the edits remove."""
         going = [index for index, truth in enumerate(self.truths) if truth["op"] == "remove_vehicle"]
         return frozenset().union(*(self.meant_by(index) for index in going))
 
 
 def entry_step(scene: Scene, truth: Truth) -> int:
-    """The step at which the vehicles that an edit adds are to enter."""
+    """Return the requested entry step of the vehicles that an edit adds."""
     return round((truth.get("depart_s") or 0.0) / scene.step_s)
 
 
 def is_valid(written: Written) -> bool:
-    """No schema error that the source does not have, but that of vehicles which enter later because they were asked to.
+    """Return True if there is no new schema error, except that of vehicles that enter later on request.
 
-    The file was read by commonroad-io already.
+    commonroad-io has already read the file.
     """
     tree = etree.parse(written.loaded.path)
     excused = {str(key) for key in enter_later_as_asked(written)}
@@ -112,14 +112,14 @@ def is_valid(written: Written) -> bool:
 
 
 def is_strictly_valid(written: Written) -> bool:
-    """No schema error that the source does not have."""
+    """Return True if there is no schema error that the source does not have."""
     return _anonymous(schema_errors(written.loaded.path), written.loaded) <= _known(written)
 
 
 def enter_later_as_asked(written: Written) -> frozenset[int]:
-    """Return the ids of the added vehicles that enter after time 0 because an edit asks for it, at that step or later.
+    """Return the ids of the added vehicles that enter after time 0 because an edit requests it, at that step or later.
 
-    Whether they enter as soon as they can is another check.
+    Another check judges whether they enter as soon as possible.
     """
     later: set[int] = set()
     for truth, report in zip(written.truths, written.outcome.edits, strict=True):
@@ -135,7 +135,7 @@ def _known(written: Written) -> set[str]:
 
 
 def _anonymous(errors: list[str], loaded: LoadedScenario) -> set[str]:
-    """Errors without the file's id: one that breaks the pattern does so in both files, although it is another one."""
+    """Return errors without the file's id: an id that breaks the pattern does so in both files, but differs."""
     return {error.replace(loaded.declared_id, "") for error in errors}
 
 
@@ -173,7 +173,7 @@ class _SumoRecord:
         return cls(types, routes, lanes, across)
 
     def leads_over(self, vehicle_id: int, center_line: Points) -> bool:
-        """Whether a vehicle's route has a lane along a lanelet's centre line (n, 2)."""
+        """Return True if a vehicle's route has a lane along a lanelet's centre line (n, 2)."""
         line = shapely.LineString(center_line)
         points = [line.interpolate(share, normalized=True) for share in ENDS]
         return any(
@@ -181,7 +181,7 @@ class _SumoRecord:
         )
 
     def share_on_route(self, track: Track) -> float:
-        """The share of states whose centre or front is on the lanes of the vehicle's route, or at most 1 m beside."""
+        """Return the share of states with the centre or front on the lanes of the vehicle's route, or within 1 m."""
         lanes = self._lanes_of(track.obstacle_id)
         area = shapely.union_all([lane.line.buffer(lane.width_m / 2 + BESIDE_M) for lane in lanes])
         centres, ahead = (shapely.contains_xy(area, *points.T) for points in (track.positions, fronts(track)))

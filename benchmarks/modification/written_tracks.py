@@ -1,7 +1,7 @@
-"""A written CommonRoad file as the judge of ``make bench-edits`` reads it: with lxml and numpy, and nothing else.
+"""Reads a written CommonRoad file for the judge of ``make bench-edits``, with lxml and numpy alone.
 
-Only what the judge needs is read: lanelets with their lights, road users with their states, the first planning problem.
-Files of 2020a (``dynamicObstacle``) and of 2018b (``obstacle`` with a role) are understood.
+It reads only what the judge needs: lanelets with their lights, road users with their states, the first planning
+problem. It understands files of 2020a (``dynamicObstacle``) and 2018b (``obstacle`` with a role).
 """
 
 import math
@@ -46,7 +46,7 @@ class RoadUser:
         return np.asarray(self.places + self.forward * self.length_m / 2)
 
     def at(self, step: int) -> int | None:
-        """The index of the state at a time step; None if the road user is not there."""
+        """Return the index of the state at a time step; None if the road user is not there."""
         return step - self.first if self.first <= step <= self.last else None
 
 
@@ -61,7 +61,7 @@ class Light:
     active: bool
 
     def colour(self, step: int) -> str:
-        """The colour at a time step; empty for a light without states."""
+        """Return the colour at a time step; empty for a light without states."""
         total = sum(duration for duration, _ in self.phases)
         if not self.active or total <= 0:
             return ""
@@ -75,7 +75,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Lane:
-    """A lanelet: bounds (n, 2) in m, what follows and lies beside it, and the ids of its lights."""
+    """A lanelet: bounds (n, 2) in m, its successors and neighbours, and the ids of its lights."""
 
     key: int
     left: Array
@@ -107,9 +107,9 @@ class Lane:
         return float(np.linalg.norm(self.left - self.right, axis=1).mean())
 
     def along(self, points: Array) -> tuple[Array, Array, Array]:
-        """Station, offset (left positive) and direction in rad of the lane at each of some points (n, 2).
+        """Return arc length, offset (left positive) and direction in rad of the lane at each of some points (n, 2).
 
-        Before its beginning and behind its end the lane goes on straight.
+        Before its beginning and after its end the lane continues straight.
         """
         center = self.center
         steps = np.diff(center, axis=0)
@@ -164,7 +164,7 @@ class WrittenFile:
         return max((user.last for user in self.users.values() if not user.is_static), default=0)
 
     def lane_of(self, place: Array, heading: float) -> int | None:
-        """The lanelet that a place (2,) with a heading lies on; the best aligned of several."""
+        """Return the lanelet at a place (2,) with a heading; the best aligned of several."""
         best, key = math.radians(60.0), None
         for lane in self.lanes.values():
             station, offset, direction = (value[0] for value in lane.along(place[None]))

@@ -1,17 +1,21 @@
-"""``make bench-planners``: how the planners fare on every scenario of a folder, and what the loop costs.
+"""``make bench-planners``: the planners' outcomes on every scenario of a folder, and the cost of the loop.
 
-Keys: ``runs``, ``lost`` (cells without a run), ``solvable`` (not invalid), ``success_<preset>_<prediction>``
-(share of the solvable problems that reach the goal), ``trap_infeasible`` (infeasible runs that look like a heading
-wrap: the yaw rate rejected the most candidates of the last attempt), ``step_over_core`` (planning step ÷ its time in
-the core, median), ``run_median_s`` (a run in a single warm worker, nothing else at work: the median wall time of the
-runs with which the throughput of one worker is measured), ``two_worker_speedup``, ``weights_acting`` (those of Default
-whose raising changes the first choice in one of some scenarios), ``rear_scenarios`` (scenarios with a follower),
-``recorded_rear_hits`` and ``reactive_rear_hits`` (braked egos that were
-hit from behind, over all planners; the whole measurement is ``make bench-reactive``).
+Keys:
 
-``--fresh SEED`` drives problems that are drawn just then, ``--count`` of each seed: any recorded car as the ego, at any
-step, to where it was last recorded. Keys: ``seeds``, ``fresh_problems``, ``fresh_lost`` (runs that raised),
-``fresh_solvable`` (not invalid), ``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
+- ``runs``, ``lost`` (cells without a run), ``solvable`` (valid problems).
+- ``success_<preset>_<prediction>``: share of the solvable problems that reach the goal.
+- ``trap_infeasible``: infeasible runs that look like a heading wrap, because the yaw rate rejected the most candidates
+  of the last attempt.
+- ``step_over_core``: planning step over its time in the core, median.
+- ``run_median_s``: median wall time of a run in a single warm worker without other load (the runs that measure the
+  throughput of one worker); ``two_worker_speedup``.
+- ``weights_acting``: weights of Default that change the first choice in one of some scenarios if increased.
+- ``rear_scenarios`` (scenarios with a follower); ``recorded_rear_hits``, ``reactive_rear_hits`` (braking egos hit from
+  behind, over all planners; ``make bench-reactive`` measures this in full).
+
+``--fresh SEED`` drives newly drawn problems, ``--count`` for each seed: any recorded car as the ego, from any step, to
+its last recorded position. Keys: ``seeds``, ``fresh_problems``, ``fresh_lost`` (runs that raised), ``fresh_solvable``
+(valid), ``fresh_success_<preset>_<prediction>`` and ``fresh_trap_infeasible`` as above.
 """
 
 import statistics
@@ -54,16 +58,16 @@ from .reactive import braked_runs, rear_hits, rows
 CONFIGS = {"default": "frenetix:Default", "safety": "frenetix:Safety-Conservative"}
 PREDICTIONS: dict[str, Prediction] = {"gt": "ground_truth", "cv": "constant_velocity"}
 TIMED_RUNS = 72
-"""Enough that the time in which one of two workers has the last run alone hardly counts (chosen)."""
+"""Enough runs that the last one, alone on one of two workers, hardly counts (chosen)."""
 SITUATIONS = 12
-"""Scenarios whose starts decide which weights act (chosen)."""
+"""Number of scenarios with a start that tests which weights act (chosen)."""
 WORKERS = 2
 
 
 async def _throughput(
     workspace: Path, folder: Path, scenarios: Sequence[str], workers: int
 ) -> tuple[float, tuple[float, ...]]:
-    """Runs a second of warm workers, and the wall time of each run in its worker.
+    """Return runs per second of warm workers, and the wall time of each run in its worker.
 
     The number of workers is the seed, so that nothing is reused.
     """
@@ -95,7 +99,7 @@ async def _measure(workspace: Path, folder: Path, limit: int | None) -> None:
     batches = [opened.get(batch_id, "batch").read(BatchRecord) for batch_id in batch_ids]
     runs = [opened.get(run_id, "run").read(RunRecord) for batch in batches for run_id in batch.runs]
     success = _print_outcomes(runs)
-    _print_failures(opened, [run for run in _of(runs, "default", "gt") if run.outcome != "goal_reached"])
+    _print_failures(opened, [run for run in _select_runs(runs, "default", "gt") if run.outcome != "goal_reached"])
     driven = [run for run in runs if run.outcome != "invalid"]
     timings = [read_run_file(opened, run.run_id, "timing.json", RunTiming) for run in driven]
     ratios = [t.planning_step_median_ms / t.core_step_median_ms for t in timings if t.core_step_median_ms]
@@ -112,7 +116,7 @@ async def _measure(workspace: Path, folder: Path, limit: int | None) -> None:
         {
             "runs": len(runs),
             "lost": sum(len(batch.lost) for batch in batches),
-            "solvable": sum(run.outcome != "invalid" for run in _of(runs, "default", "gt")),
+            "solvable": sum(run.outcome != "invalid" for run in _select_runs(runs, "default", "gt")),
             **success,
             "trap_infeasible": trapped,
             "step_over_core": round(statistics.median(ratios), 3) if ratios else 0.0,
@@ -136,12 +140,12 @@ def _steps(workspace: Workspace, run: RunRecord) -> RunSteps:
     return read_run_file(workspace, run.run_id, "steps.json", RunSteps)
 
 
-def _of(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
+def _select_runs(runs: Sequence[RunRecord], preset: str, prediction: str) -> list[RunRecord]:
     return [run for run in runs if run.config_name == CONFIGS[preset] and run.prediction == PREDICTIONS[prediction]]
 
 
 def is_trapped(run: RunRecord, steps: RunSteps) -> bool:
-    """Whether a run looks as if a heading wrap had made it infeasible (``is_wrap``).
+    """Return True if a heading wrap seems to have made a run infeasible (``is_wrap``).
 
     The last attempt counts, however long the run went well before.
     """
@@ -155,7 +159,7 @@ def _print_outcomes(runs: Sequence[RunRecord]) -> dict[str, float]:
     success: dict[str, float] = {}
     for preset, config in CONFIGS.items():
         for short, prediction in PREDICTIONS.items():
-            counts = Counter(run.outcome for run in _of(runs, preset, short))
+            counts = Counter(run.outcome for run in _select_runs(runs, preset, short))
             reached, solvable = counts["goal_reached"], counts.total() - counts["invalid"]
             success[f"success_{preset}_{short}"] = round(reached / solvable, 4) if solvable else 0.0
             shown = (str(counts[name]) for name in outcomes)
@@ -182,7 +186,7 @@ def _measure_fresh(files: Sequence[Path], seeds: Sequence[int], count: int) -> N
 
 
 def fresh_figures(drives: Sequence[Drive]) -> tuple[dict[str, float | int], list[tuple[str, str]]]:
-    """Figures of drawn problems by key, and rows: success with its interval, and why each goal was not reached."""
+    """Return figures of drawn problems by key, and rows: success with its interval, and the reasons of failures."""
     success, rows = dict[str, float](), list[tuple[str, str]]()
     for preset, config in CONFIGS.items():
         for short, prediction in PREDICTIONS.items():

@@ -1,4 +1,4 @@
-"""Which cost weights act: those whose raising changes what the planner chooses in one and the same situation."""
+"""Finds the cost weights that act: an increase changes the planner's choice in the same situation."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from plannerforge.engine.tuning import tuning_of
 from plannerforge.schemas.planning import PlannerConfiguration
 
 _BOUNDS = 0.0, 1e6
-"""Off, and a weight at which the term outweighs all others; for one with a range of its own its ends."""
+"""Zero, and a weight at which the term outweighs all others; the bounds for a weight with its own range."""
 
 
 class _FirstPlan:
@@ -28,7 +28,7 @@ class _FirstPlan:
         self.first = None
 
     def plan(self, observation: Observation) -> Plan:
-        """The first plan; none afterwards."""
+        """Return the first plan, and None afterwards."""
         if self.first is not None:
             return Plan(None)
         self.first = self._planner.plan(observation)
@@ -36,9 +36,10 @@ class _FirstPlan:
 
 
 def acting_weights(configuration: PlannerConfiguration, situations: Sequence[LoadedScenario]) -> frozenset[str]:
-    """The weights of a configuration that act: lowest and highest they choose differently, the others as they are.
+    """Return the acting weights of a configuration: their lowest and highest values lead to different choices.
 
-    The situations are the starts of scenarios; a weight acts if it changes the choice in any of them.
+    The other weights stay unchanged. The situations are the starts of scenarios; a weight acts if it changes the choice
+    in any of them.
     """
     limits = tuning_of(configuration.planner).limits
 

@@ -1,6 +1,6 @@
-"""Reference drivers written from ``docs/reference_drivers.md`` apart from the product, for benches that judge verdicts.
+"""Reference drivers written from ``docs/reference_drivers.md`` independently of the product, for benches of verdicts.
 
-Each driver is asked at every step what deceleration it wants, from what it sees of one other road user (:class:`View`).
+At every time step each driver returns its desired deceleration from its view of one other road user (:class:`View`).
 """
 
 import math
@@ -11,12 +11,14 @@ G = 9.81
 BRAKES = {"car": (0.774 * G, 0.6), "truck": (5.0, 0.8), "bus": (5.0, 0.8)}
 """Full braking in m/s² by the ego's class, and the time in s until it is reached."""
 TOUCH_M = 0.04
-"""Contacts of a driver that brakes are told from this depth on, as the page says."""
+"""Least depth of the contacts of a braking driver, as in docs/reference_drivers.md."""
 
 
 @dataclass
 class View:
-    """What a driver sees of another: gap ahead, way until past it, gap aside and its rate, speed and slowing."""
+    """A driver's view of another road user: gap ahead, distance until past it, lateral gap and its rate, speed,
+    deceleration.
+    """
 
     gap: float
     past: float
@@ -34,14 +36,14 @@ class Careful:
         self.clear()
 
     def clear(self) -> None:
-        """Know nothing of the other any more."""
+        """Forget the other road user."""
         self.widest = -math.inf
         self.since: dict[str, float] = {}
         self.decided: float | None = None
         self.followed = False
 
     def hidden(self, aside: float, gap: float, v: float) -> None:
-        """It is hidden by one so far ahead."""
+        """Record that a vehicle at a distance ahead hides the other road user."""
         self.clear()
         self.widest, self.followed = aside, gap <= 2 * v + 1e-9
 
@@ -99,7 +101,7 @@ class Responding:
 
 
 def fuzzy_asks(v: float, felt: float, seen: View) -> float:
-    """Return what the fuzzy safety model asks for."""
+    """Return the deceleration that the fuzzy safety model requests."""
     if seen.past <= 0:
         return 0.0
     closing = v - seen.speed

@@ -1,4 +1,4 @@
-"""Why a run failed, derived from its stored record and steps and from the motion of what it collided with."""
+"""Derives the cause of a failed run from its stored record and steps and from the motion of the other party."""
 
 import math
 from collections.abc import Mapping
@@ -17,12 +17,12 @@ from ..tracks import ahead_and_left_m
 _STANDING_MPS = 0.5
 """Below it a vehicle counts as standing (chosen)."""
 _SAME_WAY_RAD = math.pi / 4
-"""Between headings that lead the same way; quarters of a turn beside it cross or lead against each other."""
+"""Largest angle between headings of the same direction; around a quarter turn they cross, beyond it they oppose."""
 _LISTED_CONSTRAINTS = 2
 
 
 def cause(run: RunRecord, steps: RunSteps, scenario: Path) -> str:
-    """One line: what ended the run; of a collision with an obstacle, how the two met."""
+    """Return one line on what ended the run, and on a collision with an obstacle how the two met."""
     if run.collision is not None and run.collision.obstacle_id is not None:
         other = _track(run.collision.obstacle_id, steps, scenario)
         return f"{meeting(run, steps, other)} at {run.collision.time_s:.1f} s"
@@ -31,26 +31,28 @@ def cause(run: RunRecord, steps: RunSteps, scenario: Path) -> str:
 
 
 def rejections(run: RunRecord) -> str:
-    """The constraints that rejected most candidates over the whole run."""
+    """Return the constraints that rejected most candidates over the whole run."""
     most = sorted(run.rejected_candidates.items(), key=lambda item: (-item[1], item[0]))
     return ", ".join(f"{name} {count}" for name, count in most[:_LISTED_CONSTRAINTS]) or "none"
 
 
 def is_wrap(rejected: Mapping[str, int]) -> bool:
-    """Whether candidates were rejected as if a heading had wrapped: by the yaw rate more than by all else.
+    """Return True if candidates were rejected as after a heading wrap: by the yaw rate more than by all else.
 
-    At a wrap the heading leaps by 2π, which only the check of the yaw rate sees as such. Where a curve is too tight,
+    At a wrap the heading jumps by 2π, and only the check of the yaw rate sees that as such. If a curve is too tight,
     the curvature rate or the acceleration rejects more.
 
     Args:
-        rejected: of one planning step, how many candidates by constraint.
+        rejected: number of candidates of one planning step by constraint.
     """
     others = (count for name, count in rejected.items() if name != "yaw_rate")
     return rejected.get("yaw_rate", 0) > max(others, default=0)
 
 
 def meeting(run: RunRecord, steps: RunSteps, other: Track) -> str:
-    """How the ego and another met at the end of a run, by where each was in the frame of the other."""
+    """Return how the ego and another road user met at the end of a run, by the position of each in the other's
+    frame.
+    """
     step = steps.first_step + len(steps.x_m) - 1
     index = other.index_at(step) or 0
     theirs = (*other.positions[index].tolist(), float(other.headings_rad[index]))
@@ -71,13 +73,13 @@ def meeting(run: RunRecord, steps: RunSteps, other: Track) -> str:
 
 
 def _is_in_front(place: tuple[float, float, float], of: tuple[float, float, float], width_m: float) -> bool:
-    """Whether a place lies more ahead of a rectangle than to its side."""
+    """Return True if a place is more ahead of a rectangle than to its side."""
     ahead_m, left_m = ahead_and_left_m(np.array(place[:2]), np.array(of[:2]), of[2])
     return ahead_m > 0 and abs(left_m) < max(width_m, ahead_m)
 
 
 def _track(obstacle_id: int, steps: RunSteps, scenario: Path) -> Track:
-    """How an obstacle really moved in the run."""
+    """Return the actual motion of an obstacle in the run."""
     traffic = RecordedTraffic(read_scenario(scenario).scenario)
     recorded = {track.obstacle_id: track for track in (*traffic.standing, *traffic.moving)}
     return (recorded | driven_tracks(steps))[obstacle_id]

@@ -1,7 +1,7 @@
-"""Planning problems that are drawn just now, and how the planners fare on them.
+"""Newly drawn planning problems, and the planners' outcomes on them.
 
-Any recorded car of a scenario becomes the ego in place of the planning problem's, at any step of its recording; its
-goal is where it was last recorded, at any time until then.
+Any recorded car of a scenario replaces the ego at any step of its recording. Its goal is its last recorded position, at
+any time until then.
 """
 
 import random
@@ -28,13 +28,13 @@ from ..harness import process_pool
 from .failure_causes import is_wrap
 
 _LEAST_STEPS, _SHORTEST_M = 20, 10.0
-"""That a recording goes on after the ego's start, and that its goal lies away; chosen."""
+"""Least time of a recording after the ego's start, and least distance of its goal (chosen)."""
 _LOST = "lost"
 
 
 @dataclass(frozen=True)
 class Drive:
-    """How one planner fared: ``outcome`` of the run, ``lost`` where it raised; ``trapped``: see ``is_wrap``."""
+    """The result of one planner: ``outcome`` of the run, ``lost`` if it raised; ``trapped``: see ``is_wrap``."""
 
     name: str
     config: str
@@ -45,19 +45,19 @@ class Drive:
 
     @property
     def is_lost(self) -> bool:
-        """Whether there is no run."""
+        """True if there is no run."""
         return self.outcome == _LOST
 
 
 def drawn_problem(
     loaded: LoadedScenario, draws: random.Random, suits: Callable[[PlanningProblem, Sequence[Track]], bool]
 ) -> LoadedScenario | None:
-    """The scenario with one of its cars as the ego, at a step of its recording; None where no draw suits.
+    """Return the scenario with one of its cars as the ego from a step of its recording, or None if no draw is suitable.
 
     Args:
-        loaded: the scenario; the car is taken out of it.
-        draws: decides which car, and one step of each.
-        suits: whether a problem will do among the other road users.
+        loaded: the scenario; the car is removed from it.
+        draws: chooses the car, and one step of each.
+        suits: decides whether a problem is suitable among the other road users.
     """
     tracks = recorded_tracks(loaded.scenario)
     cars = [track for track in tracks.values() if track.kind == "car" and len(track.positions) > _LEAST_STEPS]
@@ -71,7 +71,7 @@ def drawn_problem(
 
 
 def _problem_of(car: Track, index: int) -> PlanningProblem:
-    """To drive from one of its states to where the car was last recorded, at any of the steps until then."""
+    """Return the problem from one of the car's states to its last recorded position, at any step until then."""
     start = InitialState(
         time_step=car.first_step + index,
         position=np.array(car.positions[index], dtype=float),
@@ -91,7 +91,7 @@ def _problem_of(car: Track, index: int) -> PlanningProblem:
 def fresh_drives(
     files: Sequence[Path], draws: Sequence[str], configs: Sequence[str], predictions: Sequence[Prediction], workers: int
 ) -> list[Drive]:
-    """All configurations with all predictions on a problem for each draw; the same text draws the same problem."""
+    """Run all configurations with all predictions on a problem for each draw; the same text draws the same problem."""
     job = partial(_drives, tuple(files), tuple(configs), tuple(predictions))
     with process_pool(workers) as pool:
         return [drive for drives in pool.map(job, draws) for drive in drives]
@@ -103,7 +103,7 @@ def _drives(files: Sequence[Path], configs: Sequence[str], predictions: Sequence
 
 
 def _drawn(files: Sequence[Path], draws: random.Random) -> LoadedScenario:
-    """A problem of any of these files; drawn again where a file has none."""
+    """Return a problem of any of these files; draw again if a file has none."""
     found = None
     while found is None:
         found = drawn_problem(read_scenario(draws.choice(files)), draws, _leads_away)

@@ -1,8 +1,8 @@
-"""The outcomes of planners over a folder of scenarios, and what moved between two versions of the code.
+"""Records the planners' outcomes over a folder of scenarios, and compares two versions of the code.
 
-``measure`` runs each planner under each prediction and traffic over the folder, with this checkout or with the one that
-``--checkout`` names, and adds one JSON row per run to a file. Runs that the file already holds are not made again.
-``compare`` prints the outcomes of two such files side by side, and names each run whose outcome changed::
+``measure`` runs each planner under each prediction and traffic over the folder, with this checkout or the one that
+``--checkout`` gives, and adds one JSON row per run to a file. It skips runs that the file already holds. ``compare``
+prints the outcomes of two such files side by side, and lists each run with a changed outcome::
 
     python -m benchmarks.planners.outcomes measure --checkout ../before --out before.jsonl
     python -m benchmarks.planners.outcomes measure --out after.jsonl
@@ -33,9 +33,9 @@ _KEY = ("scenario", "configuration", "prediction", "traffic")
 Row = dict[str, Any]
 Key = tuple[str, ...]
 _AT_GOAL = ("goal_reached", "goal_refused")
-"""Outcomes of egos that reached the goal; older checkouts do not ask whether the benchmark accepts the motion."""
+"""Outcomes of egos that reached the goal; older checkouts do not test whether the benchmark accepts the motion."""
 _FAILED = "no run"
-"""Stands for the outcome of a run that could not be made."""
+"""The outcome of a run that could not be made."""
 
 
 def measured(wanted: Sequence[Row], checkout: Path) -> Iterator[Row]:
@@ -47,7 +47,7 @@ def measured(wanted: Sequence[Row], checkout: Path) -> Iterator[Row]:
     try:
         for cell in wanted:
             process = process or _driver(checkout)
-            row = _asked(process, cell)
+            row = _run_cell(process, cell)
             if row is None:
                 error = f"the process ended with {process.wait()}"
                 key = {name: cell[name] for name in _KEY[1:]}
@@ -70,7 +70,7 @@ def _driver(checkout: Path) -> "subprocess.Popen[str]":
     )
 
 
-def _asked(process: "subprocess.Popen[str]", cell: Row) -> Row | None:
+def _run_cell(process: "subprocess.Popen[str]", cell: Row) -> Row | None:
     """Return the driver's row for a cell, or None if the driver has ended."""
     if process.stdin is None or process.stdout is None:
         return None
@@ -149,7 +149,7 @@ def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(required=True)
     measure = commands.add_parser("measure", help="run planners and add the rows to a file")
-    measure.add_argument("--checkout", type=Path, default=CHECKOUT, help="whose code runs (default: this one)")
+    measure.add_argument("--checkout", type=Path, default=CHECKOUT, help="the checkout that runs (default: this one)")
     measure.add_argument("--folder", type=Path, default=shared_scenarios())
     measure.add_argument("--out", type=Path, required=True)
     measure.add_argument("--limit", type=int, default=None, help="only a sample of this many files")

@@ -1,8 +1,8 @@
-"""Run planners over scenario files with the checkout that ``PYTHONPATH`` names, and print one JSON row per run.
+"""Runs planners over scenario files with the checkout in ``PYTHONPATH``, and prints one JSON row per run.
 
-``outcomes.py`` starts this file as a program of its own, so that it can measure an older checkout. It therefore imports
+``outcomes.py`` starts this file as a separate program, so that it can measure an older checkout. It therefore imports
 the package by its name and uses only what every version has: ``run_planner`` and its request. Each line of standard
-input names a cell (``file``, ``configuration``, ``prediction``, ``traffic``); each line of output is its row.
+input gives a cell (``file``, ``configuration``, ``prediction``, ``traffic``), and each output line is its row.
 """
 
 import json
@@ -17,7 +17,7 @@ from plannerforge.schemas.planning import RunRequest
 
 
 def _row(cell: dict[str, Any]) -> dict[str, Any]:
-    """Run one cell; a run that cannot be made is a row with the error instead of an outcome."""
+    """Run one cell; if the run fails, the row has the error instead of an outcome."""
     path = Path(cell["file"])
     key = {"scenario": path.stem, **{name: cell[name] for name in ("configuration", "prediction", "traffic")}}
     request = RunRequest(

@@ -1,15 +1,15 @@
-"""Motion primitives as an optimal control problem: what MP-RBFN's network is trained with and judged by.
+"""Motion primitives as an optimal control problem, for training and judging MP-RBFN's network.
 
-A primitive moves the rear axle of a kinematic single-track model between two states in a given time. Scaled as the
-network has it (``engine/planners/rbfn/network.py``), its states are x, y, ψ, V, K and its controls the changes A of V
-and B of K, piecewise constant on 30 intervals; the problem is
+A primitive moves the rear axle of a kinematic single-track model between two states in a given time. In the scale of
+the network (``engine/planners/rbfn/network.py``), its states are x, y, ψ, V, K and its controls the changes A of V and
+B of K, piecewise constant on 30 intervals. The problem is
 
     minimise ∫ A² + 0.01 · B² dτ,  with V ≥ 0, |K| ≤ 8 and both ends given,
 
-by direct multiple shooting (one Runge–Kutta step of fourth order an interval) with casadi and IPOPT. Boundary values
-are drawn as the planner meets them: a path whose curvature changes evenly over the way, an offset from it, an error of
-the heading and of the curvature at the beginning, an even change of speed and up to a tenth more or less way than that
-asks. A problem that IPOPT does not solve is counted and left out.
+by direct multiple shooting (one fourth-order Runge–Kutta step per interval) with casadi and IPOPT. Boundary values
+resemble those of the planner: a path with evenly changing curvature, an offset from it, initial errors of heading and
+curvature, an even change of speed, and up to a tenth more or less distance than this implies. A problem that IPOPT does
+not solve is counted and left out.
 """
 
 from dataclasses import dataclass
@@ -22,8 +22,9 @@ from plannerforge.engine.geometry import Points, Values
 from plannerforge.engine.planners.rbfn.network import PRIMITIVE_INPUTS, PRIMITIVE_NODES
 
 CURVATURE_SHARE = 0.01
-"""Chosen: weight of the curvature's change beside the speed's. A right angle (B² about 10) is then worth a change of
-speed by a third."""
+"""Chosen: weight of the change in curvature relative to that in speed. A right angle (B² about 10) then equals a
+change of speed by a third.
+"""
 _LARGEST_CURVATURE = 8.0
 _MOST_ITERATIONS = 100
 _STATES, _CONTROLS = 5, 2
@@ -32,7 +33,9 @@ _PATH_POINTS = 200
 
 @dataclass(frozen=True)
 class PrimitiveSamples:
-    """Solved problems: ``inputs`` (n, 6), bearings to the left, ``states`` (n, 31, 5); and how many had no answer."""
+    """Solved problems: ``inputs`` (n, 6), bearings to the left, ``states`` (n, 31, 5); and the number of unsolved
+    ones.
+    """
 
     inputs: Points
     states: Points
@@ -44,13 +47,13 @@ class PrimitiveSamples:
 
     @classmethod
     def load(cls, path: Path) -> "PrimitiveSamples":
-        """Read what :meth:`save` wrote."""
+        """Read a file written by :meth:`save`."""
         with np.load(path) as arrays:
             return cls(arrays["inputs"], arrays["states"], int(arrays["failures"]))
 
 
 def solved_samples(seed: int, count: int) -> PrimitiveSamples:
-    """The solutions of ``count`` problems of a seed; some 5 ms each."""
+    """Return the solutions of ``count`` problems of a seed, at about 5 ms each."""
     solve, choice = PrimitiveProblem(), np.random.default_rng(seed)
     drawn = [drawn_inputs(choice) for _ in range(count)]
     answers = [(inputs, solve(inputs)) for inputs in drawn]
@@ -60,7 +63,7 @@ def solved_samples(seed: int, count: int) -> PrimitiveSamples:
 
 
 def drawn_inputs(choice: np.random.Generator) -> Values:
-    """Boundary values (6,) of one problem, mirrored where the bearing is to the right."""
+    """Return boundary values (6,) of one problem, mirrored if the bearing is to the right."""
     mildness = choice.choice([0.15, 1.0])
     first, last = choice.uniform(-2.0, 2.0, 2) * mildness
     offset, turned, steered = choice.uniform(-1.0, 1.0, 3) * choice.random(3) * (0.5, 0.4, 1.5) * mildness
@@ -114,7 +117,7 @@ class PrimitiveProblem:
         self._bounds = np.concatenate([lowest.ravel(), -free]), np.concatenate([highest.ravel(), free])
 
     def __call__(self, inputs: Values) -> Points | None:
-        """The states of the best motion, from the straight line as a first guess."""
+        """Return the states of the best motion, from the straight line as a first guess."""
         first, bend, bearing, turn, last_bend, last = inputs.tolist()
         begin = np.array([0.0, 0.0, 0.0, first, bend])
         end = np.array([np.cos(bearing), np.sin(bearing), turn, last, last_bend])
@@ -130,7 +133,7 @@ class PrimitiveProblem:
 
 
 def _one_interval(casadi: Any) -> Any:
-    """The states after one interval of constant controls."""
+    """Return the states after one interval of constant controls."""
     state, control = casadi.MX.sym("state", _STATES), casadi.MX.sym("control", _CONTROLS)
     heading, speed, bend = state[2], state[3], state[4]
     change = casadi.vertcat(speed * casadi.cos(heading), speed * casadi.sin(heading), speed * bend, control)

@@ -1,11 +1,11 @@
 """``make train-rbfn``: trains the network of MP-RBFN and writes its weights; the same seed gives the same bytes.
 
-Samples are solutions of an optimal control problem (``rbfn_samples.py``, which needs casadi, the extra ``train``).
-Units sit on samples that the seed chooses; all have one width; the outputs are the least squares fit to what the
-samples have above the straight line between their ends, with a ridge. Nothing is iterated in the fit, so it depends on
-the samples and on the linear algebra of numpy alone.
+Samples are solutions of an optimal control problem (``rbfn_samples.py``, which needs casadi, the extra ``train``). The
+seed chooses the samples on which the units sit. All units have one width, and the outputs are a least-squares fit with
+a ridge to the samples minus the straight line between their ends. The fit has no iterations, so it depends only on the
+samples and on numpy's linear algebra.
 
-``--cache`` keeps the samples in a folder: solving them takes most of the time.
+``--cache`` keeps the samples in a folder, because solving them takes most of the time.
 """
 
 import argparse
@@ -26,23 +26,23 @@ from ..harness import print_figures
 from .rbfn_samples import PrimitiveSamples, solved_samples
 
 SEED, SAMPLES, UNITS = 20, 40_000, 512
-"""Of the shipped network. More units learn more and take longer to run (chosen)."""
+"""Units of the shipped network (chosen). More units learn more and take longer to run."""
 HELD_OUT_SEED, HELD_OUT = 21, 4_000
-"""Samples that the network is judged by."""
+"""Number of samples that judge the network."""
 _WIDTH, _RIDGE = 3.0, 1e-7
 """Chosen on samples of another seed, among 2.5 to 9 and 1e-5 to 1e-7."""
 _KNOWN_SHARE = 0.2
-"""Percent of the samples beyond each bound of an input that do not count as known."""
+"""Percent of the samples beyond each bound of an input that count as unknown."""
 _SHIPPED = Path(__file__).resolve().parents[2] / "engine" / "planners" / "rbfn" / "network.npz"
 
 
 def trained(samples: PrimitiveSamples, seed: int, units: int = UNITS) -> PrimitiveNetwork:
-    """The network that fits the samples."""
+    """Return the network that fits the samples."""
     inputs = samples.inputs
     mean, spread = inputs.mean(axis=0).astype(np.float32), inputs.std(axis=0).astype(np.float32)
     chosen = np.sort(np.random.default_rng(seed).choice(len(inputs), min(units, len(inputs)), replace=False))
     lowest, highest = np.percentile(inputs, (_KNOWN_SHARE, 100.0 - _KNOWN_SHARE), axis=0)
-    lowest[[0, 2, 5]] = 0.0  # speeds may be none, and a bearing straight ahead
+    lowest[[0, 2, 5]] = 0.0  # speeds may be 0, and a bearing straight ahead
     empty = PrimitiveNetwork(
         mean=mean,
         spread=spread,
@@ -63,7 +63,7 @@ def trained(samples: PrimitiveSamples, seed: int, units: int = UNITS) -> Primiti
 
 
 def _above_the_line(samples: PrimitiveSamples) -> Points:
-    """What the curvatures and speeds of samples have above the straight line between their ends, (n, 58)."""
+    """Return the curvatures and speeds of samples minus the straight line between their ends, (n, 58)."""
     parts = []
     for column, first, last in ((4, 1, 4), (3, 0, 5)):
         line = straight_lines(samples.inputs[:, first], samples.inputs[:, last])
@@ -72,14 +72,14 @@ def _above_the_line(samples: PrimitiveSamples) -> Points:
 
 
 def misses(network: PrimitiveNetwork, inputs: Points) -> tuple[Values, Values]:
-    """By how much the network misses the ends as a share of the chord, and their headings in rad; each (n,)."""
+    """Return the network's errors at the ends as a share of the chord, and of their headings in rad; each (n,)."""
     x, y, heading = driven_poses(*network.profiles(inputs))
     away = np.hypot(x[:, -1] - np.cos(inputs[:, 2]), y[:, -1] - np.sin(inputs[:, 2]))
     return away, np.abs(heading[:, -1] - inputs[:, 3])
 
 
 def error_table(network: PrimitiveNetwork, held_out: PrimitiveSamples) -> Mapping[str, float]:
-    """Misses on samples that it was not trained with, before they are closed; in shares of the chord, and in rad."""
+    """Return errors on held-out samples before they are closed, in shares of the chord and in rad."""
     inside = network.knows(held_out.inputs)
     away, turned = misses(network, held_out.inputs[inside])
     table = {"known": float(inside.mean())}
@@ -97,7 +97,7 @@ def write(network: PrimitiveNetwork, path: Path) -> str:
 
 
 def _samples(cache: Path | None, seed: int, count: int) -> PrimitiveSamples:
-    """Samples from the cache, else solved and kept there."""
+    """Return samples from the cache, or solve and store them."""
     path = cache / f"primitives_{seed}_{count}.npz" if cache else None
     if path is not None and path.is_file():
         return PrimitiveSamples.load(path)
@@ -112,9 +112,9 @@ def _main() -> None:
     """Read the command line, train, write, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--samples", type=int, default=SAMPLES, help="how many problems are solved")
-    parser.add_argument("--cache", type=Path, help="folder that keeps the samples")
-    parser.add_argument("--out", type=Path, default=_SHIPPED, help="where the weights go (default: into the package)")
+    parser.add_argument("--samples", type=int, default=SAMPLES, help="number of problems to solve")
+    parser.add_argument("--cache", type=Path, help="folder for the samples")
+    parser.add_argument("--out", type=Path, default=_SHIPPED, help="target of the weights (default: the package)")
     given = parser.parse_args()
     before = hashlib.sha256(given.out.read_bytes()).hexdigest()[:16] if given.out.is_file() else ""
     samples = _samples(given.cache, given.seed, given.samples)

@@ -1,16 +1,17 @@
-"""``make bench-reactive``: rear hits of an ego that brakes to a stand.
+"""``make bench-reactive``: rear hits of an ego that brakes to a standstill.
 
 Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic: by a planner that brakes
-at once with 6 m/s², and by each of our planners, which drive for a second before the ego brakes so. A rear hit is one
-by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cut in on while it braked,
-because its reference path changes the lane, makes none. Keys: ``scenarios`` (with a follower), ``runs`` (with one
-traffic), ``recorded_rear_hits``, ``reactive_rear_hits``, ``reactive_step_ms`` (median duration of a step of the
-reactive traffic).
+at once with 6 m/s², and by each built-in planner, which drives for a second before the ego brakes in the same way. A
+rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cuts in on
+while it brakes, because its reference path changes lanes, does not count.
 
-``--fresh SEED`` measures on approaches that are drawn just then: any recorded car with a follower becomes the ego, at
-any step of its recording, in place of the planning problem's, ``--count`` of each seed. Keys: ``seeds``,
-``fresh_approaches``, ``fresh_recorded_rear_hits``, ``fresh_rear_hits`` (reactive), and of those
-``fresh_avoidable_rear_hits`` by followers who could have stopped behind the ego with 8 m/s² after one step.
+Keys: ``scenarios`` (with a follower), ``runs`` (with one traffic), ``recorded_rear_hits``, ``reactive_rear_hits``,
+``reactive_step_ms`` (median duration of a step of the reactive traffic).
+
+``--fresh SEED`` measures newly drawn approaches, ``--count`` for each seed: any recorded car with a follower becomes
+the ego at any step of its recording. Keys: ``seeds``, ``fresh_approaches``, ``fresh_recorded_rear_hits``,
+``fresh_rear_hits`` (reactive), and ``fresh_avoidable_rear_hits``, those by followers that could have stopped behind the
+ego with 8 m/s² after one step.
 """
 
 import random
@@ -51,22 +52,23 @@ _PROCESSES = 2
 _BRAKING_MPS2 = 6.0
 """Hard braking (chosen)."""
 _HARDEST_MPS2 = 8.0
-"""How hard a follower can brake (dry road)."""
+"""Highest deceleration of a follower (dry road)."""
 _HORIZON_S = 3.0
 """Length of the braking plan (chosen)."""
 _TRIES = 8
-"""Draws for each approach that is wanted (chosen)."""
+"""Draws for each requested approach (chosen)."""
 _MODES: tuple[Traffic, ...] = ("recorded", "reactive")
 _BRAKES_AFTER_S = {"at once": 0.0} | dict.fromkeys(PLANNERS, 1.0)
-"""The planner that drives before the ego brakes, and for how long."""
+"""The planner that drives before the ego brakes, and its duration."""
 _BEHIND_M, _BESIDE_M, _ALIKE_RAD, _SLOWEST_MPS = 60.0, 1.75, 0.5, 1.0
-"""Largest distance behind the ego and to its side (half a lane), largest difference of headings, and smallest speed of
-a follower (chosen)."""
+"""Largest longitudinal and lateral distance from the ego (half a lane), largest difference of headings, and lowest
+speed of a follower (chosen).
+"""
 
 
 @dataclass(frozen=True)
 class _BrakedRun:
-    """A run of an ego that braked; ``hit`` names what hit it from behind, None where nothing did."""
+    """A run of an ego that braked; ``hit`` names the vehicle that hit it from behind, or is None."""
 
     scenario_id: str
     planner: str
@@ -78,15 +80,15 @@ class _BrakedRun:
 
 
 def braked_runs(files: Sequence[Path], processes: int) -> list[_BrakedRun]:
-    """The runs of all planners in all traffic modes on the scenarios that have a follower."""
+    """Return the runs of all planners in all traffic modes on the scenarios that have a follower."""
     with process_pool(processes) as pool:
         return [run for runs in pool.map(_braked_runs_of, files) for run in runs]
 
 
 def fresh_runs(files: Sequence[Path], seed: int, count: int, processes: int) -> list[_BrakedRun]:
-    """The runs of the braking planner on ``count`` approaches drawn from these files, in both traffic modes.
+    """Run the braking planner on ``count`` approaches drawn from these files, in both traffic modes.
 
-    Several times as many are tried, because in a draw there may be no follower.
+    It tries several times as many, because a draw may have no follower.
     """
     draws = random.Random(seed)  # noqa: S311 - a sample, no secret
     tries = [(draws.choice(files), draws.randrange(2**32)) for _ in range(_TRIES * count)]
@@ -100,12 +102,12 @@ def fresh_runs(files: Sequence[Path], seed: int, count: int, processes: int) -> 
 
 
 def rear_hits(runs: Sequence[_BrakedRun], traffic: str, planner: str | None = None) -> int:
-    """Runs in which the ego was hit from behind."""
+    """Return runs in which the ego was hit from behind."""
     return sum(run.hit is not None for run in runs if run.traffic == traffic and planner in (None, run.planner))
 
 
 def rows(runs: Sequence[_BrakedRun]) -> list[tuple[str, str]]:
-    """Hits by planner, then every hit of reactive traffic."""
+    """Return hits by planner, then every hit of reactive traffic."""
     lines = []
     for planner in _BRAKES_AFTER_S:
         recorded, reactive = (rear_hits(runs, traffic, planner) for traffic in _MODES)
@@ -116,7 +118,7 @@ def rows(runs: Sequence[_BrakedRun]) -> list[tuple[str, str]]:
 
 
 def _braked_runs_of(file: Path) -> list[_BrakedRun]:
-    """The runs on one scenario; none where no vehicle follows the ego."""
+    """Return the runs on one scenario, empty if no vehicle follows the ego."""
     loaded = read_scenario(file)
     others = recorded_tracks(loaded.scenario).values()
     if not _has_follower(others, EgoState.of(loaded.problem().initial_state)):
@@ -131,19 +133,19 @@ def _fresh_runs_of(draw: tuple[Path, int]) -> list[_BrakedRun]:
 
 
 def drawn_approach(loaded: LoadedScenario, draws: random.Random) -> LoadedScenario | None:
-    """The scenario with one of its cars as the ego, at a step at which another vehicle follows it; None without one."""
+    """Return the scenario with one of its cars as the ego, from a step with a follower; None without one."""
     return drawn_problem(
         loaded, draws, lambda problem, others: _has_follower(others, EgoState.of(problem.initial_state))
     )
 
 
 def _has_follower(others: Iterable[Track], ego: EgoState) -> bool:
-    """Whether a vehicle drives behind a moving ego in its lane at its first step."""
+    """Return True if a vehicle drives behind a moving ego in its lane at its first step."""
     return ego.speed_mps >= _SLOWEST_MPS and any(_follows(other, ego) for other in others)
 
 
 def _follows(other: Track, ego: EgoState) -> bool:
-    """Whether another vehicle drives behind the ego in its lane."""
+    """Return True if another vehicle drives behind the ego in its lane."""
     index = other.index_at(ego.step)
     if index is None or other.speeds_mps[index] < _SLOWEST_MPS:
         return False
@@ -164,7 +166,9 @@ def _braked(loaded: LoadedScenario, name: str, traffic: Traffic) -> _BrakedRun:
 
 
 def _rear_hit(run: DrivenRun, brake_step: int) -> tuple[str | None, bool]:
-    """What ran into the ego from behind, if it followed the ego when that began to brake; whether it could have not."""
+    """Return the vehicle that hit the ego from behind, if it followed when the ego began to brake, and if it was
+    avoidable.
+    """
     hit = run.final.collision
     begin = next((state for state in run.states if state.step in run.plan_steps and state.step >= brake_step), None)
     if hit is None or hit.obstacle_id is None or begin is None:
@@ -183,7 +187,7 @@ def _rear_hit(run: DrivenRun, brake_step: int) -> tuple[str | None, bool]:
 
 
 def _can_stop_behind(follower: Track, ego: EgoState, step_s: float) -> bool:
-    """Whether a vehicle that brakes as hard as it can, a step after the ego did, stands before it touches the ego."""
+    """Return True if a vehicle that brakes as hard as it can one step after the ego stops before it touches the ego."""
     index = follower.index_at(ego.step)
     if index is None:
         return False
@@ -195,7 +199,7 @@ def _can_stop_behind(follower: Track, ego: EgoState, step_s: float) -> bool:
 
 
 class BrakingPlanner:
-    """Brakes at once with 6 m/s² and stays where it stands."""
+    """A planner that brakes at once with 6 m/s² and remains at a standstill."""
 
     def __init__(self, braking_mps2: float = _BRAKING_MPS2) -> None:
         self._braking_mps2 = braking_mps2
@@ -206,7 +210,7 @@ class BrakingPlanner:
         self._task = task
 
     def plan(self, observation: Observation) -> Plan:
-        """The path to the stand along the reference path, at the present distance beside it."""
+        """Return the path to the standstill along the reference path, at the present lateral offset."""
         if self._task is None:
             raise RuntimeError("reset the planner before it plans")
         ego, step_s = observation.ego, self._task.step_s
@@ -230,7 +234,7 @@ class BrakingPlanner:
 
 
 class _BrakingFrom:
-    """Drives as another planner does and brakes to a stand from a time on; ``brake_step`` is that time's step.
+    """A planner that drives as another one and brakes to a standstill from a time on; ``brake_step`` is its time step.
 
     Args:
         planner: drives first.
@@ -248,7 +252,7 @@ class _BrakingFrom:
         self._braking.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of the other planner before the brake step, of the braking one from then on."""
+        """Return the other planner's plan before the brake step, and the braking one's from then on."""
         planner = self._planner if observation.ego.step < self.brake_step else self._braking
         return planner.plan(observation)
 

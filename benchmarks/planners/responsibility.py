@@ -1,4 +1,4 @@
-"""Is ``responsibility`` another measure than ``prediction``? Rank correlation over candidates, and its time.
+"""Measures whether ``responsibility`` differs from ``prediction``: rank correlation over candidates, and its time.
 
 Runs Safety-Conservative on the starter scenarios and on some files of a folder, and pools all feasible candidates of
 every planning step: ``python -m benchmarks.planners.responsibility [FOLDER_OF_XML [FILES]]``.
@@ -53,7 +53,7 @@ class Collected:
         return (np.array(self.prediction) > 0) | (np.array(self.responsibility) > 0)
 
     def spearman(self) -> float:
-        """The rank correlation over all candidates."""
+        """Return the rank correlation over all candidates."""
         return float(spearmanr(self.prediction, self.responsibility).statistic)
 
     def spearman_with_either(self) -> float:
@@ -78,7 +78,7 @@ class _ListeningFrenetix(Frenetix):
         self._own_terms["responsibility"] = self._timed
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of Frenetix; none once all its plans are made."""
+        """Return Frenetix's plan, or None once the requested number of plans exists."""
         self._plans_left -= 1
         return Plan(None) if self._plans_left < 0 else super().plan(observation)
 
@@ -96,7 +96,7 @@ class _ListeningFrenetix(Frenetix):
 
 
 def starter_and_spread_files(folder: Path | None, count: int, scratch: Path) -> Iterator[Path]:
-    """All starter scenarios, then ``count`` files spread evenly over the folder."""
+    """Yield all starter scenarios, then ``count`` files spread evenly over the folder."""
     with (files("plannerforge.engine.catalog") / ARCHIVE).open("rb") as stream, zipfile.ZipFile(stream) as archive:
         for name in sorted(archive.namelist()):
             if name.endswith(".xml") and not name.endswith(".net.xml"):

@@ -1,7 +1,7 @@
-"""``make bench-routes``: our routes on the lanelet graph beside those of commonroad-route-planner.
+"""``make bench-routes``: compares our routes on the lanelet graph with those of commonroad-route-planner.
 
-Both plan route and reference path of every planning problem of a folder, in the same process, in turn. The peer is no
-dependency of this project: ``pip install --no-deps commonroad-route-planner`` (Python < 3.12) brings it in.
+Both plan route and reference path of every planning problem of a folder, alternately in the same process. The peer is
+not a dependency of this project; install it with ``pip install --no-deps commonroad-route-planner`` (Python < 3.12).
 
 Keys: ``problems``, and for ``ours`` and ``peer``: ``<who>_found`` (problems with a route), ``<who>_misses_goal``
 (routes that touch no lanelet of the goal), ``<who>_median_ms``, ``<who>_p95_ms`` (processor time, the better of two
@@ -38,14 +38,14 @@ CALLS = 2
 
 @dataclass
 class _Tally:
-    """What one router did: seconds of each route that it found, and how many of them miss the goal."""
+    """One router's results: seconds of each route that it found, and the number that miss the goal."""
 
     seconds: list[float] = field(default_factory=list)
     misses_goal: int = 0
 
 
 def _ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
-    """The lanelets of our route up to the goal; its reference path is built too."""
+    """Return the lanelets of our route up to the goal; its reference path is built too."""
     start = problem.initial_state
     position = np.asarray(start.position, dtype=float)
     route = find_route(network, problem.goal, position, float(start.orientation), ahead_m=BEYOND_GOAL_M)
@@ -54,7 +54,7 @@ def _ours(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, .
 
 
 def _problems_of(folder: Path, limit: int | None) -> "Iterator[tuple[LaneletNetwork, PlanningProblem]]":
-    """Every planning problem of every file of a folder with its network."""
+    """Yield every planning problem of every file of a folder with its network."""
     for path in scenario_files(folder, limit):
         loaded = read_scenario(path)
         for problem in loaded.planning_problems.planning_problem_dict.values():
@@ -62,7 +62,7 @@ def _problems_of(folder: Path, limit: int | None) -> "Iterator[tuple[LaneletNetw
 
 
 def _routed(router: "Router", network: "LaneletNetwork", problem: "PlanningProblem", tally: _Tally) -> None:
-    """Plan, and note what came of it; no route is an outcome."""
+    """Plan and record the result; no route is an outcome."""
     spent = []
     try:
         for _ in range(CALLS):

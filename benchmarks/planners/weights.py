@@ -1,13 +1,15 @@
-"""``make bench-weights``: what a raised weight of Frenetix does to its own term in the closed loop.
+"""``make bench-weights``: how an increased weight of Frenetix changes its own term in the closed loop.
 
-Thirty fixed scenarios are driven with Default and, for each of the thirteen weights, with Default and that weight ten
-times as high (1 where Default has 0). A run counts by the mean of the term over its planning steps, unweighted; in the
-table stand the means over the runs, the median shift (Hodges–Lehmann) with its 95 % interval, and in how many runs the
-term fell or rose. So that a term is recorded at all, weights that are 0 in Default are 1e-6 here.
+Thirty fixed scenarios are driven with Default and, for each of the thirteen weights, with Default and ten times that
+weight (1 if Default has 0). The value of a run is the mean of the unweighted term over its planning steps. The table
+shows the means over the runs, the median shift (Hodges–Lehmann) with its 95 % interval, and the number of runs in which
+the term fell or rose. Weights that are 0 in Default are 1e-6 here, so that their term is recorded.
 
-In the closed loop a term may rise with its own weight: another trajectory leads into other situations. That it never
-does in one and the same situation is held by a test. Keys: ``scenarios``, ``runs``, ``lost``, ``falls`` and ``rises``
-(weights whose interval lies under, over 0), and ``shift_<weight>`` (median shift ÷ mean under Default).
+In the closed loop a term may rise with its own weight, because another trajectory leads into other situations. A test
+checks that it never rises in the same situation.
+
+Keys: ``scenarios``, ``runs``, ``lost``, ``falls`` and ``rises`` (weights with an interval below or above 0), and
+``shift_<weight>`` (median shift ÷ mean under Default).
 """
 
 import math
@@ -43,17 +45,17 @@ from ..harness import (
 BASE = "frenetix:Default"
 PREDICTION = "constant_velocity"
 FACTOR, INSTEAD_OF_ZERO, RECORDED = 10.0, 1.0, 1e-6
-"""What a weight is raised by, what it is raised to where it is 0, and the weight at which a term is only recorded."""
+"""The factor on a weight, its value if it was 0, and the weight at which a term is only recorded."""
 SCENARIOS, WORKERS = 30, 2
 
 
 def _raised(value: float) -> float:
-    """The weight that is compared with Default's."""
+    """Return the weight that is compared with Default's."""
     return FACTOR * value or INSTEAD_OF_ZERO
 
 
 def _difference(before: float, after: float) -> float:
-    """The change of a term; what is only rounding is none."""
+    """Return the change of a term, 0 if it is only rounding."""
     return 0.0 if math.isclose(before, after, rel_tol=1e-9, abs_tol=1e-9) else after - before
 
 
@@ -79,7 +81,7 @@ async def _measure(workspace: Path, folder: Path, scenarios: int | None) -> None
 
 
 def _own_terms(workspace: Workspace, batch: BatchRecord) -> dict[tuple[str, str], dict[str, float]]:
-    """(configuration, scenario) → unweighted mean of each term over the planning steps of the run."""
+    """Return (configuration, scenario) → unweighted mean of each term over the planning steps of the run."""
     terms = {}
     for run_id in batch.runs:
         record = workspace.get(run_id, "run").read(RunRecord)

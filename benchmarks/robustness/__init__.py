@@ -1,1 +1,1 @@
-"""Robustness: hostile inputs over all tools and file kinds against a real server over stdio, and what they do to it."""
+"""Robustness: the effect of hostile inputs over all tools and file kinds on a real server over stdio."""

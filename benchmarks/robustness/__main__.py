@@ -1,20 +1,24 @@
-"""``make bench-hostile``: hostile inputs, and a server on the street.
+"""``make bench-hostile``: hostile inputs, and a server exposed to strangers.
 
-``--parts`` names some of the parts; all of them are measured otherwise.
+``--parts`` selects parts; the default is all of them.
 
-``inputs``: hostile inputs against a real server over stdio (``--http``: by HTTP). Keys: ``hostile_inputs``,
-``unexpected`` (answers with ``[unexpected]``), ``server_deaths`` (died, hung or had to be
-ended for its memory), ``loop_blocked_ms_max`` (the longest wait for a cheap call while an input was under way, less the
-same call's on the idle server; the time in which the machine gave the server no core is left out),
-``server_memory_mb_max`` (VmHWM of the server's process), ``outside_writes``, ``slowest_s`` (the slowest refusal),
-``late_refusals`` (after more than 5 s, or none within 60 s), ``forged_lines`` (an injected text on a line of its own),
-``oversized_answers`` (more than 20,000 characters), ``unadvised_refusals`` (without a next step), ``outside_reads``,
-``journal_faults`` (texts of callers in the journal longer than 200 characters or with control characters, or a journal
-that others may read), ``minutes``; and those of :mod:`citations`.
+``inputs``: hostile inputs against a real server over stdio (``--http``: over HTTP). Keys:
+
+- ``hostile_inputs``; ``unexpected`` (answers with ``[unexpected]``).
+- ``server_deaths``: the server died, hung or had to be ended for its memory.
+- ``loop_blocked_ms_max``: the longest wait for a cheap call during an input, minus the same call on the idle server,
+  without the time in which the machine gave the server no core.
+- ``server_memory_mb_max`` (VmHWM of the server's process); ``outside_writes``; ``outside_reads``.
+- ``slowest_s`` (the slowest refusal); ``late_refusals`` (after more than 5 s, or not within 60 s).
+- ``forged_lines`` (an injected text on a line by itself); ``oversized_answers`` (over 20,000 characters).
+- ``unadvised_refusals`` (without a next step).
+- ``journal_faults``: callers' texts in the journal over 200 characters or with control characters, or a journal that
+  others may read.
+- ``minutes``; and the keys of :mod:`citations`.
 
 ``stranger``, ``archives``, ``answers``, ``secrets``, ``kills``: modules of :mod:`.street`, which explain their keys.
-What counts: ``honest_answered`` (goal: 1.0), ``honest_p95_ratio`` (at most 2), ``memory_over_bound_mb`` (0),
-``descriptors_left`` (0), ``log_lines_per_s`` (at most 5), ``archives_right`` (1.0), ``tools_broken_after`` (0),
+The main ones with their goals: ``honest_answered`` (1.0), ``honest_p95_ratio`` (at most 2), ``memory_over_bound_mb``
+(0), ``descriptors_left`` (0), ``log_lines_per_s`` (at most 5), ``archives_right`` (1.0), ``tools_broken_after`` (0),
 ``bad_answers_kept`` (0), ``secrets_seen`` (0), ``killed`` (at least 50), ``lost`` (0). ``unexpected`` and
 ``forged_lines`` are sums over all parts.
 """
@@ -48,16 +52,16 @@ def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help="only these")
-    parser.add_argument("--minutes", type=float, default=20.0, help="for which the stranger stays (default: 20)")
+    parser.add_argument("--minutes", type=float, default=20.0, help="minutes of the stranger's visit (default: 20)")
     parser.add_argument("--archives", type=int, default=500, help="forged archives (default: 500)")
     parser.add_argument("--answers", type=int, default=2_000, help="forged answers (default: 2000)")
-    parser.add_argument("--kills", type=int, default=50, help="kills of the street's part (default: 50)")
+    parser.add_argument("--kills", type=int, default=50, help="kills in the part kills (default: 50)")
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", choices=("args", "files", "holes", "all", "citations"), default="all")
-    parser.add_argument("--http", action="store_true", help="speak to the server by HTTP")
+    parser.add_argument("--http", action="store_true", help="use the server over HTTP")
     parser.add_argument("--keep", type=Path, help="folder for the inputs that broke something")
-    parser.add_argument("--replay", type=Path, nargs="*", help="kept inputs to be sent again, each alone")
+    parser.add_argument("--replay", type=Path, nargs="*", help="stored inputs to repeat, each alone")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         if arguments.kind == "citations":
@@ -87,7 +91,7 @@ def _measure_parts(base: Path, arguments: argparse.Namespace) -> None:
 
 
 def merged(figures: Figures, found: Figures) -> dict[str, float | int | str]:
-    """Return figures of two parts; what both count is summed."""
+    """Return the figures of two parts, with common counts added."""
     both = {key: int(figures[key]) + int(found[key]) for key in _SUMMED if key in figures and key in found}
     return {**figures, **found, **both}
 

@@ -1,4 +1,4 @@
-"""Hostile arguments: derived from each tool's JSON schema, and from the grammars that some of them are written in."""
+"""Hostile arguments, derived from each tool's JSON schema and from the grammars of some arguments."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from . import texts
 from .inputs import MADE, ROOT, Call, Chance, HostileInput
 
 _SHARE_OF_SCHEMA = 0.6
-"""Of the inputs, those derived from schemas; the others are sentences of the grammars (chosen)."""
+"""Share of the inputs derived from schemas; the others are sentences of the grammars (chosen)."""
 _Text = Callable[[Chance], str]
 _GRAMMARS: dict[str, dict[str, _Text]] = {
     "find_scenarios": {
@@ -90,7 +90,7 @@ _PLANS_ALWAYS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Surface:
-    """What the server offers, as it says itself: input schemas by tool, URI templates, prompts with their arguments."""
+    """The server's offer by its own account: input schemas by tool, URI templates, prompts with their arguments."""
 
     tools: Mapping[str, Mapping[str, Any]]
     resources: Sequence[str]
@@ -98,7 +98,7 @@ class Surface:
 
 
 def plain_arguments(tool: str, scenario_id: str) -> dict[str, Any]:
-    """Arguments that the tool takes, as cheap as they can be."""
+    """Return the cheapest arguments that the tool accepts."""
     plain: dict[str, dict[str, Any]] = {
         "import_files": {"path": f"{ROOT}/small.xml"},
         "modify_scenario": {
@@ -116,7 +116,9 @@ def plain_arguments(tool: str, scenario_id: str) -> dict[str, Any]:
 
 
 def hostile_arguments(surface: Surface, scenario_id: str, chance: Chance) -> Iterator[HostileInput]:
-    """Inputs without an end, all from one seed: every tool gets as many as its schema has values, heavy ones fewer."""
+    """Yield endless inputs from one seed: each tool gets inputs in proportion to its schema's values, heavy ones
+    fewer.
+    """
     tools = [name for name in surface.tools for _ in range(_weight(name))]
     while True:
         tool = chance.choice(tools)
@@ -160,7 +162,7 @@ def _from_schema(tool: str, schema: Mapping[str, Any], scenario_id: str, chance:
 
 
 def _hostile_value(schema: Mapping[str, Any], chance: Chance) -> tuple[Any, str]:
-    """A value for a property, and how it is hostile."""
+    """Return a value for a property, and its hostility."""
     way = chance.random()
     if schema.get("type") == "array" and way < 0.6:
         item = dict(schema.get("items", {}))

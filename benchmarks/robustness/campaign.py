@@ -1,8 +1,8 @@
-"""Hostile inputs, several at a time, and what each of them did; suspects are sent again, alone.
+"""Sends several hostile inputs at a time, records the effects of each, and repeats suspects alone.
 
-What one answer shows is certain. What was seen while several inputs were under way (the loop held up, memory, a late
-answer, a death, a write outside) only makes them suspects: they are sent again alone, to two servers one after the
-other, and count where both show it.
+The content of an answer is certain evidence. Effects seen while several inputs ran (a blocked loop, memory, a late
+answer, a death, a write outside) only make them suspects. Suspects are sent again alone, to two servers one after the
+other, and count if both show the effect.
 """
 
 import re
@@ -26,13 +26,13 @@ from .judges import Canary, Fault, faults_of, journal_faults
 from .server_process import Folders, Program, Session, session
 
 SLOW_S, BLOCKED_MS, MEMORY_MB = 5.0, 100.0, 400.0
-"""After which a refusal is late, for how long nothing else may be answered, and what the server's process may hold."""
+"""Time limits of a refusal and of a blocked server, and the memory limit of the server's process."""
 _LIMIT_S = 60.0
-"""A call that takes longer is given up: work that is under way is answered with its job after 50 s at the latest."""
+"""Time limit of a call: unfinished work is answered with its job after 50 s at the latest."""
 _AT_A_TIME = 4
-"""Inputs under way (chosen for two cores)."""
+"""Concurrent inputs (chosen for two cores)."""
 _MOST_SUSPECTS = 300
-"""Suspects that are sent again, each cause in its turn (chosen)."""
+"""Number of suspects to repeat, each cause in turn (chosen)."""
 _LOG = "server.log"
 _GIVEN_UP = "[given up]"
 _ID = re.compile(
@@ -50,9 +50,9 @@ class Finding:
 
 @dataclass
 class Tally:
-    """What a campaign saw. Milliseconds, megabytes and seconds are the most that an input brought about by itself;
+    """The observations of a campaign.
 
-    ``slowest_s`` is that of refusals.
+    Milliseconds, megabytes and seconds are the largest effects of a single input; ``slowest_s`` is the slowest refusal.
     """
 
     inputs: int = 0
@@ -69,18 +69,18 @@ class Tally:
     left_out: int = 0
 
     def count(self, law: str) -> int:
-        """Findings that broke a law."""
+        """Return the number of findings that broke a law."""
         return sum(finding.fault.law == law for finding in self.findings)
 
     @property
     def failures(self) -> int:
-        """All that was broken: laws by inputs, and what was seen of the server, the files around it and its journal."""
+        """All failures: laws broken by inputs, and observations of the server, the files around it and its journal."""
         return len(self.findings) + len(self.deaths) + len(self.outside_writes) + len(self.journal_faults)
 
 
 @dataclass(frozen=True)
 class _Answers:
-    """What came of one input: certain faults, and the seconds of its slowest refusal."""
+    """The results of one input: certain faults, and the seconds of its slowest refusal."""
 
     faults: tuple[Fault, ...] = ()
     refused_s: float = 0.0
@@ -96,8 +96,8 @@ class Campaign:
         self.tally = Tally()
 
     async def carry_out(self, inputs: Iterator[HostileInput], *, keep_in: Path | None = None) -> None:
-        """Send all of them, then suspects alone; findings are kept as files where a folder is given."""
-        await self.send(_told(inputs))
+        """Send all inputs, then suspects alone, and store findings as files if a folder is given."""
+        await self.send(_with_progress(inputs))
         self._keep(keep_in)
         await self.replay_suspects()
         self._keep(keep_in)
@@ -166,7 +166,7 @@ class Campaign:
     def _look(
         self, running: Session, under_way: Sequence[HostileInput], began: float, peak_mb: float, canary: Canary
     ) -> None:
-        """What happened to the server since one of the inputs began."""
+        """Return what happened to the server since one of the inputs began."""
         blocked = running.blocked_ms(began) - self.tally.idle_ping_ms
         if blocked > BLOCKED_MS:
             self._suspect(under_way, "blocked")
@@ -186,7 +186,7 @@ class Campaign:
                 known.append(hostile)
 
     async def _one(self, running: Session, folders: Folders, hostile: HostileInput) -> _Answers:
-        """Send one input's calls one after the other; those after the first only where that one made something."""
+        """Send one input's calls in order; the later ones only if the first created something."""
         faults, refused_s, made, jobs = list[Fault](), 0.0, "", set[str]()
         hostile.place(folders.root, folders.outside)
         try:
@@ -246,7 +246,7 @@ class Campaign:
                 self._confirm(hostile, min(fault, seen[fault.law], key=lambda each: each.value))
 
     def _chosen_suspects(self) -> list[tuple[HostileInput, set[str]]]:
-        """Each suspect with what it is suspected of; at most so many, each cause in its turn."""
+        """Return a limited number of suspects with their suspicion, taking each cause in turn."""
         ranked = [
             (place, law, hostile)
             for (law, _), suspects in sorted(self._suspects.items())
@@ -269,7 +269,7 @@ class Campaign:
             self.tally.slowest_s = max(self.tally.slowest_s, fault.value)
 
     async def alone(self, hostiles: Sequence[HostileInput]) -> list[list[Fault]]:
-        """Send inputs one after the other; gives what each of them broke. A server that dies is replaced."""
+        """Send inputs one after the other and return the laws that each broke. A dead server is replaced."""
         waiting, faults = list(reversed(hostiles)), list[list[Fault]]()
         while waiting:
             folders = self._fresh()
@@ -309,7 +309,7 @@ class Campaign:
         return Folders(self._base / f"server{self._servers}").make(self._template)
 
 
-def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
+def _with_progress(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
     began = time.monotonic()
     for number, hostile in enumerate(inputs):
         if number % 500 == 0 and number:
@@ -318,14 +318,14 @@ def _told(inputs: Iterator[HostileInput]) -> Iterator[HostileInput]:
 
 
 async def _cancel_when_dead(running: Session, scope: anyio.CancelScope) -> None:
-    """End what waits for a server that is gone."""
+    """Cancel waiting calls when the server is dead."""
     while running.is_alive:
         await anyio.sleep(0.1)
     scope.cancel()
 
 
 async def _ask(running: Session, call: Call) -> str:
-    """The text of an answer, as a model reads it."""
+    """Return the text of an answer, as a model reads it."""
     if call.method == "archive":
         return await anyio.to_thread.run_sync(_unpacked, Path(call.name))
     if call.method == "resource":
@@ -339,7 +339,7 @@ async def _ask(running: Session, call: Call) -> str:
 
 
 def _unpacked(path: Path) -> str:
-    """What the command line says of an archive; whatever is no refusal of ours is a defect."""
+    """Return the command line's output for an archive; anything but a refusal of ours is a defect."""
     try:
         with unpack(path) as folder:
             return f"{sum(1 for _ in folder.iterdir())} files"
@@ -355,7 +355,7 @@ def _code(text: str) -> str:
 
 
 def _explained(fault: Fault, call: Call, folders: Folders) -> Fault:
-    """A fault with its call and, of an incident, what the log says: the last place in the package, the exception."""
+    """Return a fault with its call and, for an incident, the log's last place in the package and the exception."""
     said = f"{call.name[:60]}: {fault.details}"
     incident = re.search(r"\(incident (\w+)\)", fault.details)
     if incident is not None:

@@ -1,7 +1,7 @@
 """Hostile files: real scenarios, maps, networks and weight files, mutated by bytes, by nodes and by numbers.
 
-Each is sent alone (``import_files`` of the file, then a call that uses what was stored of it), and some lie together in
-folders. Others never were sound: bombs, links, FIFOs and names that forge lines.
+Each is sent alone (``import_files`` of the file, then a call that uses the stored artifact), and some are sent together
+in folders. Others were never valid: bombs, links, FIFOs and names that forge lines.
 """
 
 import bz2
@@ -18,11 +18,11 @@ from . import texts
 from .inputs import INJECTED, MADE, ROOT, Call, Chance, HostileInput, PlacedFile
 
 _MOST_BYTES = 3_000_000
-"""Larger mutants are cut off: they would only be slow to write (chosen)."""
+"""Larger mutants are truncated, because they would only be slow to write (chosen)."""
 _USED_AFTERWARDS = 0.12
-"""The share of the stored mutants that are drawn, edited or run as well as described (chosen)."""
+"""Share of the stored mutants that are drawn, edited or run in addition to described (chosen)."""
 _FOLDER_OF = 12
-"""Mutants that lie together in a folder (chosen)."""
+"""Number of mutants in a folder (chosen)."""
 _NUMBERS = (
     *("NaN", "nan", "inf", "-inf", "1e300", "-1e300", "-4.5", "1e9", "1e26", "100000000000000000000000000", "0", "-1"),
     *(
@@ -67,7 +67,7 @@ class Seed:
 
 
 def hostile_files(seeds: Mapping[str, list[Seed]], chance: Chance) -> Iterator[HostileInput]:
-    """Inputs without an end, all from one seed of chance."""
+    """Yield endless inputs from one source of chance."""
     number = 0
     while True:
         number += 1
@@ -91,7 +91,7 @@ def hostile_files(seeds: Mapping[str, list[Seed]], chance: Chance) -> Iterator[H
 
 
 def mutated(seed: Seed, chance: Chance) -> tuple[bytes, str]:
-    """A mutant of a file, and the name of the mutation."""
+    """Return a mutant of a file, and the name of the mutation."""
     if seed.ending.endswith((".gz", ".bz2")):
         packed = _gzip if seed.ending.endswith(".gz") else bz2.compress
         if chance.random() < 0.5:
@@ -109,12 +109,12 @@ def mutated(seed: Seed, chance: Chance) -> tuple[bytes, str]:
 
 
 def _gzip(content: bytes) -> bytes:
-    """Packed, without the moment at which it was."""
+    """Compress without a time stamp."""
     return gzip.compress(content, mtime=0)
 
 
 def _uses(ending: str, chance: Chance) -> tuple[Call, ...]:
-    """What is done with what was stored."""
+    """Return the calls that use a stored artifact."""
     if ending != ".xml":
         return ()
     known = {"scenario_id": MADE}
@@ -153,7 +153,7 @@ def _hostile_name(chance: Chance, ending: str) -> str:
 
 
 def _by_bytes(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """Bytes changed, cut, doubled or put in."""
+    """Change, cut, double or insert bytes."""
     data = bytearray(content)
     way = chance.choice(("flip", "cut", "double", "insert", "empty", "encoding", "zeros"))
     if way == "flip":
@@ -199,7 +199,7 @@ _MEMBERS = (
 
 
 def _by_members(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """An archive with other members: paths that lead outside, links, bombs, locked ones, many."""
+    """Return an archive with other members: paths that lead outside, links, bombs, locked ones, many."""
     packed = io.BytesIO()
     way = chance.choice(("names", "link", "bomb", "locked", "method", "many", "sizes"))
     with zipfile.ZipFile(io.BytesIO(content)) as old:
@@ -229,7 +229,7 @@ def _by_members(content: bytes, chance: Chance) -> tuple[bytes, str]:
 
 
 def _by_lines(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """A weight file with lines or numbers changed."""
+    """Change lines or numbers of a weight file."""
     lines = content.decode().splitlines()
     at = chance.randrange(len(lines))
     way = chance.choice(("number", "key", "line", "drop", "bomb", "tag", "deep", "many"))
@@ -256,7 +256,7 @@ def _by_lines(content: bytes, chance: Chance) -> tuple[bytes, str]:
 
 
 def alias_bomb(levels: int, width: int, chance: Chance) -> bytes:
-    """A small YAML whose value, written out, has ``width`` to the power of ``levels`` items."""
+    """Return a small YAML with a value that expands to ``width`` to the power of ``levels`` items."""
     lines = ["a0: &a0 [" + ",".join(["x"] * width) + "]"]
     lines += [f"a{level}: &a{level} [" + ",".join([f"*a{level - 1}"] * width) + "]" for level in range(1, levels)]
     where = chance.choice(
@@ -266,7 +266,7 @@ def alias_bomb(levels: int, width: int, chance: Chance) -> bytes:
 
 
 def _by_nodes(content: bytes, chance: Chance) -> tuple[bytes, str]:
-    """XML with nodes deleted, doubled, swapped or nested, with numbers, references and texts changed."""
+    """Delete, double, swap or nest XML nodes, or change numbers, references and texts."""
     root = etree.fromstring(content, etree.XMLParser(huge_tree=True, resolve_entities=False))
     nodes = [node for node in root.iter() if isinstance(node.tag, str)]
     way = chance.choice(list(_WAYS))
@@ -315,7 +315,7 @@ def _number(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _number_of_kind(nodes: _Nodes, chance: Chance) -> None:
-    """All numbers under nodes of one name: every length, every time, every coordinate."""
+    """Change all numbers under nodes of one name: every length, every time, every coordinate."""
     tag, value = (
         chance.choice([node.tag for node in nodes if _is_number(node.text or "")] or ["x"]),
         chance.choice(_NUMBERS),
@@ -335,7 +335,7 @@ def _text(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _reference(nodes: _Nodes, chance: Chance) -> None:
-    """Ids and references: doubled, gone, huge, to themselves."""
+    """Change ids and references: doubled, missing, huge, to themselves."""
     named = [(node, key) for node in nodes for key in ("id", "ref", "from", "to", "lane", "edge") if key in node.attrib]
     if not named:
         return
@@ -352,7 +352,7 @@ def _nest(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _far(nodes: _Nodes, chance: Chance) -> None:
-    """One or all coordinates far away."""
+    """Move one or all coordinates far away."""
     names = {"x", "y", "lat", "lon"}
     value = chance.choice(("10000000", "1e7", "-1e7", "1e8", "180", "90", "-179.999", "1e300"))
     places = [node for node in nodes if node.tag in names]
@@ -364,7 +364,7 @@ def _far(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _many_problems(nodes: _Nodes, chance: Chance) -> None:
-    """Many planning problems, obstacles or streets of the same form."""
+    """Add many planning problems, obstacles or streets of the same form."""
     found = [
         node for node in nodes if node.tag in ("planningProblem", "obstacle", "dynamicObstacle", "way", "trafficSign")
     ]
@@ -381,7 +381,7 @@ def _many_problems(nodes: _Nodes, chance: Chance) -> None:
 
 
 def _header(nodes: _Nodes, chance: Chance) -> None:
-    """What stands on the root: version, id, step, author."""
+    """Change the attributes of the root: version, id, step, author."""
     root = nodes[0]
     key = chance.choice([*root.attrib, "timeStepSize", "benchmarkID", "commonRoadVersion", "author"])
     value = chance.choice((*_NUMBERS, *_TEXTS, "2020a", "2018b", "1e-30", "1e-30", "9.9"))

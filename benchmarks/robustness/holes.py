@@ -1,4 +1,4 @@
-"""The holes that were found once, each with variations: bombs, links, floods of text, shapes that physics forbids."""
+"""Past vulnerabilities with variations: bombs, links, floods of text, physically impossible shapes."""
 
 import copy
 import math
@@ -15,7 +15,7 @@ _Seeds = Mapping[str, list[Seed]]
 
 
 def hostile_holes(seeds: _Seeds, scenario_id: str, chance: Chance) -> Iterator[HostileInput]:
-    """Inputs without an end; the holes come in turn, their variations by chance."""
+    """Yield endless inputs: the holes in turn, their variations by chance."""
     number = 0
     while True:
         for cause, make in _HOLES.items():
@@ -25,25 +25,25 @@ def hostile_holes(seeds: _Seeds, scenario_id: str, chance: Chance) -> Iterator[H
 
 
 class _Hole:
-    """What a variation is made of; ``folder`` is the input's own below the root."""
+    """The material of a variation; ``folder`` is the input's own folder below the root."""
 
     def __init__(self, seeds: _Seeds, scenario_id: str, chance: Chance, folder: str) -> None:
         self.seeds, self.scenario_id, self.chance, self.folder = seeds, scenario_id, chance, folder
 
     def file(self, name: str, content: bytes) -> PlacedFile:
-        """A file in the folder."""
+        """Return a file in the folder."""
         return PlacedFile(f"{self.folder}/{name}", content)
 
     def imports(self, name: str, /, **arguments: Any) -> Call:
-        """The import of it."""
+        """Return the call that imports it."""
         return Call("import_files", {"path": f"{ROOT}/{self.folder}/{name}".rstrip("/"), **arguments})
 
     def scenario(self) -> "etree._Element":
-        """A small real scenario as XML."""
+        """Return a small real scenario as XML."""
         return etree.fromstring(self.chance.choice(self.seeds[".xml"][:3]).content)
 
     def used(self) -> tuple[Call, ...]:
-        """What is done with a scenario that was taken in after all."""
+        """Return the calls that use a scenario if it is accepted after all."""
         known = {"scenario_id": MADE}
         uses = (
             Call("render", {"ids": [MADE]}),
@@ -54,7 +54,7 @@ class _Hole:
         return (Call("describe_scenario", known), self.chance.choice(uses))
 
     def mutated_scenario(self, root: "etree._Element") -> tuple[tuple[Call, ...], tuple[PlacedFile, ...]]:
-        """The import and use of a scenario."""
+        """Return the import and use of a scenario."""
         return (self.imports("a.xml"), *self.used()), (self.file("a.xml", etree.tostring(root)),)
 
 
@@ -67,7 +67,7 @@ def _yaml_bomb(hole: _Hole) -> _Made:
 
 
 def _planted(hole: _Hole) -> _Made:
-    """A link or FIFO where a file is going to be written."""
+    """Return a link or FIFO at a path where the server will write a file."""
     form = hole.chance.choice(("json", "recipe", "xml"))
     ending = {"json": ".json", "recipe": ".recipe.json", "xml": ".xml"}[form]
     suffix = hole.chance.choice((".partial", ".partial", "", ".tmp"))
@@ -83,7 +83,7 @@ def _planted(hole: _Hole) -> _Made:
 
 
 def _planted_folder(hole: _Hole) -> _Made:
-    """A link where a folder is going to be made or read, or a FIFO or device where a file is read."""
+    """Return a link at a path of a future or readable folder, or a FIFO or device at a path of a readable file."""
     name = hole.chance.choice(("a.xml", "a.yaml", "a.osm", "a.net.xml", "a.osm.pbf", "a.osm.gz"))
     target = hole.chance.choice(
         ("/dev/zero", "/dev/urandom", "/proc/kmsg", "/proc/self/mem", "{outside}/secret.xml", "a.xml")
@@ -156,7 +156,7 @@ def _long_name(hole: _Hole) -> _Made:
 
 
 def _long_street(hole: _Hole) -> _Made:
-    """A map with a street of a long name, asked for by another long name."""
+    """Return a map with a long street name, requested by another long name."""
     length = hole.chance.choice((3000, 50_000, 200_000))
     street = "ab" * (length // 2)
     content = re.sub(rb'(k="highway" v=")', b'k="name" v="' + street.encode() + rb'"/><tag \1', _osm(hole), count=3)
@@ -177,7 +177,7 @@ def _forged(hole: _Hole) -> str:
 
 
 def _forging_street(hole: _Hole) -> _Made:
-    """Streets whose name ends its line."""
+    """Return streets with a name that ends its line."""
     name = "".join(f"&#{ord(c)};" if ord(c) < 32 or ord(c) > 126 else c for c in _forged(hole))
     content = re.sub(rb'(k="highway" v=")', b'k="name" v="' + name.encode() + rb'"/><tag \1', _osm(hole), count=9)
     calls = (hole.imports("a.osm"), Call("generate_scenarios", {"place": "Elm"}), *_listing_maps())
@@ -185,7 +185,7 @@ def _forging_street(hole: _Hole) -> _Made:
 
 
 def _forging_map(hole: _Hole) -> _Made:
-    """A map whose name ends its line."""
+    """Return a map with a name that ends its line."""
     content = _osm(hole).replace(b"<osm ", b'<osm note="%d" ' % hole.chance.randrange(10**6), 1)
     calls = (hole.imports("a.osm", name=_forged(hole)), Call("generate_scenarios", {"place": "x"}), *_listing_maps())
     return calls, (hole.file("a.osm", content),)
@@ -196,7 +196,7 @@ def _listing_maps() -> tuple[Call, Call]:
 
 
 def _forging_weights(hole: _Hole) -> _Made:
-    """A weight file whose names end their lines, or that is given such a name."""
+    """Return a weight file with names that end their lines, or with such a file name."""
     if hole.chance.random() < 0.5:
         content = f'cost_weights:\n  "jerk\\n{INJECTED}": 1\nplanner: "x\\n{INJECTED}"\n'.encode()
         return (hole.imports("a.yaml"), hole.imports("")), (hole.file("a.yaml", content), hole.file("b.yaml", content))
@@ -210,14 +210,14 @@ def _forging_weights(hole: _Hole) -> _Made:
 
 
 def _forging_file_name(hole: _Hole) -> _Made:
-    """Files whose name ends its line, alone and in a folder."""
+    """Return files with a name that ends its line, alone and in a folder."""
     name = f"a{hole.chance.choice(_LINE_ENDS)}{INJECTED}.xml"
     content = hole.chance.choice((b"", hole.seeds[".xml"][0].content))
     return (hole.imports(""), hole.imports(name)), (hole.file(name, content), hole.file("b.xml", b"<a/>"))
 
 
 def _forging_author(hole: _Hole) -> _Made:
-    """A scenario whose author, source, tags or id ends its line."""
+    """Return a scenario with an author, source, tag or id that ends its line."""
     root = hole.scenario()
     for key in ("author", "affiliation", "source", "tags", "benchmarkID"):
         if hole.chance.random() < 0.5:
@@ -273,7 +273,7 @@ def _long_list(hole: _Hole) -> _Made:
 
 
 def _net_beside(hole: _Hole) -> _Made:
-    """A network beside a scenario that is none, or is huge, or a link."""
+    """Return an invalid, huge or linked network file next to a scenario."""
     scenario = hole.scenario()
     scenario.set("benchmarkID", f"ZAM_Net-{hole.chance.randint(1, 10**6)}_1_T-1")
     forms = (b"", b"no xml", b"<net>" * 10_000, b"<net>" + b"<edge/>" * 200_000 + b"</net>", b"\x00" * 2_000_000)
@@ -289,7 +289,7 @@ def _net_beside(hole: _Hole) -> _Made:
 
 
 def _impossible_numbers(hole: _Hole) -> _Made:
-    """Goals, ids, vertices and steps beyond physics."""
+    """Return goals, ids, vertices and steps beyond physics."""
     root, chance = hole.scenario(), hole.chance
     way = chance.randrange(6)
     number = chance.choice(("NaN", "1e300", "-4.5", "1e9", "inf", "1e26", "0", "-0"))
@@ -349,7 +349,7 @@ def _map(nodes: list[tuple[float, float]], ways: list[list[int]], kind: str = "r
 
 
 def _strange_map(hole: _Hole) -> _Made:
-    """Round the world, stars, rings, over the antimeridian, at the poles."""
+    """Return a map around the world, of stars or rings, over the antimeridian, or at the poles."""
     chance = hole.chance
     way, size = chance.randrange(5), chance.choice((10, 100, 1000, 3000))
     if way == 0:
@@ -381,7 +381,7 @@ _RING = tuple((0.0002 * math.cos(0.8 * step), 0.0003 * math.sin(0.8 * step)) for
 
 
 def _beyond_the_types(hole: _Hole) -> _Made:
-    """Numbers that no database, clock or file name holds."""
+    """Return numbers that no database, clock or file name can hold."""
     chance = hole.chance
     big = chance.choice((2**63, 2**64, -(2**63) - 1, 10**30))
     edit = {"op": chance.choice(("shift_time", "set_speed", "change_lane")), "vehicles": ["nearest:1"], "time_s": 1e308}

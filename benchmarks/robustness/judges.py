@@ -1,4 +1,4 @@
-"""What an answer, the server's process and the files around it say about an input; nothing here asks the server."""
+"""Judges an input from its answer, the server's process and the surrounding files, without asking the server."""
 
 import hashlib
 import json
@@ -14,20 +14,20 @@ from typing import Any
 from .inputs import INJECTED
 
 LONGEST_ANSWER = 20_000
-"""Characters; a longer answer fills a model's context."""
+"""Most characters of an answer; a longer one fills a model's context."""
 CANARY_TEXT = "4f1c-canary-of-the-bench"
-"""Stands in the files outside the roots and in no answer."""
+"""A word in the files outside the roots that must appear in no answer."""
 _LONGEST_KEPT = 201
-"""Characters of a caller's text in the journal: 200, and the sign that there was more."""
+"""Most characters of a caller's text in the journal: 200, and the ellipsis."""
 _CONTROLS = ("Cc", "Cf", "Co", "Cs", "Zl", "Zp")
 _REFUSAL = re.compile(r"\[[a-z_]+\] ")
-"""How an answer begins that is a refusal."""
+"""Prefixes of refusals."""
 _LINE_ENDS = re.compile(r"[\n\r\x0b\x0c\x1c-\x1e\x85\u2028\u2029]")
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A law that an input broke, how, and by which figure where the law is one."""
+    """A law that an input broke, the details, and the figure if the law has one."""
 
     law: str
     details: str
@@ -35,7 +35,7 @@ class Fault:
 
 
 def faults_of(text: str) -> Iterator[Fault]:
-    """What is wrong with the text of one answer."""
+    """Return the faults of one answer's text."""
     if "[unexpected]" in text:
         at = text.find("[unexpected]")
         yield Fault("unexpected", text[max(0, at - 80) : at + 300])
@@ -53,14 +53,14 @@ def faults_of(text: str) -> Iterator[Fault]:
 
 
 class Canary:
-    """A tree of files that must not be touched, and what it looked like."""
+    """A tree of files that must not be touched, and its last known state."""
 
     def __init__(self, *folders: Path) -> None:
         self._folders = folders
         self._before = self._look()
 
     def changes(self) -> list[str]:
-        """What was made, changed or removed since it was looked at last."""
+        """Return the files created, changed or removed since the last look."""
         now = self._look()
         before, self._before = self._before, now
         made = [f"made {path}" for path in now.keys() - before.keys()]
@@ -81,7 +81,7 @@ def _looks(folder: Path) -> Iterator[tuple[str, str]]:
 
 
 def journal_faults(workspace: Path) -> Iterator[str]:
-    """What is wrong with the journal that a server kept: who may read it, and what of the callers' texts is in it."""
+    """Return the faults of a server's journal: its permissions, and the callers' texts in it."""
     for path in sorted((workspace / "journal").glob("*")):
         if path.stat().st_mode & 0o077:
             yield f"{path.name} may be read by others: {stat.filemode(path.stat().st_mode)}"
@@ -101,12 +101,12 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def peak_memory_mb(pid: int) -> float:
-    """The most memory that a process has held (VmHWM) in MB; 0 where it is gone."""
+    """Return the peak memory of a process (VmHWM) in MB, 0 if it has ended."""
     return _status_mb(pid, "VmHWM")
 
 
 def memory_mb(pid: int) -> float:
-    """The memory that a process holds now (VmRSS) in MB; 0 where it is gone."""
+    """Return the current memory of a process (VmRSS) in MB, 0 if it has ended."""
     return _status_mb(pid, "VmRSS")
 
 

@@ -1,4 +1,4 @@
-"""What a campaign begins with: a workspace that holds a little of everything, and sound files to be mutated."""
+"""The start of a campaign: a workspace with a few artifacts of every kind, and valid files to mutate."""
 
 import io
 import subprocess
@@ -18,12 +18,12 @@ from .server_process import Folders, plannerforge_server, session
 _SCENARIOS = ("ZAM_Zip-1_1_T-1", "ZAM_test_0-1", "DEU_Moelln-7_1_T-1", "DEU_IV21-1_1_T-1", "BEL_Antwerp-30_1_T-1")
 _MAPS = ("planet_10.068_48.135_10.071_48.137.osm", "o2s_overlapping_service_roads.osm", "bautzen.osm")
 _BINARY_MAP = "o2s_frederiksted.osm.pbf"
-"""Small real files: what is done with them takes milliseconds."""
+"""Small real files that take milliseconds to process."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """The folders of a server that has worked before, what it offers, and the files to be mutated."""
+    """The folders of a server that has worked before, its offer, and the files to mutate."""
 
     folders: Folders
     surface: Surface
@@ -31,7 +31,7 @@ class Prepared:
     seeds: dict[str, list[Seed]]
 
     def inputs(self, kind: str, chance: Chance) -> Iterator[HostileInput]:
-        """Hostile inputs of a kind without an end: of every hundred, arguments 70, files 28, known holes 2."""
+        """Yield endless hostile inputs of a kind: of every hundred, arguments 70, files 28, known holes 2."""
         arguments = hostile_arguments(self.surface, self.scenario_id, chance)
         files = hostile_files(self.seeds, chance)
         holes = hostile_holes(self.seeds, self.scenario_id, chance)

@@ -1,4 +1,4 @@
-"""A server of its own for hostile inputs: a process over stdio behind a real client, in folders that are watched."""
+"""A server for hostile inputs: a process over stdio with a real client, in watched folders."""
 
 import contextlib
 import os
@@ -20,37 +20,37 @@ from ..faults.http_process import http_client, listening
 from .judges import CANARY_TEXT, memory_mb, peak_memory_mb
 
 _MOST_MEMORY_MB = 1500.0
-"""A server that holds more is killed: the machine is needed for more (chosen)."""
+"""Memory limit of the server, because the machine is shared (chosen)."""
 _MEMORY_EVERY_S = 0.02
 _PING_EVERY_S = 0.03
-"""How often the server's memory is looked at, and the pause between two cheap calls; chosen."""
+"""Intervals between memory samples and between two cheap calls (chosen)."""
 _ENDS_WITHIN_S = 3.0
-"""A process whose connection is closed ends within this time (chosen)."""
+"""Time within which a process must end after its connection closed (chosen)."""
 _HTTP_RATE = 10_000
-"""Requests a second that are let in by HTTP: the inputs, not this bound, are what is tried (chosen)."""
+"""Allowed HTTP requests per second, high enough that this limit is not under test (chosen)."""
 _SILENT_S = 15.0
-"""A server that does not answer a cheap call for so long hangs and is killed (chosen)."""
+"""A server that does not answer a cheap call for this long hangs and is killed (chosen)."""
 
 
 @dataclass(frozen=True)
 class Folders:
-    """Where a server of the bench lives: what it may use, what it keeps, and what must not be touched."""
+    """The folders of a bench's server: what it may use, what it keeps, and what must not be touched."""
 
     base: Path
 
     @property
     def root(self) -> Path:
-        """What it may read and write."""
+        """The folder that it may read and write."""
         return self.base / "root"
 
     @property
     def workspace(self) -> Path:
-        """What it keeps."""
+        """The folder that it keeps."""
         return self.base / "workspace"
 
     @property
     def outside(self) -> Path:
-        """Beside what it may use."""
+        """A folder next to the ones that it may use."""
         return self.base / "outside"
 
     @property
@@ -86,7 +86,7 @@ class Program:
 
 
 def plannerforge_server(*, by_http: bool = False) -> Program:
-    """The server whose robustness is measured."""
+    """Return the server under test."""
     serve = ("-m", "plannerforge", "serve")
     return Program(
         lambda folders: [*serve, "--workspace", str(folders.workspace), "--roots", str(folders.root)], by_http
@@ -107,7 +107,7 @@ class Ping:
 
     @property
     def wait_s(self) -> float:
-        """How long the server let it wait."""
+        """The waiting time of the ping."""
         return max(0.0, self.answered - self.sent - self.queued_s)
 
 
@@ -124,14 +124,14 @@ class Session:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the process runs."""
+        """True if the process runs."""
         try:
             return not self.death and self.process.is_running() and self.process.status() != psutil.STATUS_ZOMBIE
         except psutil.NoSuchProcess:
             return False
 
     async def has_ended(self) -> bool:
-        """Whether the server is gone; a process that stays after its connection was closed is ended."""
+        """Return True if the server has ended; kill a process that outlives its closed connection."""
         if self.is_closed:
             with anyio.move_on_after(_ENDS_WITHIN_S):
                 while self.is_alive:
@@ -172,14 +172,14 @@ class Session:
             self._sent = None
 
     def blocked_ms(self, begin: float) -> float:
-        """The longest wait for a cheap call that was under way since a moment, including the one that still is."""
+        """Return the longest wait for a cheap call since a time, including one still in progress."""
         pings = [ping for ping in self._pings if ping.answered >= begin]
         if self._sent is not None:
             pings.append(self._until_now(*self._sent))
         return 1000 * max((ping.wait_s for ping in pings), default=0.0)
 
     def idle_ms(self) -> float:
-        """The median wait for a cheap call until now; nothing before is looked at any more."""
+        """Return the median wait for a cheap call so far, and forget the earlier ones."""
         waits = [ping.wait_s for ping in self._pings]
         self._pings = []
         return 1000 * statistics.median(waits or [0.0])
@@ -244,7 +244,7 @@ async def _keep_pinging(running: Session) -> None:
 
 
 def _queued_s(pid: int) -> float:
-    """For how long a process's main thread has stood ready without getting a core, and this one has or has run."""
+    """Return how long a process's main thread was ready without a core, and how long this one has or has run."""
     try:
         server, own = (Path(f"/proc/{each}/task/{each}/schedstat").read_text().split() for each in (pid, os.getpid()))
     except OSError:

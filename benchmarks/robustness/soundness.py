@@ -1,12 +1,12 @@
-"""``make bench-robust``: what shows that the product is sound on anything, part after part, in one table.
+"""``make bench-robust``: all evidence of soundness, part by part, in one table.
 
-Each part is a benchmark of its own, run in a process of its own: ``hostile`` (``evals.robustness``), ``growth``,
-``symmetries``, ``fresh_generation``, ``fresh_modification`` and ``fresh_traffic`` (the ``--fresh`` of those
-benchmarks, on every seed of ``--seeds``), ``drivable`` and ``kills``. The keys are those of the parts, where they are
-explained, ``fresh_rear_hits`` being hits by followers who could have braked.
+Each part is a separate benchmark in its own process: ``hostile`` (``benchmarks.robustness``), ``growth``,
+``symmetries``, ``fresh_generation``, ``fresh_modification`` and ``fresh_traffic`` (the ``--fresh`` of those benchmarks,
+on every seed of ``--seeds``), ``drivable`` and ``kills``. The parts explain their keys; ``fresh_rear_hits`` counts hits
+by followers that could have braked.
 
-What a part said is kept in ``--record FOLDER`` at once, and is not measured again with the same arguments while it lies
-there: a run that was broken off goes on where it stopped. Inputs that broke something are kept there too.
+``--record FOLDER`` stores each part's result at once and does not repeat it with the same arguments, so an interrupted
+run resumes. Inputs that broke something are kept there too.
 """
 
 import argparse
@@ -20,8 +20,9 @@ from pathlib import Path
 from ..harness import print_figures
 
 _MAPS, _SCENARIOS, _APPROACHES = 140, 55, 100
-"""Of each seed: maps to generate from, of which some are refused or name no site; scenarios to be edited, at four edits
-each; approaches of reactive traffic. With three seeds, 300 scenarios, 600 edits and 300 approaches at least."""
+"""For each seed: maps for generation (some are refused or name no site), scenarios to edit with four edits each, and
+approaches of reactive traffic. Three seeds give at least 300 scenarios, 600 edits and 300 approaches.
+"""
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,12 @@ def _same(*names: str) -> dict[str, str]:
 
 
 def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
-    """All parts by name.
+    """Return all parts by name.
 
     Args:
-        seeds: of fresh data; none that was run while the product was being changed.
-        inputs: hostile ones.
-        record: folder in which hostile inputs are kept that broke something.
+        seeds: of fresh data, not used while the product was being changed.
+        inputs: number of hostile inputs.
+        record: folder for the hostile inputs that broke something.
     """
     fresh = ("--fresh", *map(str, seeds), "--count")
     hostile = (
@@ -78,7 +79,7 @@ def parts(seeds: Sequence[int], inputs: int, record: Path) -> dict[str, _Part]:
 
 
 def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | str]:
-    """What a part says, measured now or kept; empty where it broke."""
+    """Return the result of a part, measured now or stored; empty if it failed."""
     kept, arguments = record / f"{name}.json", [part.module, *part.arguments]
     found = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else {}
     if found.get("arguments") != arguments:
@@ -89,7 +90,7 @@ def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | s
         sys.stdout.write(told)
         last = told.rstrip("\n").rpartition("\n")[2]
         if not last.startswith("{"):
-            sys.stderr.write(f"{name} broke with {process.returncode} and said no figures\n")
+            sys.stderr.write(f"{name} broke with {process.returncode} and printed no figures\n")
             return {}
         found = {"arguments": arguments, "figures": json.loads(last)}
         kept.write_text(json.dumps(found) + "\n", encoding="utf-8")
@@ -99,16 +100,18 @@ def _measured(name: str, part: _Part, record: Path) -> dict[str, float | int | s
 
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs="+", required=True, help="of fresh data: never run before")
-    parser.add_argument("--inputs", type=int, default=20_000, help="hostile ones")
+    parser.add_argument(
+        "--seeds", type=int, nargs="+", required=True, help="seeds of fresh data that were never run before"
+    )
+    parser.add_argument("--inputs", type=int, default=20_000, help="number of hostile inputs")
     parser.add_argument("--parts", nargs="+", metavar="PART", help="only these")
-    parser.add_argument("--record", type=Path, default=Path("soundness"), help="folder for what the parts say")
+    parser.add_argument("--record", type=Path, default=Path("soundness"), help="folder for the parts' results")
     given = parser.parse_args()
     given.record.mkdir(parents=True, exist_ok=True)
     known = parts(given.seeds, given.inputs, given.record)
     wanted = given.parts or list(known)
     if unknown := [name for name in wanted if name not in known]:
-        parser.error(f"there is no part {', '.join(unknown)}; parts: {', '.join(known)}")
+        parser.error(f"unknown part {', '.join(unknown)}; valid parts are {', '.join(known)}")
     said = {name: _measured(name, known[name], given.record) for name in wanted}
     figures = {key: value for of_part in said.values() for key, value in of_part.items()}
     print_figures(f"Soundness, fresh data of the seeds {' '.join(map(str, given.seeds))}", figures)

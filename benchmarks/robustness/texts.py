@@ -1,4 +1,4 @@
-"""Hostile values of every JSON type, and hostile sentences of the grammars that arguments are written in."""
+"""Hostile values of every JSON type, and hostile sentences in the grammars of arguments."""
 
 from typing import Any
 
@@ -39,7 +39,7 @@ HUGE_STRINGS = ("a" * 200_000, "straße " * 40_000, "ab" * 500_000, "\u0301" * 1
 
 
 def nested(depth: int, *, as_list: bool = True) -> Any:
-    """Lists or objects in each other."""
+    """Return lists or objects nested in each other."""
     value: Any = 1
     for _ in range(depth):
         value = [value] if as_list else {"op": value}
@@ -55,14 +55,14 @@ HUGE_OTHERS: tuple[Any, ...] = (["a"] * 20_000, [{}] * 5_000, [1] * 20_000, ["x"
 
 
 def any_value(chance: Chance) -> Any:
-    """A hostile value; a huge one in one of 250."""
+    """Return a hostile value, a huge one in one of 250."""
     if chance.random() < 0.004:
         return chance.choice([*HUGE_STRINGS, *HUGE_OTHERS])
     return chance.choice(chance.choice((NUMBERS, NUMBER_TEXTS, STRINGS, STRINGS, OTHERS)))
 
 
 def any_text(chance: Chance) -> str:
-    """A hostile text."""
+    """Return a hostile text."""
     return chance.choice(chance.choice((NUMBER_TEXTS, STRINGS, STRINGS)))
 
 
@@ -105,12 +105,12 @@ _OPERATORS = ("=", "==", ">=", "<=", ">", "<", "*", "+", "-", "!=", "=>", "", "=
 
 
 def quantity(chance: Chance) -> str:
-    """A number, or what looks like one, with a unit."""
+    """Return a number with a unit, or a lookalike."""
     return chance.choice(NUMBER_TEXTS[: -1 if chance.random() < 0.9 else None]) + chance.choice(_UNITS)
 
 
 def interval(chance: Chance) -> str:
-    """One or two quantities with an operator."""
+    """Return one or two quantities with an operator."""
     forms = (
         f"{quantity(chance)}..{quantity(chance)}",
         f">={quantity(chance)}",
@@ -123,14 +123,14 @@ def interval(chance: Chance) -> str:
 
 
 def name(chance: Chance) -> str:
-    """A known name, one that is bent, or a hostile text."""
+    """Return a known name, a distorted one, or a hostile text."""
     known = chance.choice(_NAMES)
     bent = (known, known, known.upper(), known + " ", f"!{known}", known[::-1], known * 30, known + "\u200b")
     return chance.choice((*bent, any_text(chance)))
 
 
 def condition(chance: Chance) -> str:
-    """``truck>=1``, ``!yield``, ``traffic_light@map`` and what looks like them."""
+    """Return ``truck>=1``, ``!yield``, ``traffic_light@map`` or a lookalike."""
     scope = chance.choice(("", "", "", "@map", "@ego", "@", "@map@map", "@" + any_text(chance)[:50]))
     right = chance.choice((interval(chance), quantity(chance), name(chance), ""))
     body = chance.choice((name(chance) + scope, f"{name(chance)}{scope}{chance.choice(_OPERATORS)}{right}"))
@@ -138,12 +138,12 @@ def condition(chance: Chance) -> str:
 
 
 def assignment(chance: Chance) -> str:
-    """``jerk=0.5``, ``jerk*2``, ``tau=0.7`` and what looks like them."""
+    """Return ``jerk=0.5``, ``jerk*2``, ``tau=0.7`` or a lookalike."""
     return f"{name(chance)}{chance.choice(_OPERATORS)}{chance.choice((quantity(chance), name(chance)))}"
 
 
 def selector(chance: Chance) -> str:
-    """``all``, ``one:truck``, ``nearest:3``, an id and what looks like them."""
+    """Return ``all``, ``one:truck``, ``nearest:3``, an id or a lookalike."""
     kind = chance.choice(
         ("all", "farthest", "lead", "follow", "fastest", "one", "class", "nearest", "only", "new", "lane", "ego", "")
     )
@@ -153,7 +153,7 @@ def selector(chance: Chance) -> str:
 
 
 def place(chance: Chance) -> str:
-    """Lanelets, edges and streets, or what looks like them."""
+    """Return lanelets, edges and streets, or lookalikes."""
     head = chance.choice(("lanelet_of:", "vehicle:", "lanelet:", "edge:", "", "map_", "lanelet:1:", "ego:"))
     return head + chance.choice((selector(chance), quantity(chance), any_text(chance), "lead", "ego"))
 
@@ -162,7 +162,7 @@ _PLACES = ("Musterstadt", "Fahrhausen", "Kreiselheim", "Ringstraße", "A 1", "B4
 
 
 def place_name(chance: Chance) -> str:
-    """Cities, streets, crossings, and what looks like them."""
+    """Return cities, streets, crossings, or lookalikes."""
     known = chance.choice(_PLACES)
     forms = (
         known + "\u202e",
@@ -178,7 +178,7 @@ def place_name(chance: Chance) -> str:
 
 
 def goal(chance: Chance) -> str:
-    """``steps:50``, ``distance_m:40``, ``lanelet:3:middle`` and what looks like them."""
+    """Return ``steps:50``, ``distance_m:40``, ``lanelet:3:middle`` or a lookalike."""
     kind = chance.choice(("steps", "distance_m", "lanelet", "index", "type", "first", ""))
     end = chance.choice(("", ":" + chance.choice(NUMBER_TEXTS), ":middle", "::", ":" + any_text(chance)[:100]))
     return f"{kind}:{chance.choice((*NUMBER_TEXTS[:20], name(chance)))}{end}"

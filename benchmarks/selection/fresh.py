@@ -1,9 +1,9 @@
-"""Selection requests that are drawn just now, with the ids that satisfy them by a reading of the files of its own.
+"""Newly drawn selection requests, with the ids that satisfy them by an independent reading of the files.
 
-Places, tags, obstacles, the ego's speed and lights on the map are read from the XML with lxml. What is computed from
-the geometry (features and measures, lanes, signs and limits on the ego's lanelets) is taken from the facts that were
-stored; the bench of symmetries and tests judge those. No query and no parser of the product takes part: conditions are
-drawn as slots like those of the corpus, each with a predicate.
+Places, tags, obstacles, the ego's speed and lights on the map are read from the XML with lxml. Values computed from the
+geometry (features and measures, lanes, signs and limits on the ego's lanelets) come from the stored facts; the bench of
+symmetries and tests judge those. No query or parser of the product is involved: conditions are drawn as slots like
+those of the corpus, each with a predicate.
 """
 
 import random
@@ -22,17 +22,17 @@ from plannerforge.schemas.vocabulary import FEATURES, OBSTACLE_TYPES, SIGNS, TAG
 
 _MPS = {"m/s": 1.0, "km/h": 1 / 3.6, "mph": 0.44704}
 _NEAR_MPS, _NEAR_KMH, _ROUNDING = 2.0, 0.5, 1e-6
-"""What a single speed and a posted limit let pass to either side, by the rules of the corpus."""
+"""Tolerance of a single speed and a posted limit to either side, by the rules of the corpus."""
 _SLOTS = {"location": 0.35, "tags": 0.45, "features": 0.4, "road_net": 0.35, "obstacles": 0.5, "velocity": 0.35}
-"""How often a slot is asked for (chosen)."""
+"""Frequency of each slot (chosen)."""
 _ANCHORED = 0.6
-"""Of the conditions those that are drawn by what one scenario, the same for the whole request, shows (chosen)."""
+"""Share of the conditions drawn from one scenario, the same for the whole request (chosen)."""
 _NOWHERE = ("JPN", "AUS", "NZL")
 
 
 @dataclass(frozen=True)
 class Known:
-    """What a file says; ``facts`` are those that the product stored."""
+    """The content of a file; ``facts`` are those that the product stored."""
 
     scenario_id: str
     country: str
@@ -69,7 +69,7 @@ class Known:
 
 @dataclass(frozen=True)
 class _Condition:
-    """A part of a slot: where it stands in a request's truth, the stage that applies it, and which files hold it."""
+    """A part of a slot: its key in a request's truth, the stage that applies it, and the files that satisfy it."""
 
     stage: str
     slot: str
@@ -79,7 +79,7 @@ class _Condition:
 
 
 def fresh_requests(known: Sequence[Known], seed: int, count: int) -> list[Request]:
-    """As many requests; the same seed draws the same, a larger count more of them."""
+    """Draw requests; the same seed draws the same ones, a larger count adds more."""
     return [
         _request(known, random.Random(f"{seed} {number}"), f"fresh-{seed}-{number}")  # noqa: S311 - no secret
         for number in range(count)
@@ -140,7 +140,7 @@ def _words(
     of_anchor: Sequence[str],
     words_of: Callable[[Known], Sequence[str] | frozenset[str]],
 ) -> list[_Condition]:
-    """One or two of: a word, either of two, without a word."""
+    """Return one or two conditions on words: a word, either of two, without a word."""
     conditions = []
     for _ in range(choice.randint(1, 2)):
         names = of_anchor if of_anchor and choice.random() < _ANCHORED else vocabulary
@@ -163,7 +163,9 @@ def _has(
 
 
 def _measure(choice: random.Random, anchor: Known) -> _Condition:
-    """A measure within an interval about the anchor's value; who never meets anybody has no time to conflict."""
+    """Return a measure within an interval around the anchor's value; without an encounter there is no time to
+    conflict.
+    """
     name = choice.choice(list(_MEASURES))
     value_of, unit = _MEASURES[name]
     about = value_of(anchor)
@@ -257,7 +259,7 @@ def _count_of(kind: str) -> Callable[[Known], int]:
 def _counted(
     choice: random.Random, about: int, count_of: Callable[[Known], int]
 ) -> tuple[str, int | list[int], Callable[[Known], bool]]:
-    """An operation with its count, near a number, and whether a file's number satisfies it."""
+    """Return an operation with a count near a number, and whether a file's number satisfies it."""
     number = max(about + choice.choice([0, 0, 0, -1, 1, 5]), 0)
     operation = choice.choice(["exact", "at_least", "at_most", "range", "zero"])
     low, high = {

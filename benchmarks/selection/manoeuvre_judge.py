@@ -1,8 +1,8 @@
-"""What happens in a CommonRoad file, read and measured apart from the product: lanes as areas, and three answers.
+"""Reads and measures the events of a CommonRoad file independently of the product: lanes as areas, and three answers.
 
-A road user is in the ego's lane if its centre lies in the area of the lanelets that the ego follows. The ego keeps its
-initial speed unless the file holds its recording. Whatever lies near a threshold of the vocabulary's definitions
-(3 s of headway, 3.4 m/s², half a lane) is not decided, so that no figure hangs on a rounding.
+A road user is in the ego's lane if its centre is in the area of the lanelets that the ego follows. The ego keeps its
+initial speed unless the file holds its recording. A value near a threshold of the vocabulary's definitions (3 s of
+headway, 3.4 m/s², half a lane) is undecided, so that no figure depends on rounding.
 """
 
 import heapq
@@ -29,7 +29,7 @@ _NEAR_M, _AROUND_M = 100.0, 14.0
 
 
 class Answer(Enum):
-    """Whether something happens; ``OPEN``: too near to a threshold to say."""
+    """Whether something happens; ``OPEN`` means too near to a threshold."""
 
     NO = 0
     OPEN = 1
@@ -79,7 +79,7 @@ class _Start:
 
 
 def _even(line: Values, count: int = 40) -> Values:
-    """A line with evenly spaced points."""
+    """Return a line with evenly spaced points."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], count)
     return np.column_stack([np.interp(at, along, line[:, 0]), np.interp(at, along, line[:, 1])])
@@ -99,13 +99,13 @@ def _point(node: Any) -> Values:
 
 
 def _turned(angle: Values) -> Values:
-    """Angles between -π and π."""
+    """Return angles between -π and π."""
     wrapped: Values = (angle + math.pi) % (2 * math.pi) - math.pi
     return wrapped
 
 
 class Judge:
-    """What happens in one file."""
+    """A judge of the manoeuvres in one file."""
 
     def __init__(self, path: Path) -> None:
         root: Any = etree.parse(path, etree.XMLParser(huge_tree=True)).getroot()
@@ -116,7 +116,7 @@ class Judge:
         self._start = None if problem is None else _start(problem)
 
     def answers(self) -> Mapping[str, Answer]:
-        """Say for each manoeuvre whether it happens."""
+        """Return for each manoeuvre whether it happens."""
         if self._start is None or not (route := self._route(self._start)):
             return dict.fromkeys((*OTHERS, *EGO), Answer.OPEN)
         changes = any(after not in self._lanelets[before].successors for before, after in pairwise(route))
@@ -317,7 +317,7 @@ class Judge:
         return row
 
     def _runs_out(self, key: int) -> bool:
-        """Return whether a lane comes to its end within five lanelets while a lane next to it goes on."""
+        """Return True if a lane ends within five lanelets while a lane next to it continues."""
         here = [key]
         for _ in range(5):
             stuck = [one for one in here if not self._lanelets[one].successors]
@@ -466,7 +466,7 @@ class _EgoLane:
 
 
 def _run(inside: NDArray[np.bool_], index: int, direction: int) -> NDArray[np.int_]:
-    """The indices from one on, in a direction, while it stays on the same side of the lane's edge."""
+    """Return the indices from one on, in a direction, while it stays on the same side of the lane's edge."""
     end = index
     while 0 <= end + direction < len(inside) and inside[end + direction] == inside[index]:
         end += direction

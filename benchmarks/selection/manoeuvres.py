@@ -1,14 +1,19 @@
-"""``make bench-manoeuvres``: search and generation by manoeuvre, against what a judge of its own reads from the files.
+"""``make bench-manoeuvres``: search and generation by manoeuvre, against an independent judge of the files.
 
 ``--count`` files are drawn from ``--folder`` with ``--seed``, and ``--made`` scenarios are generated on the built-in
-maps: each request asks for a manoeuvre of others or of the ego. All are searched by each manoeuvre. Pairs of scenario
-and manoeuvre that the judge leaves open are not counted.
+maps; each request specifies a manoeuvre of others or of the ego. All files are searched for each manoeuvre. Pairs of
+scenario and manoeuvre that the judge leaves open do not count.
 
-Keys: ``scenarios``; ``manoeuvres_right`` (of the pairs that the search or the judge says yes to, and of the generated
-scenarios, those that are right); ``search_right`` and ``generated_right`` (the two parts of it); ``found_true`` (of the
-pairs that the search names, those that happen), ``happened_found`` (of the pairs that happen, those that the search
-names); ``happened`` (how many happen), ``pairs`` (all that are decided), ``pairs_right``; ``open`` (share of all pairs
-that the judge leaves open); ``generated``, ``generated_open``, ``generated_refused``, ``generated_scripted``.
+Keys:
+
+- ``scenarios``.
+- ``manoeuvres_right``: share of right cases among the pairs that the search or the judge affirms and the generated
+  scenarios; ``search_right`` and ``generated_right``: its two parts.
+- ``found_true``: share of the pairs from the search that happen; ``happened_found``: share of the pairs that happen
+  that the search returns.
+- ``happened`` (pairs that happen), ``pairs`` (all decided), ``pairs_right``; ``open`` (share of all pairs that the
+  judge leaves open).
+- ``generated``, ``generated_open``, ``generated_refused``, ``generated_scripted``.
 """
 
 import argparse
@@ -50,13 +55,13 @@ _EGO_AT: dict[str, tuple[str, str, str]] = {
     "lane_change": ("Neuland", "highway", "ego_changes_lane"),
     "u_turn": ("Kreiselheim", "roundabout", "ego_turns_back"),
 }
-"""Built-in maps and types of sites that hold a manoeuvre, and the feature of it."""
+"""Built-in maps and types of sites with a manoeuvre, and its feature."""
 _CLASSES = ("", ":car", ":truck", ":bus", ":motorcycle")
 
 
 @dataclass
 class _Tally:
-    """What came out, and what was wrong, in words."""
+    """The results and the faults."""
 
     pairs: list[bool] = field(default_factory=list)
     said: list[bool] = field(default_factory=list)
@@ -70,7 +75,7 @@ class _Tally:
     wrong: list[str] = field(default_factory=list)
 
     def compare(self, scenario: str, truth: dict[str, Answer], named: set[str]) -> None:
-        """Take in what the judge and the searches say of a scenario."""
+        """Add the results of the judge and the searches for a scenario."""
         for manoeuvre, answer in truth.items():
             if answer is Answer.OPEN:
                 self.left_open += 1
@@ -149,7 +154,7 @@ async def _measure(scratch: Path, files: Sequence[Path], requests: Sequence[_Req
 
 
 async def _found(client: Client, feature: str | None) -> set[str]:
-    """The ids that a search by a feature names, on all pages; all there are without one."""
+    """Return the ids that a search by a feature names, on all pages; all there are without one."""
     found: set[str] = set()
     wish = {} if feature is None else {"features": [feature]}
     while True:
@@ -162,7 +167,7 @@ async def _found(client: Client, feature: str | None) -> set[str]:
 def main() -> None:
     """Draw, import, generate, search, judge, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--folder", type=Path, default=None, help="where files are drawn (default: the shared ones)")
+    parser.add_argument("--folder", type=Path, default=None, help="source of the files (default: the shared ones)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=130)
     parser.add_argument("--made", type=int, default=40)

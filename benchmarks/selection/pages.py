@@ -1,4 +1,4 @@
-"""Asking find_scenarios as a client does, page after page, and comparing with the ids of the corpus."""
+"""Calls find_scenarios as a client does, page by page, and compares the result with the ids of the corpus."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,12 +13,14 @@ from ..harness import ask, call_ms
 
 PAGE = 50
 _VALID = ("ok", "empty")
-"""Requests whose slots are ground truth."""
+"""Requests with slots as ground truth."""
 
 
 @dataclass(frozen=True)
 class Answered:
-    """What a request got on all pages: ids in their order, the facts behind each, and the stage that left nothing."""
+    """The result of a request over all pages: ids in their order, the facts behind each, and the stage without
+    matches.
+    """
 
     request: Request
     facts: dict[str, tuple[str, ...]]
@@ -26,12 +28,12 @@ class Answered:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the matches are the corpus's ids."""
+        """True if the matches are the corpus's ids."""
         return set(self.facts) == self.request.matching
 
     @property
     def is_rightly_empty(self) -> bool:
-        """Whether nothing matches, and the stage that is named for it is the corpus's."""
+        """True if nothing matches, and the named stage is the corpus's."""
         return not self.facts and self.emptied_at == self.request.truth["emptied_by"]["stage"]
 
     @property
@@ -40,7 +42,7 @@ class Answered:
         return str(arguments_of(self.request.truth).model_dump(exclude_defaults=True))
 
     def difference(self) -> str:
-        """The ids that only one side has; those that only the search found with the facts that decide who is right."""
+        """Return the ids that only one side has; those of the search come with the facts that decide who is right."""
         added = [f"{key} ({'; '.join(facts)})" for key, facts in self.facts.items() if key not in self.request.matching]
         missed = sorted(self.request.matching - set(self.facts))
         only_found, only_expected = ", ".join(added) or "-", ", ".join(missed) or "-"
@@ -48,12 +50,12 @@ class Answered:
 
 
 async def answer_all(client: Client, requests: Iterable[Request]) -> list[Answered]:
-    """Every request that has ground truth by its slots, all pages."""
+    """Return every request that has ground truth by its slots, all pages."""
     return [await _answered(client, request) for request in requests if request.expect in _VALID]
 
 
 async def search_ms(client: Client, requests: Iterable[Request]) -> list[float]:
-    """Milliseconds of every request by its slots: the whole tool with the stored search, as a client waits for it."""
+    """Return milliseconds of every request by its slots: the whole tool with the stored search, at the client."""
     return [
         await call_ms(client, "find_scenarios", **_words(arguments_of(request.truth), limit=5))
         for request in requests

@@ -1,4 +1,4 @@
-"""How well searches find what was asked for, with the paper's metrics, against the corpus's ground truth."""
+"""Measures search quality by the paper's metrics, against the corpus's ground truth."""
 
 import sqlite3
 from collections.abc import Callable, Mapping, Sequence
@@ -18,10 +18,10 @@ from plannerforge.schemas.errors import UnknownName
 from ..harness import share
 
 _FIRST = 5
-"""Results that count as seen: as many as the paper's interface shows."""
+"""Number of visible results, as in the paper's interface."""
 SEEDS = 5
 _XML_CHARACTERS = 20_000
-"""Of a file: more than the first few hundred tokens that the model reads."""
+"""Characters of a file: more than the model's first few hundred tokens."""
 Ranked = list[tuple[Request, Sequence[str]]]
 Tell = Callable[[str], None]
 
@@ -41,7 +41,7 @@ class SelectionQuality:
 
     Args:
         folder: the real scenarios, for embedding their XML.
-        tell: called with what is being measured.
+        tell: receives the current measurement's name.
     """
 
     def __init__(self, database: Database, index: Path, requests: Sequence[Request], folder: Path, tell: Tell) -> None:
@@ -51,7 +51,7 @@ class SelectionQuality:
         self._answerable = [one for one in requests if one.expect == "ok"]
 
     def measure(self, seeds: Sequence[int]) -> tuple[dict[str, float | int | str], list[tuple[str, str]]]:
-        """Figures by key, and rows of the table."""
+        """Return figures by key, and rows of the table."""
         tables = self._tables()
         rounds = []
         for seed in seeds:
@@ -90,7 +90,7 @@ class SelectionQuality:
         return figures, [*heading, *rows, *by_seed, *((key, f"{value}") for key, value in figures.items())]
 
     def _tables(self) -> dict[str, Ranked]:
-        """What every method finds; sat_all counts the first five, as the paper's interface shows."""
+        """Return the matches of every method; sat_all counts the first five, as the paper's interface shows."""
         methods: dict[str, tuple[Method, bool]] = {
             "funnel (slots)": ("funnel", True),
             "rrf (slots, text)": ("rrf", True),
@@ -125,7 +125,7 @@ class SelectionQuality:
         return _Spoiled(sum(extracts) / len(extracts), strict, fallback, with_text)
 
     def _found(self, arguments: FindScenariosArguments) -> tuple[list[str], list[str]]:
-        """The matches, and the matches or else the fallback."""
+        """Return the matches, and the matches or else the fallback."""
         search = Search(self._connection, arguments)
         ranking = self._ranking(search)
         answer = search.answer("search", search.find(ranking), ranking)
@@ -158,7 +158,7 @@ def _over_xml(requests: Sequence[Request], folder: Path) -> Ranked:
 
 
 def _is_refused(connection: sqlite3.Connection, request: Request) -> bool:
-    """Whether passing the words on is refused, naming each of them."""
+    """Return True if the words are refused with each of them named."""
     slots: Mapping[str, list[str]] = refused_arguments(request)
     try:
         Search(connection, FindScenariosArguments.model_validate(dict(slots)))

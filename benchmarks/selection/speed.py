@@ -1,6 +1,6 @@
-"""How long searches take: among many entries, and from the start of a server.
+"""Measures the duration of searches among many entries, and from the start of a server.
 
-A large catalogue is made from real facts, whose places, counts, tags and speeds are mixed anew by a seed.
+A large catalogue combines real facts: a seed mixes their places, counts, tags and speeds.
 """
 
 import os
@@ -25,7 +25,7 @@ from ..harness import call_ms
 from .pages import search_ms
 
 _WARM_TEXTS = 15
-"""How many searches by text are timed; their median counts (chosen)."""
+"""Number of timed text searches; their median counts (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,9 @@ class _Starts:
 async def measure_searches(
     folder: Path, real: Sequence[ScenarioFacts], size: int, requests: Sequence[Request]
 ) -> list[float]:
-    """Milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries made of real facts."""
+    """Return milliseconds of find_scenarios for every request, in a new workspace with ``size`` entries of real
+    facts.
+    """
     folder.mkdir()
     make_catalog(folder / "workspace.sqlite", real, size).close()
     settings = Settings(workspace=folder, starter=False, warm_up=False, maps_online="offline")
@@ -85,7 +87,7 @@ async def _first_search_s(server: StdioServerParameters) -> float:
 
 
 def make_catalog(path: Path, real: Sequence[ScenarioFacts], count: int) -> sqlite3.Connection:
-    """A database with ``count`` entries; every layer of an entry comes from another real scenario."""
+    """Return a database with ``count`` entries; every layer of an entry comes from another real scenario."""
     connection = sqlite3.connect(path, isolation_level=None)
     connection.execute("PRAGMA journal_mode = WAL")
     prepare(connection)

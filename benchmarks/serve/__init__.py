@@ -1,1 +1,1 @@
-"""The server as a product: how fast it answers by each transport, how it bears several clients, whether it conforms."""
+"""The server as a product: its speed over each transport, its behaviour with several clients, its conformance."""

@@ -1,28 +1,27 @@
-"""``make bench-serve``: the server by standard input and by HTTP, as clients meet it.
+"""``make bench-serve``: the server over standard input and HTTP, from the clients' side.
 
-Each part is a module of this package with a function ``measure(bench: ServeBench) -> Figures``, which explains its
-keys. The keys that count:
+Each part is a module of this package with a function ``measure(bench: ServeBench) -> Figures``. The module explains its
+keys. The main keys:
 
-``latency``: ``memory_ms``, ``stdio_ms``, ``http_ms`` (medians of a call that reads a workspace with the starter
-scenarios), ``start_ratio`` (process start to first answer, against a bare server of the SDK); goals: at most 1, 4, 8 ms
-and 1.4. Beside them ``find_scenarios_ms``, ``describe_catalog_ms``, ``describe_scenario_ms``, in memory.
-``http_load``: ``http_errors`` (answers that are neither right nor a stated limit), ``memory_slope_mb_per_h`` of the
-server after its warm-up, ``slowest_share`` (calls of the client that got fewest, of an equal share).
-``hostile``: ``hostile_inputs``, ``hostile_failures`` by HTTP.
-``http_kills``: ``kills`` of a server by HTTP, ``lost`` of what clients were told that it is there.
-``app_frames``: ``app_fps``, frames a second of the player with 300 vehicles in a browser without graphics card.
-``app_bridge``: ``bridge_checks`` (what is held against the pages in the bridge that hosts of MCP Apps are built on),
-``bridge_failed``.
-``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold, of all),
-``conformance_failed`` (those that do not, and those that were not made).
-``install``: ``install_s`` (from nothing to the first answer in a host, from a wheel, packages from pip's cache).
-``hosts``: ``hosts_passed`` (clients of others that find, modify, run, compare and draw); goal: at least 8.
+- ``latency``: ``memory_ms``, ``stdio_ms``, ``http_ms`` (medians of a call that reads a workspace with the starter
+  scenarios), ``start_ratio`` (process start to first answer, against a bare server of the SDK); goals: at most 1, 4, 8
+  ms and 1.4. Also ``find_scenarios_ms``, ``describe_catalog_ms``, ``describe_scenario_ms``, in memory.
+- ``http_load``: ``http_errors`` (answers that are neither right nor a stated limit), ``memory_slope_mb_per_h`` of the
+  server after its warm-up, ``slowest_share`` (calls of the slowest client over an equal share).
+- ``hostile``: ``hostile_inputs``, ``hostile_failures`` over HTTP.
+- ``http_kills``: ``kills`` of an HTTP server, ``lost`` (artifacts reported to clients and then missing).
+- ``app_frames``: ``app_fps``, the player's frames per second with 300 vehicles in a browser without a graphics card.
+- ``app_bridge``: ``bridge_checks`` (checks of the pages in the bridge of MCP Apps hosts), ``bridge_failed``.
+- ``conformance``: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (share of the checks that pass),
+  ``conformance_failed`` (failed or missing checks).
+- ``install``: ``install_s`` (from nothing to the first answer in a host, from a wheel, packages from pip's cache).
+- ``hosts``: ``hosts_passed`` (other makers' clients that find, modify, run, compare and draw); goal: at least 8.
 
-What a killed worker, a cancelled call and a client that left cost is ``make bench-server`` (``workers.py``).
+``make bench-server`` (``workers.py``) measures the cost of a killed worker, a cancelled call and a closed client.
 
-``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too, and so is a check
-of pages or of the official suite that does not hold; then the status is 1. ``--limit`` makes the load last so many
-minutes. ``--json`` prints the last line alone.
+``--only`` takes keys and parts. A part that fails or is missing is named, as is a failed check of pages or of the
+official suite, and the exit status is then 1. ``--limit`` sets the duration of the load in minutes. ``--json`` prints
+only the last line.
 """
 
 import argparse
@@ -49,14 +48,14 @@ PARTS: Parts[ServeBench] = Parts(
         "hosts": ("hosts_passed",),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 _NONE = ("bridge_failed", "conformance_failed")
-"""Keys that are a fault unless they are 0."""
+"""Keys that must be 0."""
 _MINUTES = 10.0
 
 
 def broken(figures: Figures) -> list[str]:
-    """In words, what was measured and has to be none."""
+    """Describe measured values that must be zero and are not."""
     return [f"{key} is {figures[key]}" for key in _NONE if figures.get(key)]
 
 
@@ -79,15 +78,13 @@ def _main() -> int:
     """Read the command line, measure, print; the status."""
     parser = part_options(__doc__)
     parser.add_argument("--limit", type=float, default=_MINUTES, help="minutes of load (default: 10)")
-    parser.add_argument("--clients", type=int, default=8, help="clients that load the server at once (default: 8)")
+    parser.add_argument("--clients", type=int, default=8, help="number of concurrent clients (default: 8)")
     parser.add_argument("--inputs", type=int, default=20_000, help="hostile inputs (default: 20000)")
     parser.add_argument("--kills", type=int, default=20, help="kills of the server (default: 20)")
-    parser.add_argument("--node", default="", help="program of Node 22 or newer (default: one is fetched from PyPI)")
-    parser.add_argument("--host", nargs="+", default=[], metavar="NAME", help="only these clients of others")
-    parser.add_argument(
-        "--hosts-folder", type=Path, help="where their environments are kept (default: the user's cache)"
-    )
-    parser.add_argument("--page", type=Path, help="the page that their table is written into")
+    parser.add_argument("--node", default="", help="a Node program, 22 or newer (default: fetched from PyPI)")
+    parser.add_argument("--host", nargs="+", default=[], metavar="NAME", help="only these clients of other makers")
+    parser.add_argument("--hosts-folder", type=Path, help="folder of their environments (default: the user's cache)")
+    parser.add_argument("--page", type=Path, help="the page for their table")
     parser.add_argument("--pictures", type=Path, help="a folder for a picture of each page in the bridge")
     return PARTS.run("Serve", parser, _bench, broken)
 

@@ -1,8 +1,9 @@
-"""The player with many vehicles in a headless Chromium: how fast it draws while it plays.
+"""The player with many vehicles in a headless Chromium: its drawing speed during playback.
 
-Keys: ``app_fps`` (frames a second while it plays with all vehicles in view; a screen shows at most 60),
-``app_frame_ms`` (median time that the page's scripts take for a frame), ``app_frame_ms_95`` (95 of 100),
-``app_vehicles``, ``app_page_mb`` (size of the page), ``app_follow_fps`` (the same following the ego).
+Keys: ``app_fps`` (frames per second during playback with all vehicles in view; a screen shows at most 60),
+``app_frame_ms`` (median time of the page's scripts for a frame), ``app_frame_ms_95`` (95th percentile),
+``app_vehicles``, ``app_page_mb`` (size of the page), ``app_follow_fps`` (frames per second while the view follows the
+ego).
 
 A browser without a graphics card draws on the processor.
 """
@@ -25,7 +26,7 @@ _CARS = 300
 _DURATION_S = 20
 _PLAYED_S = 8.0
 _ALL, _FOLLOW = "0", "f"
-"""Keys of the player: everything in view, and the view that follows the ego."""
+"""Keys of the player: show everything, and follow the ego."""
 _VIEWPORT = (1280, 800)
 _WATCH = """
 new Promise(done => {
@@ -69,7 +70,7 @@ def measure(bench: ServeBench) -> Figures:
 
 
 async def _write_player(workspace: Path, file: Path) -> int:
-    """Have a scenario generated and write its player; how many vehicles it has."""
+    """Generate a scenario and write its player; return the number of its vehicles."""
     wanted = {"vehicles": [f"car={_CARS}..{_CARS}"], "density": "high", "duration_s": _DURATION_S, "seed": 1}
     async with Client(create_server(settings_for(workspace, workspace.parent, 1))) as client:
         (scenario,) = (await ask(client, "generate_scenarios", **wanted))["scenarios"]
@@ -79,7 +80,7 @@ async def _write_player(workspace: Path, file: Path) -> int:
 
 
 def _played(page: Page, first: str) -> Any:
-    """What was seen of the frames while it played, after a key."""
+    """Return the frame statistics of playback after a key."""
     page.press(first)
     page.press(" ")
     watched = page.value(_WATCH.replace("SECONDS", str(_PLAYED_S)))

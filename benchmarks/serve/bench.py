@@ -1,4 +1,4 @@
-"""What the parts of ``make bench-serve`` are given."""
+"""The input of the parts of ``make bench-serve``."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,19 +6,19 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class ServeBench:
-    """Where a part may write, and how much it measures.
+    """The folders and limits of a part.
 
     Args:
-        scratch: an empty folder, gone afterwards.
-        minutes: how long the load lasts.
-        clients: how many load the server at once.
-        inputs: hostile inputs that are sent to it.
-        kills: how often it is killed.
-        node: program of Node; empty where one is to be fetched.
-        hosts: the clients of others that are tried; all of them where none is named.
-        environments: where their environments are kept; none for the usual folder.
-        page: the page that their table is written into.
-        pictures: where a picture of each page in a host is kept; none for nowhere.
+        scratch: an empty folder, deleted afterwards.
+        minutes: duration of the load.
+        clients: number of concurrent clients.
+        inputs: number of hostile inputs.
+        kills: number of kills.
+        node: a Node program; empty to fetch one.
+        hosts: the tested clients of other makers; all if empty.
+        environments: folder of their environments; None for the usual folder.
+        page: the page for their table.
+        pictures: folder for a picture of each page in a host, or None.
     """
 
     scratch: Path
@@ -33,7 +33,7 @@ class ServeBench:
     pictures: Path | None = None
 
     def folder(self, name: str) -> Path:
-        """A new folder in the scratch."""
+        """Return a new folder in the scratch."""
         folder = self.scratch / name
         folder.mkdir()
         return folder

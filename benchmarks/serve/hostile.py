@@ -1,7 +1,7 @@
-"""The hostile inputs of ``make bench-robust`` against a server by HTTP.
+"""The hostile inputs of ``make bench-robust`` against an HTTP server.
 
-Keys: ``hostile_inputs``, ``hostile_failures`` (laws that inputs broke, deaths of the server, writes outside its roots
-and faults of its journal: docs/robustness.md), ``hostile_memory_mb`` (the most that the server's process held),
+Keys: ``hostile_inputs``, ``hostile_failures`` (laws broken by inputs, deaths of the server, writes outside its roots
+and faults of its journal: docs/robustness.md), ``hostile_memory_mb`` (peak memory of the server's process),
 ``hostile_late_s`` (the slowest refusal).
 """
 
@@ -23,7 +23,7 @@ _MOST_TOLD = 20
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Send them, and count what they broke; once interrupted, of those that were sent."""
+    """Send the inputs and count what they broke; if interrupted, of those sent."""
     sent: list[Tally] = []
     try:
         anyio.run(_attack, bench.folder("hostile"), bench.inputs, sent)

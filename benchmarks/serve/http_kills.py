@@ -1,11 +1,11 @@
-"""A server by HTTP that is killed at random moments while clients search, edit, configure and run.
+"""Kills an HTTP server at random times while clients search, edit, configure and run.
 
-After each kill its processes have to be gone and the workspace to fit; the next server takes it on, the last one
-undisturbed.
+After each kill its processes must be gone and the workspace consistent. The next server continues, and the last one
+runs undisturbed.
 
-Keys: ``kills``, ``lost`` (what a client was told that it is there, and is not), ``broken`` (records, files, catalogue
-and jobs that do not fit after a kill), ``left_processes`` (of a server that was killed), ``kept`` (artifacts that
-clients were told of, and that are there), ``kill_errors`` (failed calls of clients of the last server).
+Keys: ``kills``; ``lost`` (artifacts reported to a client that are missing); ``broken`` (inconsistent records, files,
+catalogue and jobs after a kill); ``left_processes`` (of a killed server); ``kept`` (artifacts reported to clients that
+exist); ``kill_errors`` (failed calls of the last server's clients).
 """
 
 import os
@@ -29,12 +29,12 @@ from .http_load import LoadClient, Tally, Told, token_settings, tokens_of_client
 _SEED = 20261124
 _CLIENTS = 4
 _EARLIEST_S, _LATEST_S, _LAST_S = 1.0, 12.0, 15.0
-"""From the first call of a server to its kill, and how long the last one works; chosen."""
+"""Range of the time from a server's first call to its kill, and the working time of the last server (chosen)."""
 
 
 @dataclass
 class _Seen:
-    """What came of all servers."""
+    """The results of all servers."""
 
     told: set[Told] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)
@@ -102,7 +102,7 @@ async def _one_client(url: str, name: str, token: str, mode: str, tally: Tally) 
 
 
 def lost_of(root: Path, told: set[Told]) -> list[str]:
-    """In words, what of this the workspace does not hold."""
+    """Describe what the workspace lacks of these."""
     workspace = Workspace(root)
     try:
         return [f"{one.kind} {one.artifact_id} is gone" for one in sorted(told) if not workspace.find(*one)]

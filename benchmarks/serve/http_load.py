@@ -1,15 +1,18 @@
-"""Several clients on one server by HTTP for some minutes: reading, searching, editing and running, all mixed.
+"""Several clients on one HTTP server for some minutes: mixed reading, searching, editing and running.
 
-Half of the clients speak the revision without sessions, half one with; each has a token and works on what it made.
-What a call answers is checked: a search finds something, a run is one run, and ``latest`` and ``current`` are what this
-client made last. A refusal that names a bound of the server (429) is counted apart.
+Half of the clients use the revision without sessions, half one with sessions. Each has a token and works on its own
+artifacts. The bench checks each answer: a search finds something, a run is one run, and ``latest`` and ``current``
+refer to this client's latest. A refusal that states a limit of the server (429) is counted separately.
 
-Keys: ``http_errors`` (calls that failed, or answered something else than they should), ``http_limited`` (refused by a
-stated bound), ``http_calls``, ``http_edits`` and ``http_runs`` (scenarios and runs that clients made, those stored
-before not counted twice), ``http_minutes``, ``memory_slope_mb_per_h`` (of the server's own process, least squares over
-the last two thirds), ``memory_start_mb``, ``memory_end_mb`` (at the beginning and end of these), ``slowest_share``
-(calls of the client that got fewest, of an equal share), ``slowest_call_s``. What nobody could measure is left out:
-edits and runs where there were none, for without them this is another load, and a slope of fewer than two looks.
+Keys:
+
+- ``http_errors``: calls that failed or got a wrong answer; ``http_limited``: refused by a stated limit; ``http_calls``.
+- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if there were none, because that is
+  another load).
+- ``http_minutes``.
+- ``memory_slope_mb_per_h``: of the server's process, least squares over the last two thirds (omitted with fewer than
+  two samples); ``memory_start_mb``, ``memory_end_mb``: at the start and end of these.
+- ``slowest_share``: calls of the slowest client over an equal share; ``slowest_call_s``.
 """
 
 import random
@@ -33,15 +36,15 @@ from .bench import ServeBench
 
 _SAMPLE_S = 2.0
 _WARM_UP_SHARE = 1 / 3
-"""Of the time, which does not count for the slope of memory; chosen: caches and worker pools fill in it."""
+"""Share of the time without effect on the slope of memory (chosen), in which caches and worker pools fill."""
 _MOST_TOLD = 10
 _RANDOM_SEED = 21
 _READ_BYTES = 700_000
-"""Largest resource that is read: the SDK's client takes no event of more than 1 MiB (docs/http.md)."""
+"""Largest resource to read: the SDK's client accepts no event of more than 1 MiB (docs/http.md)."""
 
 
 class Told(NamedTuple):
-    """An artifact that a client was told of."""
+    """An artifact reported to a client."""
 
     kind: ArtifactKind
     artifact_id: str
@@ -49,20 +52,20 @@ class Told(NamedTuple):
 
 @dataclass
 class Tally:
-    """What came of the calls of all clients."""
+    """The results of all clients' calls."""
 
     calls: Counter[str] = field(default_factory=Counter)
     limited: int = 0
     slowest_s: float = 0.0
     errors: list[str] = field(default_factory=list)
     memory: list[tuple[float, float]] = field(default_factory=list)
-    """Seconds from the beginning, megabytes of the server's process."""
+    """Seconds since the start, megabytes of the server's process."""
     told: set[Told] = field(default_factory=set)
-    """What clients were told that it is there, by kind and id."""
+    """Artifacts reported to clients, by kind and id."""
 
 
 class LoadClient:
-    """One client: what it knows, and what it does in turn."""
+    """One client: its knowledge, and its actions in turn."""
 
     def __init__(self, name: str, client: Client, tally: Tally) -> None:
         self._name, self._client, self._tally = name, client, tally
@@ -86,7 +89,7 @@ class LoadClient:
             self._tally.slowest_s = max(self._tally.slowest_s, time.monotonic() - before)
 
     async def _call(self, tool: str, **arguments: Any) -> Any:
-        """The structured answer of a tool; None where it failed, which is written down."""
+        """Return the structured answer of a tool; record a failure and return None."""
         try:
             result = await self._client.call_tool(tool, arguments)
         except MCPError as error:
@@ -125,7 +128,7 @@ class LoadClient:
                 self._scenario, self._vehicle = chosen, str(cars[0]["vehicle_id"])
 
     async def _edit(self) -> None:
-        """Make an own scenario; then ``latest`` is that one, whatever others made meanwhile."""
+        """Create a scenario; ``latest`` must then be that one, regardless of other clients."""
         if not self._vehicle:
             return
         speed = f"{self._chance.uniform(2.0, 12.0):.2f}m/s"
@@ -150,7 +153,7 @@ class LoadClient:
         self._expect(told is None or own == made["config_id"], "current", f"{own} is not the own one")
 
     async def _run(self) -> None:
-        """Drive what this client edited last, so that the run is a new one, not one that is stored."""
+        """Drive this client's latest edit, so that the run is new and not a stored one."""
         if not self._edited:
             return
         ran = await self._call("run_planner", scenarios=[self._edited], configs=["idm"], wait_s=50)
@@ -201,12 +204,12 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def tokens_of_clients(count: int) -> dict[str, str]:
-    """Names and tokens of clients: by its token a server tells a client without a session from others."""
+    """Return names and tokens of clients: a server identifies a client without a session by its token."""
     return {f"client-{number}": f"{number:02d}-" + "l" * 32 for number in range(count)}
 
 
 def token_settings(tokens: Mapping[str, str]) -> dict[str, str]:
-    """The variable that lets these clients in."""
+    """Return the variable that lets these clients in."""
     return {"PLANNERFORGE_HTTP_TOKENS": ",".join(f"{name} {token}" for name, token in tokens.items())}
 
 
@@ -233,13 +236,13 @@ async def _watch_memory(process: psutil.Process, tally: Tally) -> None:
 
 
 def settled(memory: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """What was measured after the warm-up."""
+    """Return the measurements after the warm-up."""
     begin_s = memory[-1][0] * _WARM_UP_SHARE
     return [sample for sample in memory if sample[0] >= begin_s]
 
 
 def slope_per_h(memory: list[tuple[float, float]]) -> float | None:
-    """Growth of memory after the warm-up in MB an hour, by least squares; None with fewer than two looks."""
+    """Return growth of memory after the warm-up in MB an hour, by least squares; None with fewer than two looks."""
     looks = settled(memory)
     if len(looks) < 2:
         return None

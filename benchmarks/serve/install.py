@@ -1,12 +1,18 @@
-"""From nothing to the first answer in a host: a wheel, a new environment, the host's settings, a call as it makes it.
+"""From nothing to the first answer in a host: a wheel, a new environment, the host's settings, a call.
 
-Keys: ``install_s`` (all of it by pip, with packages from pip's cache where it has them), ``install_packages_s``
-(environment, the wheel and the pinned versions of all that it needs), ``install_host_s`` (``plannerforge install`` into
-a host's settings), ``install_answer_s`` (the server started as those settings say, to the answer of a search),
-``install_mb`` (what the environment takes); ``install_cold_s``: all of it without pip's cache; ``install_uv_s``,
-``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which chooses versions itself, with its cache and with an
-empty one. Neither installs what docs/install.md leaves out. The wheel itself is built before the clock starts, and uv
-is had from PyPI: a user has them.
+Keys:
+
+- ``install_s``: everything by pip, with packages from pip's cache if available.
+- ``install_packages_s``: environment, wheel and pinned versions of all dependencies.
+- ``install_host_s``: ``plannerforge install`` into a host's settings.
+- ``install_answer_s``: from the server's start by those settings to the answer of a search.
+- ``install_mb``: size of the environment.
+- ``install_cold_s``: everything without pip's cache.
+- ``install_uv_s``, ``install_uv_cold_s``, ``install_uv_mb``: the same by uv, which chooses versions itself, with its
+  cache and with an empty one.
+
+Neither installs what docs/install.md leaves out. The wheel is built before the clock starts, and uv comes from PyPI,
+because users have both.
 """
 
 import os
@@ -29,12 +35,12 @@ from .bench import ServeBench
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _VERSIONS = _CHECKOUT / "packaging" / "requirements.txt"
-"""What pip installs beside the wheel: it is published with it."""
+"""A package that pip installs next to the wheel, because it is published with it."""
 _HOST = ("codex", ".codex/config.toml", "mcp_servers")
-"""A host whose settings are one file in the home folder."""
+"""A host with all settings in one file of the home folder."""
 _BYTES = 1024**2
 LEFT_OUT = ("polygon3",)
-"""What nothing imports (docs/install.md)."""
+"""Dependencies that nothing imports (docs/install.md)."""
 
 
 class Taken(NamedTuple):
@@ -52,14 +58,14 @@ class Taken(NamedTuple):
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Build a wheel, install it into new environments and new home folders, and ask what a host asks.
+    """Build a wheel, install it into new environments and home folders, and make a host's calls.
 
     Raises:
         LeftOut: there is no checkout to build a wheel from.
-        RuntimeError: a step failed, with what it said.
+        RuntimeError: a step failed, with its output.
     """
     if not (_CHECKOUT / "pyproject.toml").is_file():
-        raise LeftOut("it builds a wheel, and there is no checkout to build it from")
+        raise LeftOut("it needs a checkout to build a wheel from")
     folder = bench.folder("install")
     wheel = _built(folder / "dist")
     uv = _uv(folder)
@@ -81,7 +87,7 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def _taken(folder: Path, install: Callable[[Path], None]) -> Taken:
-    """Go one way from nothing to the first answer; the environment is gone afterwards."""
+    """Install in one way from nothing to the first answer, and remove the environment afterwards."""
     environment, home = folder / "venv", folder / "home"
     home.mkdir(parents=True)
     begun = time.perf_counter()
@@ -108,7 +114,7 @@ def _by_pip(environment: Path, wheel: Path, *options: str) -> None:
 
 
 def _by_uv(environment: Path, wheel: Path, uv: Path) -> None:
-    """As docs/install.md has it, with a cache that only this measurement fills."""
+    """Install as docs/install.md says, with a cache that only this measurement fills."""
     overrides = environment.with_name("overrides.txt")
     overrides.write_text("".join(f"{name} ; python_version < '3'\n" for name in LEFT_OUT), encoding="utf-8")
     own = [str(uv), "--quiet", "--cache-dir", str(environment.parents[1] / "uv-cache")]
@@ -118,12 +124,12 @@ def _by_uv(environment: Path, wheel: Path, uv: Path) -> None:
 
 
 def _uv(folder: Path) -> Path | None:
-    """The program; None, and a note, where it cannot be had from PyPI."""
+    """Return the program, or None with a note if PyPI does not provide it."""
     _run([sys.executable, "-m", "venv", str(folder / "uv")])
     try:
         _run([*_pip(folder / "uv"), "uv"])
     except RuntimeError as error:
-        sys.stderr.write(f"install: uv cannot be had: {error}\n")
+        sys.stderr.write(f"install: uv is not available: {error}\n")
         return None
     return folder / "uv" / "bin" / "uv"
 
@@ -138,7 +144,7 @@ def _pip(environment: Path) -> list[str]:
 
 
 def _clean() -> dict[str, str]:
-    """The environment without what would let a new one find packages of this one."""
+    """Return the environment without variables that let a new one find packages of this one."""
     return {name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "VIRTUAL_ENV"}}
 
 
@@ -146,7 +152,7 @@ def _run(command: list[str], *, environment: dict[str, str] | None = None, cwd: 
     """Run a command.
 
     Raises:
-        RuntimeError: it failed, with the end of what it said.
+        RuntimeError: it failed, with the end of its output.
     """
     ended = subprocess.run(command, capture_output=True, text=True, env=environment or _clean(), cwd=cwd, check=False)
     if ended.returncode:
@@ -156,10 +162,10 @@ def _run(command: list[str], *, environment: dict[str, str] | None = None, cwd: 
 
 
 async def _ask(command: str, arguments: list[str], environment: dict[str, str], folder: Path) -> None:
-    """What a host asks first, and a search in the starter catalogue."""
+    """Make a host's first calls, and a search in the starter catalogue."""
     server = StdioServerParameters(command=command, args=arguments, env=environment, cwd=folder)
     async with Client(stdio_client(server)) as client:
         await client.list_tools()
         answer = await client.call_tool("find_scenarios", {"limit": 1})
     if answer.is_error or not (answer.structured_content or {}).get("matches"):
-        raise RuntimeError(f"the first answer is none: {answer.content}")
+        raise RuntimeError(f"the first answer is not a valid one: {answer.content}")

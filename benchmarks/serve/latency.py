@@ -1,13 +1,16 @@
-"""How fast the server answers, by each transport, in one run on one machine.
+"""The server's speed over each transport, in one run on one machine.
 
-Keys: ``memory_ms``, ``stdio_ms``, ``http_ms`` (medians of a call that reads the workspace, ``list_artifacts``, in
-memory, by standard input and by HTTP with a token), ``http_sessions_ms`` (by HTTP in a revision with sessions),
-``bare_http_ms`` (the same SDK's server with one tool that does nothing, by HTTP), ``find_scenarios_ms``,
-``describe_catalog_ms``, ``describe_scenario_ms`` (medians of these calls in memory; the last one asks a worker),
-``start_ratio`` (process start to the first answer, median of the paired ratios against an ``MCPServer`` without tools).
+Keys:
 
-Every workspace holds the starter scenarios. Transports and calls take turns, block by block, so that what else the
-machine does falls on all of them alike.
+- ``memory_ms``, ``stdio_ms``, ``http_ms``: medians of a call that reads the workspace (``list_artifacts``), in memory,
+  over standard input and over HTTP with a token; ``http_sessions_ms``: over HTTP in a revision with sessions.
+- ``bare_http_ms``: the same SDK's server over HTTP with one empty tool.
+- ``find_scenarios_ms``, ``describe_catalog_ms``, ``describe_scenario_ms``: medians of these calls in memory; the last
+  one uses a worker.
+- ``start_ratio``: process start to first answer, median of the paired ratios against an ``MCPServer`` without tools.
+
+Every workspace holds the starter scenarios. Transports and calls alternate in blocks, so that other load on the machine
+affects all equally.
 """
 
 import statistics
@@ -29,7 +32,7 @@ from ..harness import Figures, ask, call_ms
 from .bench import ServeBench
 
 _STARTS, _BLOCKS, _CALLS, _WARM_UP = 9, 10, 30, 20
-"""Starts, blocks of calls of each kind, calls of a block, and calls before; chosen: the figures are medians."""
+"""Numbers of starts, blocks of each kind, calls per block, and earlier calls (chosen: the figures are medians)."""
 _TOKEN = "latency-" + "t" * 32
 _BARE = "from mcp.server import MCPServer; MCPServer('bare').run()"
 _BARE_HTTP = """
@@ -89,7 +92,7 @@ async def _measure(folder: Path) -> Figures:
 
 
 async def _times_ms(calls: Mapping[str, Callable[[], Awaitable[float]]]) -> dict[str, list[float]]:
-    """The times of calls by their keys; they take turns block by block."""
+    """Return the times of calls by their keys; they take turns block by block."""
     times = {name: list[float]() for name in calls}
     for call in calls.values():
         for _ in range(_WARM_UP):
@@ -115,7 +118,7 @@ async def _start_ratios(folder: Path) -> list[float]:
 
 
 async def _first_answer_s(server: StdioServerParameters) -> float:
-    """Seconds from the start of a server process to the answer to its first request."""
+    """Return seconds from the start of a server process to the answer to its first request."""
     started = time.perf_counter()
     async with Client(server) as client:
         await client.list_tools()

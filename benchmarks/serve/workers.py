@@ -1,4 +1,4 @@
-"""``make bench-server``: what the server adds to the protocol, against an ``MCPServer`` without tools in the same run.
+"""``make bench-server``: the server's overhead over an ``MCPServer`` without tools in the same run.
 
 Keys: ``start_ratio`` (process start to first answer, median of the paired ratios), ``call_memory_ms``,
 ``call_stdio_ms`` (medians of a call that reads the workspace), ``kill_error_s`` (worker killed → error at the client),
@@ -27,10 +27,10 @@ from ..faults.processes import workers_of_this_process
 from ..harness import call_ms, print_figures, spread
 
 _STARTS, _CALLS, _FAULT_REPEATS = 9, 300, 5
-"""Repetitions (chosen): the figures are medians, of the faults the worst."""
+"""Repetitions (chosen): the figures are medians, or the worst for faults."""
 _BARE = "from mcp.server import MCPServer; MCPServer('bare').run()"
 _LONG_WORK: dict[str, Any] = {"density": "high", "duration_s": 120}
-"""A generation that takes long enough to be killed or cancelled."""
+"""A generation long enough to be killed or cancelled."""
 
 
 async def _measure(workspace: Path) -> None:
@@ -74,7 +74,7 @@ async def _measure(workspace: Path) -> None:
 
 
 async def _first_answer_s(server: StdioServerParameters) -> float:
-    """Seconds from the start of a server process to the answer to its first request."""
+    """Return seconds from the start of a server process to the answer to its first request."""
     started = time.perf_counter()
     async with Client(server) as client:
         await client.list_tools()
@@ -82,7 +82,7 @@ async def _first_answer_s(server: StdioServerParameters) -> float:
 
 
 async def _faults_s(server: StdioServerParameters, seed: int) -> tuple[float, float, float]:
-    """Seconds to the error after a worker was killed, to its end after a call was cancelled, to all ends after closing.
+    """Return seconds from a kill to the error, from a cancellation to the worker's end, and from closing to all ends.
 
     Each fault is provoked on a real server over stdio.
     """

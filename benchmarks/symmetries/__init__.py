@@ -1,5 +1,5 @@
-"""Laws of symmetry: what a scenario says does not depend on where it lies, how it is numbered, or how it is written.
+"""Laws of symmetry: a scenario's meaning does not depend on its position, its numbering, or its notation.
 
-``relations`` changes a file in a way that must not change the answers, ``answers`` asks the product, ``cases`` compares
-what it says before and after, translated back. The laws, with what they cannot hold, stand in ``docs/symmetries.md``.
+``relations`` changes a file in a way that must not change the answers, ``answers`` queries the product, and ``cases``
+compares the answers before and after, translated back. ``docs/symmetries.md`` states the laws and their exceptions.
 """

@@ -1,11 +1,11 @@
-"""``make bench-symmetries``: does the product say the same about a scenario that is written otherwise?
+"""``make bench-symmetries``: checks that the product says the same about an equivalent scenario.
 
-Scenarios of the shared folder and generated ones are moved, turned, mirrored, numbered anew and so on (``relations``);
-judges ask the product before and after, and compare what it says by the law of the relation.
+Scenarios of the shared folder and generated ones are moved, turned, mirrored, renumbered and so on (``relations``).
+Judges query the product before and after, and compare the answers by the law of the relation.
 
-Keys: ``metamorphic_cases`` (comparisons of one judge under one relation on one file), ``metamorphic_failures`` (where
-the law is broken; what ``docs/symmetries.md`` states is none), ``stated`` (cases with such a difference),
-``relations``, ``files``; ``relation NAME`` and ``judge NAME`` say how many of its cases failed.
+Keys: ``metamorphic_cases`` (comparisons of one judge under one relation on one file), ``metamorphic_failures`` (broken
+laws, without the exceptions in ``docs/symmetries.md``), ``stated`` (cases with such an exception), ``relations``,
+``files``; ``relation NAME`` and ``judge NAME`` count the failed cases of each.
 """
 
 import argparse
@@ -28,12 +28,12 @@ from .cases import Case, measure, tasks
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
-    parser.add_argument("--cases", type=int, default=3500, help="about so many comparisons")
+    parser.add_argument("--cases", type=int, default=3500, help="approximate number of comparisons")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--limit", type=int, help="only a sample of this many files")
-    parser.add_argument("--generated", type=int, default=6, help="of the scenarios that come with the package, so many")
+    parser.add_argument("--generated", type=int, default=6, help="number of the package's scenarios")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--cheap", action="store_true", help="no edits, planner runs and descriptions")
+    parser.add_argument("--cheap", action="store_true", help="skip edits, planner runs and descriptions")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         files = [*scenario_files(existing(given.folder), given.limit), *_generated(Path(folder), given.generated)]
@@ -68,7 +68,7 @@ def _measured(files: Sequence[Path], cases: int, seed: int, workers: int, *, dea
 
 
 def _generated(folder: Path, count: int) -> list[Path]:
-    """The smallest scenarios of the starter catalogue, which were made from maps."""
+    """Return the smallest scenarios of the starter catalogue, which were generated from maps."""
     with as_file(resources("plannerforge.engine.catalog") / ARCHIVE) as path, zipfile.ZipFile(path) as archive:
         members = [one for one in archive.infolist() if one.filename.endswith(".xml") and ".net." not in one.filename]
         chosen = sorted(members, key=lambda one: (one.file_size, one.filename))[:count]

@@ -1,7 +1,7 @@
-"""What the product says about a file, translated back into the terms of the original.
+"""The product's answers about a file, translated back into the terms of the original.
 
-A judge asks one thing and gives it as named values: numbers (compared within the law's tolerance), words and ids
-(compared exactly). Angles are given as unit vectors, which know no whole turns; sets of ids as sorted tuples.
+A judge reads one aspect as named values: numbers (compared within the law's tolerance), and texts and ids (compared
+exactly). Angles are unit vectors, which do not depend on full turns; sets of ids are sorted tuples.
 """
 
 import random
@@ -37,13 +37,13 @@ from .relations import Frame
 Answer = dict[str, Any]
 PLANNER = "frenetix:Default"
 PLACE_M, TOLD_M = 0.011, 0.11
-"""What rules say about a place is rounded to a centimetre, and what descriptions say to 0.1 m or m/s."""
+"""Rules round places to a centimetre, and descriptions to 0.1 m or m/s."""
 _NUMBER = re.compile(r"\d+(\.\d+)?")
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A file and how to read it back; ``edit`` is what the judge of edits asks for, in the original's terms."""
+    """A file and how to translate it back; ``edit`` is the edit for its judge, in the original's terms."""
 
     path: Path
     frame: Frame
@@ -76,7 +76,7 @@ def _read_facts(path: Path) -> ScenarioFacts:
 
 
 def _facts(asked: Asked) -> Answer:
-    """The facts of the catalogue, but for the computed features."""
+    """Return the facts of the catalogue without the computed features."""
     facts, frame = _read_facts(asked.path), asked.frame
     answer: Answer = {
         "scenario_id": facts.scenario_id,
@@ -115,7 +115,7 @@ def _ego(frame: Frame, ego: EgoFacts) -> Answer:
 
 
 def _features(asked: Asked) -> Answer:
-    """The computed features of every planning problem; left and right are the original's."""
+    """Return the computed features of every planning problem; left and right are the original's."""
     return {
         f"ego {asked.frame.element(ego.problem_id)}": tuple(sorted(map(asked.frame.sided, ego.features)))
         for ego in _read_facts(asked.path).egos
@@ -126,7 +126,7 @@ def _features(asked: Asked) -> Answer:
 
 
 def _rules(asked: Asked) -> Answer:
-    """What the rules find: by rule and elements, the places of the findings (none where a lanelet was cut)."""
+    """Return the findings' places by rule and elements (empty if a lanelet was cut)."""
     checked, frame = check_file(asked.path), asked.frame
     found: dict[str, list[tuple[float, float]]] = {"unreadable": [] if not checked.unreadable else [(0.0, 0.0)]}
     for finding in checked.findings:
@@ -138,13 +138,13 @@ def _rules(asked: Asked) -> Answer:
 
 @lru_cache(maxsize=2)
 def _tracks_of(path: Path) -> tuple[dict[int, Track], dict[int, Track]]:
-    """The moving and the standing road users of a file."""
+    """Return the moving and the standing road users of a file."""
     recorded = read_recorded(path)
     return recorded.tracks, static_tracks(recorded.loaded.scenario, 0)
 
 
 def _recording(asked: Asked) -> Answer:
-    """The road users as the product reads them."""
+    """Return the road users as the product reads them."""
     moving, standing = _tracks_of(asked.path)
     answer: Answer = {}
     for track in moving.values():
@@ -165,7 +165,7 @@ def _track(frame: Frame, track: Track, first_step: int | None, name: str = "") -
 
 
 def _criticality(asked: Asked) -> Answer:
-    """How critical the drive of the longest recorded road user is among the others."""
+    """Return the criticality of the longest recorded road user's drive among the others."""
     moving, standing = _tracks_of(asked.path)
     if not moving:
         return {}
@@ -184,7 +184,7 @@ def _criticality(asked: Asked) -> Answer:
 
 
 def canonical(root: Any) -> bytes:
-    """A tree as bytes, without what means nothing: white space between elements, and comments."""
+    """Return a tree as bytes, without meaningless white space and comments."""
     for text in root.iter():
         if isinstance(text.tag, str):
             text.text = (text.text or "").strip() or None
@@ -193,7 +193,7 @@ def canonical(root: Any) -> bytes:
 
 
 def rewritten(path: Path, folder: Path) -> Path:
-    """The file as the product's document writes it when nothing was edited."""
+    """Return the file as the product's document writes it when nothing was edited."""
     document = ScenarioDocument.read(path)
     written = folder / f"rewritten-{path.name}"
     document.write(written, document.root.get("benchmarkID", ""))
@@ -201,7 +201,7 @@ def rewritten(path: Path, folder: Path) -> Path:
 
 
 def _description(asked: Asked) -> Answer:
-    """The description in words: the ego's way, where the vehicles are, what follows the lanelets."""
+    """Return the description's text: the ego's route, the vehicles' positions, the lanelets' successors."""
     request = DescribeRequest(path=asked.path, detail="vehicles", focus=None, radius_m=80.0)
     told, frame = describe(request, silent), asked.frame
     answer: Answer = {"vehicles_total": told.vehicles_total}
@@ -222,9 +222,9 @@ def _description(asked: Asked) -> Answer:
 
 
 def _checks(asked: Asked) -> Answer:
-    """What generation's own checks say about the file, for an ego that drives on as it starts.
+    """Return the results of generation's own checks of the file, for an ego that keeps its initial motion.
 
-    Nothing where the goal is no region, as those that are generated are.
+    Empty if the goal is not a region, as generated goals are.
     """
     recorded = read_recorded(asked.path)
     problems = recorded.loaded.planning_problems.planning_problem_dict.values()
@@ -255,7 +255,7 @@ _TURNED: Final = {"left": "right", "right": "left"}
 
 
 def drawn_edit(path: Path, draw: random.Random) -> Edit | None:
-    """An edit of one kind on a vehicle that moves; None where the file has none."""
+    """Return an edit of one kind on a moving vehicle, or None if the file has no such vehicle."""
     scene = scene_of(path).scene
     moving = [key for key, track in scene.tracks.items() if key in scene.matches and track.speeds_mps.mean() > 1.0]
     if not moving:
@@ -275,7 +275,7 @@ def drawn_edit(path: Path, draw: random.Random) -> Edit | None:
 
 
 def _there(edit: Edit, frame: Frame, step_s: float) -> Edit:
-    """The edit in the terms of the changed file."""
+    """Return the edit in the terms of the changed file."""
     new = {old: there for there, old in frame.ids.items() if old not in frame.cut}
     changed: Answer = {"vehicles": [str(new.get(int(key), int(key))) for key in edit.vehicles]}
     if edit.at is not None:
@@ -290,7 +290,7 @@ def _there(edit: Edit, frame: Frame, step_s: float) -> Edit:
 
 
 def _edited(asked: Asked) -> Answer:
-    """The refusal by its reason, or what is touched and where the touched vehicles drive."""
+    """Return the refusal by its reason, or the touched vehicles and their motions."""
     if asked.edit is None:
         return {}
     frame = asked.frame
@@ -326,7 +326,7 @@ def _name(frame: Frame, key: int, known: set[int]) -> str:
 
 
 def _run(asked: Asked) -> Answer:
-    """How a run of the default planner ends, and what it drives."""
+    """Return the end and the motion of a run of the default planner."""
     request = RunRequest(
         run_id="symmetry", scenario_path=str(asked.path), scenario_id="symmetry", configuration=built_in(PLANNER)
     )
@@ -356,6 +356,6 @@ CHEAP: Final[Mapping[str, Judge]] = {
     "recording": _recording,
     "criticality": _criticality,
 }
-"""Judges that are asked about every file; ``document`` is one more, which compares files."""
+"""Judges for every file; ``document`` is one more, which compares files."""
 DEAR: Final[Mapping[str, Judge]] = {"description": _description, "checks": _checks, "edit": _edited, "run": _run}
-"""Judges that are asked about a sample, because they simulate."""
+"""Judges for a sample of files, because they simulate."""

@@ -1,6 +1,6 @@
-"""Cases: one file, one relation, one judge; what is said before and after is compared by the law of the relation.
+"""Cases of one file, one relation and one judge: the law of the relation compares the answers before and after.
 
-A difference that a law does not forbid is *stated*: each has its reason in ``docs/symmetries.md`` and its name here.
+A difference that a law permits is *stated*: ``docs/symmetries.md`` gives the reason for each, and this module its name.
 """
 
 import random
@@ -27,7 +27,7 @@ SHOWN = 6
 
 @dataclass(frozen=True)
 class Case:
-    """One comparison: ``differences`` that the law forbids (none: it holds), and those that are stated."""
+    """One comparison: ``differences`` that the law forbids (empty if it holds), and stated ones."""
 
     file: str
     relation: str
@@ -38,7 +38,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Task:
-    """What is asked about one file: relations, and the judges of each beside the cheap ones."""
+    """The work on one file: relations, and the judges of each in addition to the cheap ones."""
 
     path: Path
     seed: int
@@ -46,7 +46,7 @@ class Task:
 
 
 def measure(task: Task) -> list[Case]:
-    """All cases of a task; relations that have nothing to change in the file make none."""
+    """Return all cases of a task; a relation that changes nothing in the file has none."""
     cases: list[Case] = []
     root = read_root(task.path)
     with tempfile.TemporaryDirectory() as name:
@@ -82,7 +82,7 @@ def _asks_edit(task: Task) -> bool:
 
 
 def _answer(judge: str, asked: Asked) -> Answer:
-    """What a judge says; a refusal is an answer, and a defect, which is a failure on either side."""
+    """Return a judge's answer; a refusal is an answer, and so is a defect, which fails on either side."""
     try:
         return {**CHEAP, **DEAR}[judge](asked)
     except PlannerForgeError as error:
@@ -92,7 +92,7 @@ def _answer(judge: str, asked: Asked) -> Answer:
 
 
 def _document_case(relation: Relation, seed: str, original: Path, changed: Path, folder: Path) -> Case:
-    """Writing a file and changing it can be done in either order: the document keeps all that it does not touch."""
+    """Check that writing and changing a file commute: the document keeps everything that it does not touch."""
     one, _ = relation.applied(read_root(rewritten(original, folder)), seed)
     write_root(one, folder / "one.xml")
     same = canonical(read_root(folder / "one.xml")) == canonical(read_root(rewritten(changed, folder)))
@@ -112,12 +112,12 @@ def _case(file: str, relation: Relation, frame: Frame, judge: str, before: Answe
 
 
 _SAME_COST: Final = 1e-3
-"""Candidates whose costs differ by less, of their size, are chosen between by rounding (chosen)."""
+"""Relative cost difference below which rounding chooses between candidates (chosen)."""
 _OF_THE_PROBLEM: Final = ("invalid_reason", "first_step", "refused", "raised")
 
 
 def _run_case(file: str, relation: Relation, before: Answer, after: Answer) -> Case:
-    """Runs are the same up to the step at which the planner chooses by rounding."""
+    """Check that runs are equal up to the step at which rounding decides the planner's choice."""
     keys = [key for key in sorted({*before, *after}) if key not in ("costs", "planned", "rejected")]
     if relation.name == "mirrored":
         keys = [key for key in keys if key in _OF_THE_PROBLEM]
@@ -129,10 +129,10 @@ def _run_case(file: str, relation: Relation, before: Answer, after: Answer) -> C
 
 
 def _is_tie(before: Answer, after: Answer, within: float) -> bool:
-    """Whether rounding decided on the first plan that is driven otherwise.
+    """Return True if rounding decided on the first plan that is driven differently.
 
-    It does where the plan costs the same in both runs, and where a candidate is at a limit of what can be driven: it is
-    rejected in one run alone.
+    That is so if the plan costs the same in both runs, or if a candidate is at a feasibility limit and rejected in one
+    run alone.
     """
     count = min(len(before["positions"]), len(after["positions"]))
     away = np.linalg.norm(before["positions"][:count] - after["positions"][:count], axis=1) > within / 100
@@ -150,11 +150,13 @@ def _short(value: Any) -> str:
 
 
 DRIVEN_M: Final = {"moved": 0.05, "turned": 0.05, "rounded": 0.05, "split": 0.05}
-"""How far edited vehicles and planner runs may be off where coordinates are others: SUMO's nets give four decimals, and
-what is simulated step by step adds them up."""
+"""Tolerance of edited vehicles and planner runs if coordinates differ: SUMO's networks have four decimals, and a
+simulation accumulates the rounding.
+"""
 OUTCOME_ALONE: Final = frozenset({"mirrored", "shuffled_ids", "split", "other_format"})
-"""Relations under which an edit has the same outcome, while its vehicles drive somewhat otherwise: SUMO draws the
-random part of driving lane by lane, prefers the right lane, and ends a lane where a lanelet ends."""
+"""Relations under which an edit has the same outcome but its vehicles drive slightly differently: SUMO draws the random
+part of driving by lane, prefers the right lane, and ends a lane at the end of a lanelet.
+"""
 OUTCOME: Final = frozenset({"op", "refused", "raised", "done", "removed"})
 
 
@@ -169,7 +171,7 @@ def _within(relation: Relation, judge: str) -> float:
 
 
 def alike(one: Any, other: Any, within: float) -> bool:
-    """Whether two values are the same: numbers within a tolerance (relative beyond 1), everything else exactly."""
+    """Return True if two values are equal: numbers within a tolerance (relative beyond 1), everything else exactly."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         if np.shape(one) != np.shape(other):
             return False
@@ -187,11 +189,11 @@ def alike(one: Any, other: Any, within: float) -> bool:
 
 _OF_FORKS: Final = frozenset({"ego_turns_left", "ego_turns_right", "ego_goes_straight", "intersection"})
 _NO_SUCH_BRANCH: Final[Answer] = {"refused": ("not_possible", "")}
-"""What a reroute is answered that finds no branch of its turn; other refusals have another code or a reason."""
+"""The answer to a reroute without a matching branch; other refusals have another code or a reason."""
 _ONLY_IN_2020A: Final = frozenset(
     ("format_version", "coordinates", "signs_map", "lights_map", "signs", "traffic_light", "participants")
 )
-"""Facts of a file that 2018b has no words for (of its signs, it has speed limits)."""
+"""Facts that a file of 2018b cannot express (among signs it has speed limits)."""
 _OF_SIGNS_AND_JUNCTIONS: Final = re.compile(
     r"\w+ (\w*sign\w*|\w*light\w*|stop_line\w*|phase_without_duration|unknown_colour|implausible_speed_limit"
     r"|\w*incoming\w*|unknown_lanelet_at_intersection|repeated_id) "
@@ -204,7 +206,7 @@ _OF_WHOLE_LANELETS: Final = re.compile(
 
 
 def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, after: Answer) -> str:
-    """Why a law does not hold here; empty where it should."""
+    """Return why a law does not hold here, empty if it should."""
     name = key.rpartition(": ")[2]
     if judge == "edit" and relation in OUTCOME_ALONE and key not in OUTCOME:
         return "SUMO drives somewhat otherwise"
@@ -225,9 +227,9 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
         return "of goal lanelets that are equally far, the id chooses" if is_tie else ""
     if relation == "split" and judge == "features":
         other = {*before.get(key, ())} ^ {*after.get(key, ())}
-        return "turns and crossings are told from lanelets that share a fork" if other <= _OF_FORKS else ""
+        return "turns and crossings follow from lanelets that share a fork" if other <= _OF_FORKS else ""
     if relation == "split" and judge == "edit" and before.get("op") == "reroute" and after == _NO_SUCH_BRANCH:
-        return "a turn is told from the lanelet that leaves a fork"
+        return "a turn follows from the lanelet that leaves a fork"
     if relation == "split":
         lanelets = before.get(f"{key.removesuffix(name)}lanelets", ()) if judge == "facts" else ()
         if name in ("signs", "traffic_light") and frame.cut & set(lanelets):
@@ -237,7 +239,7 @@ def _stated(relation: str, frame: Frame, judge: str, key: str, before: Answer, a
             and _OF_WHOLE_LANELETS.match(key)
             and frame.cut & {int(one) for one in re.findall(r"\d+", key)}
         ):
-            return "the rule is about a whole lanelet, of which there are two"
+            return "the rule concerns a whole lanelet, and there are two"
     return ""
 
 
@@ -246,7 +248,9 @@ def _other_route(before: Answer, after: Answer) -> bool:
 
 
 def tasks(files: Sequence[Path], cases: int, seed: int, *, dear: bool = True) -> Iterator[Task]:
-    """Tasks of about as many cases: every file in turn with some relations, so that each relation meets many files."""
+    """Return tasks with about as many cases: every file in turn with some relations, so that each relation meets many
+    files.
+    """
     names, cheap = sorted(RELATIONS), (*CHEAP, DOCUMENT)
     draw = random.Random(seed)  # noqa: S311 - nothing secret
     each = max(1, -(-cases // (len(cheap) * max(len(files), 1))))

@@ -1,22 +1,21 @@
-"""Data that nobody has seen: made from a seed, in any number, the same bytes for the same seed.
+"""Unseen data, created from a seed in any number, with the same bytes for the same seed.
 
-Figures on files that a program was made on say little about others. A benchmark with ``--fresh SEED`` runs on what is
-made here, with a seed that was never run before:
+Figures on files that a program was developed with say little about others. A benchmark with ``--fresh SEED`` runs on
+this data with a seed that was never run before:
 
-- ``fresh_maps``: maps to generate from. Boxes cut out of the shared extracts anywhere (not at sites), networks by
-  SUMO's netgenerate (grids, spiders, random ones) with lights, turn lanes and traffic on either side, and towns drawn
-  at random with roundabouts, ramps, lights and winding roads.
-- ``mutated_maps``: maps to be read or refused by name. The same with nodes missing, ways of one node, ids twice, tags
-  long or with line breaks, coordinates at the poles and the antimeridian.
-- ``fresh_recordings``: scenarios of the shared folder whose recordings are made new: road users that are lost and found
-  again under another id, seen late or not to the end; jitter of some cm; driving without lanes; rows of parked cars;
-  pedestrians along the road; all of it turned and moved. In one of 25 a road user misses steps in the middle of its
-  trajectory, which CommonRoad does not know: such a file is to be refused by name.
-- ``fresh_scenarios``: every second one of those, every other one generated from a fresh map with traffic of many
-  classes.
+- ``fresh_maps``: maps for generation. Boxes cut out of the shared extracts anywhere (not at sites), networks by SUMO's
+  netgenerate (grids, spiders, random ones) with lights, turn lanes and traffic on either side, and random towns with
+  roundabouts, ramps, lights and winding roads.
+- ``mutated_maps``: maps that must be read or refused by name. The same with missing nodes, ways of one node, duplicate
+  ids, long tags or tags with line breaks, coordinates at the poles and the antimeridian.
+- ``fresh_recordings``: scenarios of the shared folder with altered recordings: road users that are lost and reappear
+  under another id, appear late or vanish early; jitter of some cm; driving without lanes; rows of parked cars;
+  pedestrians along the road; everything turned and moved. In one of 25 a road user misses time steps in the middle of
+  its trajectory, which CommonRoad forbids: such a file must be refused by name.
+- ``fresh_scenarios``: alternately one of those and one generated from a fresh map with traffic of many classes.
 
-``python -m benchmarks.fresh_data SEED FOLDER --count 20`` writes maps into a folder, ``--mutated`` and
-``--scenarios`` the others.
+``python -m benchmarks.symmetries.fresh_data SEED FOLDER --count 20`` writes maps into a folder; ``--mutated`` and
+``--scenarios`` write the others.
 """
 
 import argparse
@@ -50,26 +49,26 @@ from .relations import RELATIONS, read_root, write_root
 Point = tuple[float, float]
 """Metres east and north of the middle of a map."""
 _SMALLEST_BOX_M, _LARGEST_BOX_M = 500.0, 1_500.0
-"""Sides of a box that is cut out (chosen): a site and its surroundings."""
+"""Sides of a box to cut out (chosen): a site and its surroundings."""
 _METRES_A_DEGREE = 111_200.0
-"""Of latitude, on a sphere of the Earth's mean radius."""
+"""Metres per degree of latitude, on a sphere of the Earth's mean radius."""
 _FEWEST_ROADS = 5
-"""Of a box that is worth being a map (chosen)."""
+"""Least content of a useful box (chosen)."""
 _TRIES = 20
-"""Boxes that are drawn until one has roads (chosen)."""
+"""Draws of a box until one has roads (chosen)."""
 _MOST_CONNECTED = 0.99
-"""Of random networks: netgenerate takes no share of 0.999 or more."""
+"""Upper limit for random networks: netgenerate accepts no share of 0.999 or more."""
 _FARTHEST_LATITUDE = 65.0
-"""Of invented towns (chosen): nobody maps roads farther north and south, and Mercator's projections end at 80."""
+"""Latitudes of invented towns (chosen): few roads are mapped beyond them, and Mercator projections end at 80."""
 
 
 def fresh_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
     """Write maps into a folder, kinds in turn; the same seed gives the same bytes, a larger count more maps.
 
     Args:
-        seed: of all that is drawn.
-        folder: where to write; made where it is missing.
-        count: how many.
+        seed: of all draws.
+        folder: the target, created if missing.
+        count: number of maps.
 
     Returns:
         The files, ``.osm`` and ``.net.xml``, named by seed, number and kind.
@@ -87,12 +86,12 @@ def fresh_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
 
 
 def mutated_maps(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
-    """Write fresh extracts into a folder with one to three mutations each: they are to be read, or refused by name.
+    """Write fresh extracts with one to three mutations each, which must be read or refused by name.
 
     Args:
-        seed: of all that is drawn.
-        folder: where to write; made where it is missing.
-        count: how many.
+        seed: of all draws.
+        folder: the target, created if missing.
+        count: number of maps.
     """
     return tuple(mutated_map(seed, folder, number) for number in range(count))
 
@@ -111,12 +110,12 @@ def mutated_map(seed: int, folder: Path, number: int) -> Path:
 
 
 def fresh_recordings(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
-    """Write recordings of the shared folder made new; the same seed gives the same bytes, a larger count more files.
+    """Write altered recordings of the shared folder; the same seed gives the same bytes, a larger count more files.
 
     Args:
-        seed: of all that is drawn.
-        folder: where to write; made where it is missing.
-        count: how many. No source is taken twice before all were.
+        seed: of all draws.
+        folder: the target, created if missing.
+        count: number of files. Every source is used once before any is used again.
 
     Returns:
         The files, named by their benchmark ids, which no source has.
@@ -125,7 +124,9 @@ def fresh_recordings(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
 
 
 def fresh_scenarios(seed: int, folder: Path, count: int) -> tuple[Path, ...]:
-    """As ``fresh_recordings``, but every other one is generated from a fresh map; a larger count gives more files."""
+    """Write alternately a fresh recording and a scenario generated from a fresh map; a larger count gives more
+    files.
+    """
     return tuple(fresh_scenario(seed, number, folder) for number in range(count))
 
 
@@ -144,7 +145,7 @@ def _choice(seed: int, number: int, kind: str) -> random.Random:
 
 
 def _cut(choice: random.Random, path: Path) -> None:
-    """A box anywhere on a shared extract: all of it that lies inside, with references to what does not."""
+    """Cut a box anywhere out of a shared extract: its whole content, with references to what is outside."""
     extracts = _extracts(existing(shared_folder() / "data" / "osm"))
     for _ in range(_TRIES):
         source = etree.parse(choice.choice(extracts)).getroot()
@@ -173,7 +174,7 @@ def _extracts(folder: Path) -> tuple[Path, ...]:
 
 
 def _inside(nodes: dict[str | None, etree._Element], middle: etree._Element, sides: Sequence[float]) -> list[str]:
-    """Ids of the nodes in a box around one of them, in the order of the file."""
+    """Return ids of the nodes in a box around one of them, in the order of the file."""
     latitude, longitude = _position(middle)
     north = sides[0] / 2 / _METRES_A_DEGREE
     east = sides[1] / 2 / _METRES_A_DEGREE / math.cos(math.radians(latitude))
@@ -210,7 +211,7 @@ def _random_net(choice: random.Random, path: Path) -> None:
 
 
 def _netgenerate(choice: random.Random, options: Sequence[str], path: Path) -> None:
-    """A network by SUMO's program, laid on the Earth: its own have no georeference."""
+    """Generate a network by SUMO's program, and place it on the earth, because SUMO's has no georeference."""
     import sumo
 
     lights = choice.choice(["traffic_light", "priority", "right_before_left", "allway_stop"])
@@ -231,7 +232,7 @@ def _netgenerate(choice: random.Random, options: Sequence[str], path: Path) -> N
 
 
 def _town(choice: random.Random, path: Path) -> None:
-    """A drawn town: two or three of roundabout, ramp, lights and winding road, far enough apart, turned at random."""
+    """Draw a town: two or three of roundabout, ramp, lights and winding road, far enough apart, turned at random."""
     latitude = choice.uniform(-_FARTHEST_LATITUDE, _FARTHEST_LATITUDE)
     sketch = Sketch("Freshtown", latitude, choice.uniform(-179.0, 179.0))
     parts = choice.sample([_roundabout, _ramp, _lights, _winding], choice.randint(2, 3))
@@ -255,7 +256,7 @@ def _street(choice: random.Random) -> str:
 
 
 def _arm(choice: random.Random, start: Point, angle: float, length_m: float) -> list[Point]:
-    """A road outwards that bends a little at every of its points."""
+    """Add an outward road that bends a little at each of its points."""
     line, count = [start], choice.randint(1, 5)
     for _ in range(count):
         x, y = line[-1]
@@ -265,7 +266,7 @@ def _arm(choice: random.Random, start: Point, angle: float, length_m: float) -> 
 
 
 def _angles(choice: random.Random, count: int) -> list[float]:
-    """Directions of arms, evenly spaced but for a third of the space between them."""
+    """Return directions of arms, evenly spaced except for a third of the space between them."""
     space = 2 * math.pi / count
     return [space * (index + choice.uniform(-0.33, 0.33)) for index in range(count)]
 
@@ -381,7 +382,7 @@ def _odd_tags(choice: random.Random, root: etree._Element) -> None:
 
 
 def _odd_classes(choice: random.Random, root: etree._Element) -> None:
-    """Rings of links, areas, roads of every class: filters then leave out other roads than they usually do."""
+    """Add rings of links, areas, and roads of every class, so that filters leave out other roads than usual."""
     classes = [
         "tertiary_link",
         "motorway_link",
@@ -406,7 +407,7 @@ def _far_away(choice: random.Random, root: etree._Element) -> None:
 
 
 def _moved(choice: random.Random, root: etree._Element) -> None:
-    """The whole map over the antimeridian, or to a pole."""
+    """Move the whole map over the antimeridian, or to a pole."""
     nodes = [node for node in root.iterfind("node") if node.get("lat") and node.get("lon")]
     over, north = choice.random() < 0.6, choice.choice([90.0, -90.0])
     middle = _position(choice.choice(nodes))
@@ -429,14 +430,14 @@ MUTATIONS: tuple[Callable[[random.Random, etree._Element], None], ...] = (
     _far_away,
     _moved,
 )
-"""Each changes the tree of an extract at places that it draws."""
+"""Mutations: each changes the tree of an extract at random places."""
 
 
 # Scenarios
 
 
 def _generated(seed: int, number: int, folder: Path) -> Path:
-    """A scenario of many classes on a fresh map; on the next map where none can be made."""
+    """Generate a scenario of many classes on a fresh map, or on the next map if that is impossible."""
     for attempt in range(_TRIES):
         choice = _choice(seed, number, f"generated {attempt}")
         kind = choice.choice(list(_KINDS))
@@ -469,7 +470,7 @@ def _request(choice: random.Random, source: Path) -> GenerationRequest:
 
 
 def _fresh_recording(seed: int, number: int, folder: Path) -> Path:
-    """A shared scenario with two to four disturbances, turned by any angle and moved."""
+    """Return a shared scenario with two to four disturbances, turned by any angle and moved."""
     files = {path.name: path for path in scenario_files(existing(shared_scenarios()), None)}
     order = drawn((f"{seed} {name}" for name in files), None)
     source = files[order[number % len(order)].partition(" ")[2]]
@@ -486,7 +487,7 @@ def _fresh_recording(seed: int, number: int, folder: Path) -> Path:
 
 
 def _written(root: etree._Element, key: str, folder: Path) -> Path:
-    """The file under a benchmark id that is made of the old one, whose country planners read signs by, and of a key."""
+    """Write the file under a benchmark id made of a key and the old one, because planners read signs by its country."""
     folder.mkdir(parents=True, exist_ok=True)
     digest = hashlib.sha256(key.encode()).hexdigest()
     root.set("benchmarkID", derived_benchmark_id(root.get("benchmarkID", ""), digest))
@@ -496,17 +497,17 @@ def _written(root: etree._Element, key: str, folder: Path) -> Path:
 
 
 _HOLED = 0.04
-"""Of the recordings, those in which a road user misses steps (chosen)."""
+"""Share of the recordings in which a road user misses time steps (chosen)."""
 _FEWEST_STATES = 25
-"""Of a recording that is cut (chosen): both parts are long enough to be driven."""
+"""Least steps of a cut recording (chosen): both parts are long enough to be driven."""
 _JITTER_M, _JITTER_KEPT = (0.005, 0.03), 0.7
-"""Standard deviation of the jitter, and the share of it that is kept from one step to the next (chosen)."""
+"""Standard deviation of the jitter, and its correlation from one step to the next (chosen)."""
 _ASIDE_M, _WAVE_M, _LATERAL_MPS2 = (0.3, 1.5), (50.0, 150.0), 1.0
-"""Of driving without lanes: how far to either side, within which way, and the most that it adds sideways (chosen)."""
+"""Driving without lanes: amplitude to either side, wavelength, and highest added lateral acceleration (chosen)."""
 _APART_M = 2.6
-"""Between the centre of a parked car and those of all that were recorded (chosen)."""
+"""Distance of a parked car's centre from those of all recorded road users (chosen)."""
 _ALONE_S = 10.0
-"""How long pedestrians walk where nothing else moves (chosen)."""
+"""Duration of pedestrians' walks if nothing else moves (chosen)."""
 _PATHS = ("position/point/x", "position/point/y", "orientation/exact", "velocity/exact")
 
 
@@ -531,7 +532,7 @@ class _Recording:
 
 
 def _recordings(root: etree._Element) -> list[_Recording]:
-    """All that move; those with regions, intervals or signals are left as they are."""
+    """Return all moving road users, except those with regions, intervals or signals."""
     found = []
     for element in root:
         if element.find("trajectory") is None or element.find("signalSeries") is not None:
@@ -545,13 +546,13 @@ def _recordings(root: etree._Element) -> list[_Recording]:
 
 
 def _share(choice: random.Random, root: etree._Element, fewest_states: int = 2) -> list[_Recording]:
-    """Some of those that were recorded long enough, at least one where there is one."""
+    """Return some of those with a long enough recording, at least one if there is one."""
     long = [one for one in _recordings(root) if len(one.states) >= fewest_states]
     return choice.sample(long, math.ceil(len(long) * choice.uniform(0.1, 0.9)))
 
 
 def _cut_recordings(choice: random.Random, root: etree._Element) -> None:
-    """Lost and found again as another road user, seen late, or not to the end."""
+    """Let road users be lost and reappear as others, appear late, or vanish early."""
     for one in _share(choice, root, 2 * _FEWEST_STATES):
         begin = choice.randint(_FEWEST_STATES, len(one.states) - _FEWEST_STATES)
         how = choice.choice(["again", "late", "early"])
@@ -565,7 +566,7 @@ def _cut_recordings(choice: random.Random, root: etree._Element) -> None:
 
 
 def _keep(element: etree._Element, begin: int, end: int | None) -> None:
-    """Leave only some states of a road user; the first of them is its initial state."""
+    """Keep only some states of a road user; the first of them becomes its initial state."""
     states = [*element.iterfind("initialState"), *element.iterfind("trajectory/state")]
     kept = states[begin:end]
     for state in states:
@@ -580,7 +581,7 @@ def _keep(element: etree._Element, begin: int, end: int | None) -> None:
 
 
 def _with_a_hole(choice: random.Random, root: etree._Element) -> None:
-    """A road user misses steps in the middle of its trajectory."""
+    """Remove time steps from the middle of a road user's trajectory."""
     for one in _share(choice, root, _FEWEST_STATES)[:1]:
         begin = choice.randint(2, len(one.states) - 10)
         for state in one.states[begin : begin + choice.randint(1, 8)]:
@@ -588,7 +589,7 @@ def _with_a_hole(choice: random.Random, root: etree._Element) -> None:
 
 
 def _jitter(choice: random.Random, root: etree._Element) -> None:
-    """Positions are off by some cm; headings and speeds, which trackers smooth, are not."""
+    """Shift positions by some cm, but not headings and speeds, which trackers smooth."""
     for one in _share(choice, root):
         noise = np.random.default_rng(choice.getrandbits(64)).normal(size=one.positions.shape)
         for before, here in pairwise(noise):  # rows of the array, changed in place
@@ -598,7 +599,7 @@ def _jitter(choice: random.Random, root: etree._Element) -> None:
 
 
 def _lane_less(choice: random.Random, root: etree._Element) -> None:
-    """Vehicles weave to either side of the way that they were recorded on; headings and speeds follow."""
+    """Let vehicles weave to either side of their recorded path; headings and speeds follow."""
     for one in _share(choice, root):
         if one.element.findtext("type") == "pedestrian" or length_m(one.positions) < _WAVE_M[0] / 2:
             continue
@@ -615,7 +616,7 @@ def _lane_less(choice: random.Random, root: etree._Element) -> None:
 
 
 def _parked_row(choice: random.Random, root: etree._Element) -> None:
-    """Cars stand in a row beside a road, none on a lanelet nor in anybody's way."""
+    """Add a row of cars next to a road, not on a lanelet or in the path of a road user."""
     lanes = [shapely.Polygon(np.vstack([_bound(one, "left"), _bound(one, "right")[::-1]])) for one in _lanelets(root)]
     area = shapely.union_all([shapely.make_valid(lane) for lane in lanes])
     there = shapely.MultiPoint(np.vstack([_starts(root), *(one.positions for one in _recordings(root))]))
@@ -634,7 +635,9 @@ def _parked_row(choice: random.Random, root: etree._Element) -> None:
 
 
 def _pedestrians(choice: random.Random, root: etree._Element) -> None:
-    """They walk along the road on either side, in either direction, until the last step or to the end of the road."""
+    """Add pedestrians that walk along the road on either side, in either direction, until the last step or the
+    road's end.
+    """
     step_s = float(root.get("timeStepSize", "0.1"))
     lasts = (one.states[-1].findtext("time/exact") for one in _recordings(root))
     steps = max((int(text) for text in lasts if text), default=round(_ALONE_S / step_s))
@@ -660,14 +663,14 @@ def _bound(lanelet: etree._Element, side: str) -> Points:
 
 
 def _starts(root: etree._Element) -> Points:
-    """Where egos start."""
+    """Return the starts of egos."""
     points = root.iterfind("planningProblem/initialState/position/point")
     starts = [[float(point.findtext("x", "nan")), float(point.findtext("y", "nan"))] for point in points]
     return np.array(starts, dtype=float).reshape(-1, 2)
 
 
 def _kerbs(choice: random.Random, root: etree._Element, count: int) -> Iterator[tuple[Points, float]]:
-    """Bounds of lanelets with no other lanelet beside them, and the side on which nothing is: 1 left, -1 right."""
+    """Return bounds of lanelets without a neighbour, and the free side: 1 left, -1 right."""
     sides = {"left": 1.0, "right": -1.0}
     outer = [
         (lanelet, side)
@@ -690,7 +693,7 @@ def _next_id(root: etree._Element) -> int:
 def _add_road_user(
     root: etree._Element, kind: str, size: tuple[float, float], states: Sequence[tuple[float, ...]]
 ) -> None:
-    """Put an obstacle before the first that moves; with one state it stands. ``states``: x, y, heading, speed."""
+    """Add an obstacle before the first moving one; with one state it stands. ``states``: x, y, heading, speed."""
     role = "static" if len(states) == 1 else "dynamic"
     is_old = root.get("commonRoadVersion") == "2018b"
     obstacle = etree.Element("obstacle" if is_old else f"{role}Obstacle", id=str(_next_id(root)))
@@ -721,7 +724,7 @@ DISTURBANCES: tuple[Callable[[random.Random, etree._Element], None], ...] = (
     _parked_row,
     _pedestrians,
 )
-"""Each changes the road users of a scenario's tree, some that it draws."""
+"""Each changes some random road users of a scenario's tree."""
 
 
 if __name__ == "__main__":
@@ -729,7 +732,7 @@ if __name__ == "__main__":
     parser.add_argument("seed", type=int)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--mutated", action="store_true", help="write maps that are to be read or refused")
+    parser.add_argument("--mutated", action="store_true", help="write maps that must be read or refused")
     parser.add_argument("--scenarios", action="store_true", help="write scenarios")
     given = parser.parse_args()
     make = mutated_maps if given.mutated else fresh_scenarios if given.scenarios else fresh_maps

@@ -1,8 +1,8 @@
-"""Relations: a CommonRoad file written otherwise, in a way that must not change what is known about it.
+"""Relations: equivalent forms of a CommonRoad file that must not change the knowledge about it.
 
-A relation changes the XML tree and gives the ``Frame`` by which answers about the changed file are translated back.
-Nothing of the product is used here, so that a defect there cannot hide itself: the file is read and written with lxml
-alone. Coordinates in m, angles in rad, both formats (2018b and 2020a).
+A relation changes the XML tree and returns the ``Frame`` that translates answers about the changed file back. It uses
+lxml alone and nothing of the product, so that a defect there cannot hide itself. Coordinates in m, angles in rad, both
+formats (2018b and 2020a).
 """
 
 import copy
@@ -25,15 +25,15 @@ MOVED_M = 1000.0
 LATER_STEPS = 17
 ROUNDED_DIGITS = 6
 MOST_CUTS = 3
-"""Rows of lanelets that one case cuts (chosen)."""
+"""Number of lanelet rows that one case cuts (chosen)."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """How a changed file is to be read: each method translates something of it back to the original.
+    """The translation of a changed file: each method translates something in it back to the original.
 
-    A point was mirrored first (y to −y), then turned, then moved. ``ids``: old id by new one, where it changed;
-    ``cut``: lanelets that are two now, ``added`` how many there are more. ``steps``: how much later all is.
+    A point was first mirrored (y to −y), then turned, then moved. ``ids``: old id by new one, if it changed; ``cut``:
+    lanelets that are now two, ``added``: the number of additional ones. ``steps``: the delay of everything.
     """
 
     moved_m: tuple[float, float] = (0.0, 0.0)
@@ -45,23 +45,23 @@ class Frame:
     added: int = 0
 
     def points(self, points: Array) -> Array:
-        """Points (n, 2) in m of the original."""
+        """Return points (n, 2) in m of the original."""
         cos, sin = math.cos(self.turned_rad), math.sin(self.turned_rad)
         away = np.asarray(points, dtype=float) - np.array(self.moved_m)
         back: Array = away @ np.array([[cos, -sin], [sin, cos]])
         return back * np.array([1.0, -1.0]) if self.mirrored else back
 
     def directions(self, headings_rad: Array) -> Array:
-        """Unit vectors (n, 2) of headings in the original; they know no whole turns."""
+        """Return unit vectors (n, 2) of headings in the original, which do not depend on full turns."""
         back = np.asarray(headings_rad, dtype=float) - self.turned_rad
         return np.stack([np.cos(back), np.sin(back) * (-1.0 if self.mirrored else 1.0)], axis=-1)
 
     def element(self, new_id: int) -> int:
-        """The id that an element has in the original."""
+        """Return an element's id in the original."""
         return self.ids.get(new_id, new_id)
 
     def way(self, lanelets: Iterable[int]) -> tuple[int, ...]:
-        """Lanelets in driving order; two parts of one are one."""
+        """Return lanelets in driving order; two parts of one are one."""
         there: list[int] = []
         for key in map(self.element, lanelets):
             if key not in self.cut or not there or there[-1] != key:
@@ -69,7 +69,7 @@ class Frame:
         return tuple(there)
 
     def sided(self, words: str) -> str:
-        """Words in which left and right change places where the file is mirrored."""
+        """Swap left and right in a text if the file is mirrored."""
         if not self.mirrored:
             return words
         return words.replace("left", "\0").replace("right", "left").replace("\0", "right")
@@ -102,10 +102,10 @@ class Relation:
     change: Change
 
     def applied(self, root: Element, seed: str) -> tuple[Element, Frame]:
-        """A changed copy of the tree below ``<commonRoad>``; the same for the same seed.
+        """Return a changed copy of the tree below ``<commonRoad>``; the same for the same seed.
 
         Raises:
-            DoesNotApply: nothing is changed by it.
+            DoesNotApply: it changes nothing.
         """
         changed = copy.deepcopy(root)
         for comment in list(changed.iter(etree.Comment)):
@@ -116,7 +116,7 @@ class Relation:
 
 
 def read_root(path: Path) -> Element:
-    """The root element of a file, white space between elements left out."""
+    """Return the root element of a file without white space between elements."""
     return etree.parse(path, etree.XMLParser(resolve_entities=False, no_network=True, remove_blank_text=True)).getroot()
 
 
@@ -138,7 +138,7 @@ def _set(element: Element, value: float) -> None:
 
 
 def _moved(root: Element, draw: random.Random) -> Frame:
-    """The whole file lies a kilometre away, in any direction."""
+    """Move the whole file by a kilometre, in any direction."""
     direction = draw.uniform(-math.pi, math.pi)
     frame = Frame(moved_m=(MOVED_M * math.cos(direction), MOVED_M * math.sin(direction)))
     _transform(root, frame)
@@ -146,14 +146,14 @@ def _moved(root: Element, draw: random.Random) -> Frame:
 
 
 def _turned(root: Element, draw: random.Random) -> Frame:
-    """The whole file is turned by any angle about the origin of its coordinates."""
+    """Turn the whole file by any angle about the origin of its coordinates."""
     frame = Frame(turned_rad=draw.uniform(-math.pi, math.pi))
     _transform(root, frame)
     return frame
 
 
 def _mirrored(root: Element, _draw: random.Random) -> Frame:
-    """Left is right: traffic that kept right keeps left."""
+    """Mirror the file, so that right-hand traffic becomes left-hand traffic."""
     frame = Frame(mirrored=True)
     _transform(root, frame)
     for lanelet in root.iterfind("lanelet"):
@@ -203,7 +203,7 @@ def _transform(root: Element, frame: Frame) -> None:
 
 
 def _is_local(element: Element) -> bool:
-    """Whether it describes the body of an obstacle, in coordinates of that body."""
+    """Return True if it describes the body of an obstacle, in coordinates of that body."""
     return any(
         above.tag == "shape" and getattr(above.getparent(), "tag", "").lower().endswith("obstacle")
         for above in element.iterancestors("shape")
@@ -254,7 +254,7 @@ def _within_turn(angle_rad: float) -> float:
 
 
 def _swap(parent: Element, one: str, other: str) -> None:
-    """Two kinds of children change names; those of the first kind still stand before the others."""
+    """Swap the names of two kinds of children; those of the first kind still come before the others."""
     first, second = parent.findall(one), parent.findall(other)
     for child in first:
         child.tag = other
@@ -266,7 +266,7 @@ def _swap(parent: Element, one: str, other: str) -> None:
 
 
 def _swap_left_of(intersection: Element) -> None:
-    """Whoever was left of an arm has it on his left now. References to arms that are not there stay."""
+    """Swap the left neighbours of arms; references to missing arms stay."""
     incomings = {incoming.get("id"): incoming for incoming in intersection.iterfind("incoming")}
     pairs = []
     for key, incoming in incomings.items():
@@ -281,7 +281,7 @@ def _swap_left_of(intersection: Element) -> None:
 
 
 def _whole_turns(root: Element, draw: random.Random) -> Frame:
-    """Headings of obstacles are given with a whole turn more or less."""
+    """Add or subtract a full turn in headings of obstacles."""
     states = [
         heading
         for tag in _OBSTACLES
@@ -321,13 +321,13 @@ def _renumber(root: Element, new: Mapping[int, int]) -> Frame:
 
 
 def _renumbered(root: Element, draw: random.Random) -> Frame:
-    """Other numbers in the same order, wherever they are referred to."""
+    """Renumber in the same order, including all references."""
     start, factor = draw.randrange(1, 5000), draw.randrange(2, 9)
     return _renumber(root, {old: start + factor * rank for rank, old in enumerate(_ids(root))})
 
 
 def _shuffled_ids(root: Element, draw: random.Random) -> Frame:
-    """The numbers of the file, dealt out anew; those of planning problems stay, because the lowest is the first."""
+    """Shuffle the numbers of the file, except those of planning problems, because the lowest is the first."""
     problems = {int(problem.get("id", "0")) for problem in root.iterfind("planningProblem")}
     old = [key for key in _ids(root) if key not in problems]
     return _renumber(root, dict(zip(old, draw.sample(old, len(old)), strict=True)))
@@ -341,7 +341,7 @@ _ALIKE_REFERENCES: Final = (
 
 
 def _reordered(root: Element, draw: random.Random) -> Frame:
-    """Elements of one kind stand in another order, and so do references of one kind."""
+    """Reorder the elements of one kind, and the references of one kind."""
     kinds = dict.fromkeys(child.tag for child in root)
     kinds.pop("location", None)
     for kind in kinds:
@@ -368,9 +368,9 @@ def _shuffle(parent: Element, tag: str, draw: random.Random) -> None:
 
 
 def _later(root: Element, _draw: random.Random) -> Frame:
-    """Everything happens some steps later. Standing obstacles, which are there at any time, keep their step.
+    """Shift everything by some steps. Standing obstacles, which exist at any time, keep their step.
 
-    CommonRoad's schema wants every first state at step 0; readers, and files in which vehicles enter later, do not.
+    CommonRoad's schema requires every first state at step 0; readers, and files with later entries, do not.
     """
     holders = [*root.iterfind("dynamicObstacle"), *root.iterfind("planningProblem"), *root.iterfind("phantomObstacle")]
     holders += [one for one in root.iterfind("obstacle") if one.findtext("role") != "static"]
@@ -392,14 +392,14 @@ def _numbers(root: Element) -> list[Element]:
 
 
 def _digits(root: Element, draw: random.Random) -> Frame:
-    """The same numbers with more digits: zeros behind them."""
+    """Append zeros to the numbers."""
     for number in _numbers(root):
         number.text = (number.text or "").strip() + "0" * draw.randrange(1, 5)
     return Frame()
 
 
 def _rounded(root: Element, _draw: random.Random) -> Frame:
-    """Numbers with at most six decimals, as other writers give them."""
+    """Round numbers to at most six decimals, as other writers do."""
     changed = False
     for number in _numbers(root):
         exact = Decimal((number.text or "").strip())
@@ -414,11 +414,11 @@ def _rounded(root: Element, _draw: random.Random) -> Frame:
 # Lanelets cut in two
 
 _LIMITS: Final = frozenset({"274", "274.1", "R2-1", "r301", "3.24", "R15", "C43", "B14", "Ρ-32", "B31"})
-"""Signs that hold on along the road; all others act at its end."""
+"""Signs that apply along the road; all others act at its end."""
 
 
 def _split(root: Element, draw: random.Random) -> Frame:
-    """Lanelets are cut in two, with all that lie beside them; what acts at the end of one stays at the end."""
+    """Cut lanelets in two, with all their neighbours; what acts at the end of one stays at the end."""
     lanelets = {int(one.get("id", "0")): one for one in root.iterfind("lanelet")}
     begin, rows, seen = _next_id(root), list[dict[int, bool]](), set[int]()
     for key in draw.sample(sorted(lanelets), len(lanelets)):
@@ -445,7 +445,7 @@ def _split(root: Element, draw: random.Random) -> Frame:
 
 
 def _row(lanelets: Mapping[int, Element], key: int) -> dict[int, bool]:
-    """A lanelet and all beside it; empty where one is not in the file or named on both ways."""
+    """Return a lanelet and all its neighbours, empty if one is missing or named in both directions."""
     row, waiting = {key: True}, [key]
     while waiting:
         one = waiting.pop()
@@ -460,7 +460,7 @@ def _row(lanelets: Mapping[int, Element], key: int) -> dict[int, bool]:
 
 
 def _can_be_cut(row: list[Element]) -> bool:
-    """Whether all bounds have one number of points, at least three: points of one number lie beside each other."""
+    """Return True if all bounds have the same number of points, at least three: points of one number are opposite."""
     counts = {len(one.findall(f"{side}/point")) for one in row for side in ("leftBound", "rightBound")}
     return len(counts) == 1 and counts.pop() >= 3
 
@@ -493,7 +493,7 @@ def _remove(elements: Iterable[Element]) -> None:
 
 
 def _lead_to_parts(root: Element, second: Mapping[int, int]) -> None:
-    """Whatever named a cut lanelet names the right part of it: its end where it comes from, both for a goal."""
+    """Make references to a cut lanelet name the right part: its end for a predecessor, both for a goal."""
     parts = set(second.values())
     for lanelet in root.iterfind("lanelet"):
         own = int(lanelet.get("id", "0"))
@@ -522,7 +522,9 @@ def _lead_to_parts(root: Element, second: Mapping[int, int]) -> None:
 
 
 def _other_format(root: Element, _draw: random.Random) -> Frame:
-    """The other version of CommonRoad's XML. 2018b has no signs but speed limits, no lights, stop lines, junctions."""
+    """Return the other version of CommonRoad's XML. 2018b has only speed limits, and no lights, stop lines,
+    junctions.
+    """
     if root.get("commonRoadVersion") == "2018b":
         _to_2020a(root)
     elif root.get("commonRoadVersion") == "2020a":

@@ -1,9 +1,9 @@
-"""``make bench-same-bytes``: digests of all that a fixed list of requests makes, to compare a changed program with.
+"""``make bench-same-bytes``: digests of the results of a fixed list of requests, for comparison with a changed program.
 
-``record FILE`` asks a server for scenarios from maps, edits of each kind, planner runs and descriptions, through an MCP
-client, and writes a digest of every file and every answer; ``compare BEFORE AFTER`` names what differs. Only tools are
-called, so that the same list of requests runs on any version of the program. With make: ``make bench-same-bytes
-RECORD=before.json``, then, after the change, ``make bench-same-bytes RECORD=after.json BEFORE=before.json``.
+``record FILE`` requests scenarios from maps, edits of each kind, planner runs and descriptions through an MCP client,
+and writes a digest of every file and every answer. ``compare BEFORE AFTER`` lists the differences. It only calls tools,
+so the same list runs on any version of the program. With make: ``make bench-same-bytes RECORD=before.json``, then,
+after the change, ``make bench-same-bytes RECORD=after.json BEFORE=before.json``.
 """
 
 import argparse
@@ -30,26 +30,26 @@ from ..harness import shared_folder
 
 _WRITTEN_AT = re.compile(r"\b\d{4}-\d\d-\d\dT[\d:.+Z-]+")
 _UNSTEADY = ("_ms", "elapsed_s", "wall_s", "computing_s", "created", "run_time_s", "planning_s")
-"""Endings of fields that hold a duration or a moment of this very execution."""
+"""Endings of fields with a duration or time of this execution."""
 _TIMING = "timing.json"
-"""The times that a run took; they differ from execution to execution."""
+"""The durations of a run, which differ between executions."""
 _Arguments = dict[str, Any]
 
 
 @dataclass
 class _Digests:
-    """What was made: a digest a file (below the workspace), and the text of every answer by its request."""
+    """The results: a digest per file (below the workspace), and the text of every answer by its request."""
 
     workspace: Path
     answers: dict[str, str] = field(default_factory=dict)
 
     def note(self, name: str, result: CallToolResult) -> None:
-        """Keep an answer: its text, and its structure where it has one; a refusal too."""
+        """Keep an answer or a refusal: its text, and its structure if it has one."""
         structure = "" if result.structured_content is None else json.dumps(_steady(result.structured_content))
         self.answers[name] = self._plain(f"{answer_text(result)}\n{structure}")
 
     def files(self) -> dict[str, str]:
-        """A digest of each file of each artifact; JSON without its durations."""
+        """Return a digest of each file of each artifact, with JSON stripped of its durations."""
         kept = (self.workspace / kind for kind in ("scenarios", "runs", "configs", "batches", "maps"))
         files = sorted(path for folder in kept for path in folder.rglob("*") if path.is_file())
         return {str(path.relative_to(self.workspace)): self._digest(path) for path in files if path.name != _TIMING}
@@ -71,7 +71,7 @@ def _steady(value: Any) -> Any:
 
 
 def _edits_of(description: dict[str, Any]) -> Iterator[tuple[str, list[_Arguments]]]:
-    """One try of each kind of edit for a described scenario, by what is there; a refusal is an answer as well."""
+    """Return one attempt of each kind of edit for a described scenario, by its content; a refusal is also an answer."""
     ids = [str(vehicle["vehicle_id"]) for vehicle in description["vehicles"]]
     goal = (description["ego"] or {}).get("goal_lanelets") or []
     near, other, *_ = [*ids, "999998", "999999"]
@@ -131,7 +131,7 @@ async def _record_map(client: Client, digests: _Digests, path: Path) -> None:
         return
     for density, vehicles in (("low", ["truck=1"]), ("medium", ["bicycle=1", "bus=1"])):
         asked = {"place": map_id[0], "density": density, "vehicles": vehicles, "count": 2, "seed": 3}
-        arguments = {**asked, "goal": "steps:50"}  # what earlier versions took where none was named
+        arguments = {**asked, "goal": "steps:50"}  # the default of earlier versions
         digests.note(f"map {path.name} {density}", await client.call_tool("generate_scenarios", arguments))
 
 
@@ -166,7 +166,7 @@ async def _record(data: Path, output: Path, every: int, maps: int) -> None:
 
 
 def _compare(before: Path, after: Path, *, subset: bool) -> int:
-    """Print what differs; the number of differences. ``subset``: the later record made fewer requests."""
+    """Print the differences and return their number. ``subset``: the later record made fewer requests."""
     old, new = (json.loads(path.read_text(encoding="utf-8")) for path in (before, after))
     differences = 0
     for part in ("files", "answers"):

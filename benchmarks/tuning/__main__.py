@@ -1,26 +1,28 @@
 """``make bench-tuning``: planners, their tuning, and runs on more than one machine.
 
-Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``, which explains its
-keys and judges by code apart from the product. The keys that count:
+Each part is a module of this package with a function ``measure(bench: SeededBench) -> Figures``. The module explains
+its keys and judges with code that shares nothing with the product. The main keys:
 
-``cluster``: ``dask_same_rows`` (share of runs that two Dask workers, killed or not, make as one process does),
-``dask_speedup`` (time on one process by that on two Dask workers).
-``weight_files``: ``yaml_exact`` (share of weight files that come back byte for byte but for changed numbers).
-``sensitivity``: ``sensitivity_planted`` (a weight that matters and one that does nothing are told as such).
-``optimised``: ``optimised_gain``, ``optimised_gain_low``, ``optimised_collision_change`` (what a search gains on roads
-that it has not seen).
-``rbfn``: ``rbfn_end_error_m``, ``rbfn_us_per_primitive``, ``rbfn_success``, ``frenetix_success`` (what the primitives
-of MP-RBFN are worth, and how it fares where the future is known).
-``requests``: ``requests_exact``, ``refused_right`` (every line of the tuning corpus as arguments).
-``own_planners``: ``own_faults_named`` (programs that go wrong are each a named error of their run).
-``speed``: ``run_median_s``, ``two_worker_speedup``, ``first_run_s`` and the shares of the stages of a run.
-``tables``: ``success_PLANNER_N``, ``collisions_PLANNER_N`` (every planner on the presets of 50, 100 and all scenarios).
-``reference``: ``reference_agree`` (share of scenarios that end as in the public loop around Frenetix),
-``reference_time_ratio`` (processor time of its runs over that of ours).
-``reference_presets``: ``reference_guessed_to_success`` and others: what Safety-Conservative gains in that loop.
+- ``cluster``: ``dask_same_rows`` (share of runs that two Dask workers, killed or not, carry out identically to one
+  process), ``dask_speedup`` (time on one Dask worker over that on two).
+- ``weight_files``: ``yaml_exact`` (share of weight files that come back identical except for changed numbers).
+- ``sensitivity``: ``sensitivity_planted`` (share of cases in which the decisive and the inert weight are reported as
+  such).
+- ``optimised``: ``optimised_gain``, ``optimised_gain_low``, ``optimised_collision_change`` (gain of a search on unseen
+  roads).
+- ``rbfn``: ``rbfn_end_error_m``, ``rbfn_us_per_primitive``, ``rbfn_success``, ``frenetix_success`` (quality of
+  MP-RBFN's primitives, and its success with a known future).
+- ``requests``: ``requests_exact``, ``refused_right`` (every line of the tuning corpus as arguments).
+- ``own_planners``: ``own_faults_named`` (faulty programs that are each a named error of their run).
+- ``speed``: ``run_median_s``, ``two_worker_speedup``, ``first_run_s`` and the shares of the stages of a run.
+- ``tables``: ``success_PLANNER_N``, ``collisions_PLANNER_N`` (every planner on the presets of 50, 100 and all
+  scenarios).
+- ``reference``: ``reference_agree`` (share of scenarios that end as in the public loop around Frenetix),
+  ``reference_time_ratio`` (processor time of its runs over ours).
+- ``reference_presets``: ``reference_guessed_to_success`` and others: the gain of Safety-Conservative in that loop.
 
-``--only`` takes keys and parts. A part that is not there is left out and named, one that fails too; then the status is
-1. ``--json`` prints the last line alone.
+``--only`` takes keys and parts. A part that fails or is missing is named, and the exit status is then 1. ``--json``
+prints only the last line.
 """
 
 import argparse
@@ -46,7 +48,7 @@ PARTS: Parts[TuningBench] = Parts(
         "reference_presets": ("reference_guessed_to_success", "own_guessed_to_success"),
     },
 )
-"""The parts in the order in which they are measured, and the keys that each owes."""
+"""The parts in the order of measurement, and the keys that each owes."""
 
 
 def _bench(given: argparse.Namespace, scratch: Path) -> TuningBench:

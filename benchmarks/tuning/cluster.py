@@ -1,14 +1,17 @@
-"""Batches on two real Dask workers beside the same batch on one process of this machine.
+"""Batches on two real Dask workers, compared with the same batch in one process of this machine.
 
-The scheduler and its workers are processes of Dask's own command line, one thread each, with the settings that
-docs/cluster.md names, and without nannies: what is killed stays dead. The same runs are made five times, each in a
-workspace of its own: by one worker process of the server; by one Dask worker; by two; by two of which one is killed
-when a third of the runs is there; and by two whose scheduler is killed then.
+The scheduler and its workers are processes of Dask's command line, with one thread each, the settings of
+docs/cluster.md, and without nannies, so that a killed process stays dead. The same runs are made five times, each in
+its own workspace: by one worker process of the server, by one Dask worker, by two, by two with one killed after a third
+of the runs, and by two with their scheduler killed at that point.
 
-Keys: ``dask_same_rows``: share of the runs, over all four batches on the cluster, whose record and steps have the bytes
-that one process gave them; ``dask_lost``: runs of those batches that are not there; ``dask_speedup``: time of the batch
-on one Dask worker by that on two, once all have carried out a few other runs; ``dask_by_process``: the same by that on
-one process of the server; ``dask_runs``: runs of a batch.
+Keys:
+
+- ``dask_same_rows``: share of the runs of all four cluster batches with the same record and steps, byte for byte, as in
+  one process; ``dask_lost``: missing runs of those batches.
+- ``dask_speedup``: time of the batch on one Dask worker over that on two, after a few other runs; ``dask_by_process``:
+  the same over that in one process of the server.
+- ``dask_runs``: runs of a batch.
 """
 
 import contextlib
@@ -35,18 +38,18 @@ from ..harness import Figures, SeededBench, finished_batch, import_scenarios, sc
 RUNS = 120
 """Runs of a batch (chosen: about a minute on one process)."""
 _WARMING = 8
-"""Runs that are made before time is taken, so that workers have loaded what they need (chosen)."""
+"""Number of runs before the timing, so that workers have loaded everything (chosen)."""
 _KILL_AT = 3
-"""What is killed is killed when one in so many of the runs is there."""
+"""The kill comes once one in this many runs is done."""
 _LOOK_S = 0.05
 UNOBSERVED = {
     "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
     "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
     "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "5s",
 }
-"""Settings by which Dask's processes watch themselves less; see docs/cluster.md."""
+"""Settings that reduce the self-monitoring of Dask's processes; see docs/cluster.md."""
 Rows = dict[str, tuple[bytes, bytes]]
-"""By run id: the record and the steps, as they are stored."""
+"""By run id: the stored record and steps."""
 
 
 @dataclass
@@ -84,7 +87,7 @@ def _cluster(folder: Path, workers: int) -> Iterator[_Cluster]:
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many runs."""
+    """Measure the keys above; a limit restricts the number of runs."""
     count = bench.limit or RUNS
     truth, alone_s = anyio.run(_batch, bench, "alone", count, "")
     made: list[Rows] = []
@@ -107,7 +110,7 @@ def measure(bench: SeededBench) -> Figures:
 async def _batch(
     bench: SeededBench, name: str, count: int, address: str, victim: "subprocess.Popen[bytes] | None" = None
 ) -> tuple[Rows, float]:
-    """The rows of a batch in a workspace of that name, and the seconds it took."""
+    """Return the rows of a batch in a workspace of that name, and the seconds it took."""
     folder = bench.scratch / name
     settings = settings_for(folder, bench.shared, 1).model_copy(update={"cluster": address})
     async with Client(create_server(settings)) as client:

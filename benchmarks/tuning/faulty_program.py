@@ -1,6 +1,6 @@
-"""A planner that is a program and goes wrong as its first argument says; of the standard library alone.
+"""A planner program that fails as its first argument says; standard library only.
 
-``own_planners.py`` names it in a settings file, once for each way to go wrong; ``drives`` goes straight on.
+``own_planners.py`` lists it in a settings file once for each kind of failure; ``drives`` goes straight on.
 """
 
 import json
@@ -16,7 +16,7 @@ _GIGABYTES = 5
 
 
 def _straight_on(request: dict[str, Any]) -> dict[str, Any]:
-    """An answer by docs/own_planner.md: the present course and speed, until after the goal's time."""
+    """Return an answer by docs/own_planner.md: the present course and speed, until after the goal's time."""
     ego, count = request["ego"], request["last_step"] - request["first_step"] + 20
     away = [ego["speed_mps"] * request["step_s"] * index for index in range(count)]
     return {

@@ -1,17 +1,21 @@
-"""Whether a search finds weights that are better on roads that it has not seen.
+"""Checks whether a search finds weights that are better on unseen roads.
 
-For three seeds of the split ``optimize_planner`` searches six weights of Frenetix from its default, for success under
-constant-velocity prediction, on half of a hundred public scenarios. On the other half the found configuration, the
-default and Safety-Conservative are run. Their goals and collisions are counted here from the stored runs; a scenario
-that several splits hold out counts once, with its mean. The interval is a bootstrap over places.
+For three seeds of the split, ``optimize_planner`` searches six weights of Frenetix from its default, for success under
+constant-velocity prediction, on half of a hundred public scenarios. The found configuration, the default and
+Safety-Conservative then run on the other half. This module counts goals and collisions from the stored runs. A scenario
+held out by several splits counts once, with its mean. The interval is a bootstrap over places.
 
-Keys: ``optimised_gain``: mean difference of success, found − default; ``optimised_gain_low``, ``optimised_gain_high``:
-its 95 % interval; ``optimised_collision_change``: mean difference of the share of collisions;
-``optimised_over_safety``: difference of success, found − Safety-Conservative; ``safety_gain``: Safety-Conservative −
-default on the same; ``default_success``, ``safety_success``, ``optimised_success``, and the same with ``_collisions``:
-the shares themselves, which are the paper's table of presets and what was found; ``optimised_told``: searches whose
-answer says *is better*; ``optimised_found``: searches in which something was better in training;
-``optimised_scenarios``: held-out scenarios in all.
+Keys:
+
+- ``optimised_gain``: mean difference of success, found − default; ``optimised_gain_low``, ``optimised_gain_high``: its
+  95 % interval.
+- ``optimised_collision_change``: mean difference of the share of collisions.
+- ``optimised_over_safety``: difference of success, found − Safety-Conservative; ``safety_gain``: Safety-Conservative −
+  default on the same.
+- ``default_success``, ``safety_success``, ``optimised_success``, and the same with ``_collisions``: the shares
+  themselves, that is, the paper's table of presets and the found one.
+- ``optimised_told``: searches with an answer that says *is better*; ``optimised_found``: searches with an improvement
+  in training; ``optimised_scenarios``: number of held-out scenarios.
 """
 
 import random
@@ -50,7 +54,7 @@ VARIED = (
     "distance_to_reference_path",
     "longitudinal_jerk",
 )
-"""Weights that are searched (chosen: the three of safety, and what they are weighed against)."""
+"""Searched weights (chosen: the three of safety, and their counterweights)."""
 SPLITS, SCENARIOS, TRIALS, DRAWS = 3, 100, 16, 4000
 """Seeds of the split, scenarios, candidates a search, draws of the bootstrap (chosen: a quarter of an hour)."""
 _Ends = Mapping[str, tuple[bool, bool]]
@@ -58,7 +62,7 @@ _Ends = Mapping[str, tuple[bool, bool]]
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios."""
+    """Measure the keys above; a limit restricts the number of scenarios."""
     return anyio.run(_measured, bench)
 
 
@@ -133,7 +137,7 @@ def _batch(folder: Path, batch_id: str) -> BatchRecord:
 
 
 def _ends(folder: Path, batch_id: str, config_id: str | None) -> _Ends:
-    """How the runs of a batch ended, of one configuration where one is named; those not attempted are left out."""
+    """Return the ends of a batch's runs, of one configuration if given, without those not attempted."""
     return {
         record.scenario_id: (record.outcome == "goal_reached", record.outcome == "collision")
         for record in attempted_runs(folder, batch_id)
@@ -142,7 +146,7 @@ def _ends(folder: Path, batch_id: str, config_id: str | None) -> _Ends:
 
 
 def _rows(base: _Ends, best: _Ends, safety: _Ends) -> dict[str, tuple[float, ...]]:
-    """By scenario: goal and collision of the default, of Safety-Conservative and of the found configuration."""
+    """Return goal and collision of the default, of Safety-Conservative and of the found configuration, by scenario."""
     return {
         name: tuple(float(end) for end in (*base[name], *safety[name], *best[name]))
         for name in sorted(base)
@@ -151,7 +155,7 @@ def _rows(base: _Ends, best: _Ends, safety: _Ends) -> dict[str, tuple[float, ...
 
 
 def place_interval(gains: Mapping[str, float], seed: int) -> tuple[float, float]:
-    """The 95 % interval of a mean over scenarios: places are drawn with replacement."""
+    """Return the 95 % interval of a mean over scenarios, with places drawn with replacement."""
     places: dict[str, list[float]] = {}
     for name, gain in gains.items():
         places.setdefault(road_of(name), []).append(gain)

@@ -1,11 +1,11 @@
-"""Programs as planners that go wrong, named in a settings file and run by the command line, as a user would.
+"""Faulty planner programs, listed in a settings file and run from the command line, as a user does.
 
-One batch holds a program for each way to go wrong, one that drives, and Frenetix. Of a program that goes wrong the run
-has to be lost with a ``planner_failure`` that names the planner and says what it did; the others have to be run, and
-nothing of a program may be left: no process, no file.
+One batch holds a program for each kind of failure, a working one, and Frenetix. The run of a faulty program must be
+lost with a ``planner_failure`` that names the planner and its fault. The others must run, and no process or file of a
+program may be left.
 
-Keys: ``own_faults_named``: share of the ways to go wrong that are told so; ``own_faults``: how many ways;
-``own_beside``: share of the other runs that were made; ``own_left``: processes and files that are left.
+Keys: ``own_faults_named``: share of the kinds of failure reported this way; ``own_faults``: number of kinds;
+``own_beside``: share of the other runs that were made; ``own_left``: processes and files left behind.
 """
 
 import json
@@ -29,14 +29,14 @@ FAULTS: Mapping[str, str] = {
     "other_scenario": "ZAM_Elsewhere-1_1_T-1",
     "dies": "signal 11",
 }
-"""Ways to go wrong, and what has to be told of them."""
+"""Kinds of failure, and the required report of each."""
 _DRIVES, _BESIDE = "drives", "frenetix"
 _PROGRAM = Path(__file__).with_name("faulty_program.py")
 _LIMITS = {"time_s": 4, "output_mb": 1, "folder_mb": 8}
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above."""
+    """Measure the keys above."""
     folder = bench.folder("own planners")
     settings = folder / "settings" / "plannerforge"
     settings.mkdir(parents=True)
@@ -46,7 +46,7 @@ def measure(bench: SeededBench) -> Figures:
     temporary.mkdir()
     _call(folder, bench.shared, "import_files", path=str(scenario_files(bench.shared / "data" / "commonroad", 1)[0]))
     answer = _call(folder, bench.shared, "run_planner", scenarios=["preset:1"], configs=[*names, _BESIDE])
-    told = {name: _told(answer, name) for name in FAULTS}
+    told = {name: _failure_text(answer, name) for name in FAULTS}
     for name, text in told.items():
         sys.stderr.write(f"{name}: {text}\n")
     made = {line["config_name"].partition(":")[0] for line in answer["runs"]}
@@ -60,14 +60,14 @@ def measure(bench: SeededBench) -> Figures:
 
 
 def _section(name: str) -> str:
-    """The section of the settings file for a program."""
+    """Return the section of the settings file for a program."""
     limits = "".join(f"{key} = {value}\n" for key, value in _LIMITS.items())
     command = json.dumps([sys.executable, "-S", str(_PROGRAM), name])
     return f'[planners.{name}]\nsummary = "a program that {name}"\ncommand = {command}\n{limits}\n'
 
 
 def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
-    """The structured answer of a tool, called by the command line.
+    """Return the structured answer of a tool called by the command line.
 
     Raises:
         RuntimeError: the call failed.
@@ -86,8 +86,8 @@ def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
     return json.loads(done.stdout)
 
 
-def _told(answer: Any, name: str) -> str:
-    """What is told of the run that a planner lost; empty where it lost none."""
+def _failure_text(answer: Any, name: str) -> str:
+    """Return the report on the run that a planner lost, empty if it lost none."""
     return next((cell["error"] for cell in answer["lost"] if f"planner {name} " in cell["error"]), "")
 
 

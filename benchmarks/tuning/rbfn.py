@@ -1,26 +1,29 @@
-"""What MP-RBFN's primitives are worth, and how the planner fares beside Frenetix.
+"""Measures the quality of MP-RBFN's primitives, and compares the planner with Frenetix.
 
-**Primitives.** Problems of a seed that the network was not trained with (``planners/rbfn_samples.py``) are
-brought to the scale of driving: each gets a duration of 1 to 3 s and a mean speed of
-2 to 20 m/s. The judge drives what the network gives, curvatures and speeds at nodes, with a Runge–Kutta integration of
-its own, and compares the end with the one asked for: that is the miss before it is closed. By how much closing it
-takes a primitive away from the single-track model is told by the angle between heading and motion. Times are processor
-times of one thread, for 1,000 primitives of 31 states to different ends, in 11 durations, at once: the network's,
-analytic quintics in x and y between the same boundary values (position, velocity, acceleration), and the solver, one
-after the other.
+**Primitives.** Problems of a seed outside the training (``planners/rbfn_samples.py``) are scaled to driving: each gets
+a duration of 1 to 3 s and a mean speed of 2 to 20 m/s. The judge integrates the network's curvatures and speeds at
+nodes by its own Runge–Kutta method, and compares the end with the requested one: this is the miss before the primitive
+is closed. The angle between heading and motion shows how far closing moves a primitive away from the single-track
+model. Times are processor times of one thread for 1,000 primitives of 31 states to different ends, in 11 durations, at
+once: of the network, of analytic quintics in x and y between the same boundary values (position, velocity,
+acceleration), and of the solver, one problem after the other.
 
 **Planner.** MP-RBFN and Frenetix, each with ``Default``, on every public scenario with ``ground_truth``; runs on
-problems that no planner can solve are in no share. Whether each weight acts is judged by
-``planners/acting_weights.py``; the contract (``check_planner``) is held to what it saw at every step of some drives.
+unsolvable problems are in no share. ``planners/acting_weights.py`` judges whether each weight acts, and
+``check_planner`` tests the contract on what the planner saw at every step of some drives.
 
-Keys: ``rbfn_end_error_m``: mean miss of the ends in m; ``_95``: what 95 of 100 do not exceed; ``rbfn_end_heading_rad``
-and ``_95`` alike; ``rbfn_known``: share of the problems within what the network knows, of which these are;
-``rbfn_slip_rad_95``: the largest angle between heading and motion of a closed primitive, likewise;
-``rbfn_us_per_primitive``, ``quintic_us_per_primitive``, ``solver_us_per_primitive``: µs for one of 1,000;
-``rbfn_success``, ``frenetix_success``: share of the solvable problems that reach the goal; ``rbfn_solvable``: how many;
-``rbfn_points``: the difference in points, with a bootstrapped 95 % interval (``_low``, ``_high``);
-``rbfn_weights_acting``: how many of its weights act; ``rbfn_breaches``: what it breaks of the contract, in
-``rbfn_asked`` situations.
+Keys:
+
+- ``rbfn_end_error_m``: mean miss of the ends in m; ``_95``: 95th percentile; ``rbfn_end_heading_rad`` and ``_95``
+  likewise.
+- ``rbfn_known``: share of the problems within the network's range, to which these figures refer.
+- ``rbfn_slip_rad_95``: the largest angle between heading and motion of a closed primitive, 95th percentile.
+- ``rbfn_us_per_primitive``, ``quintic_us_per_primitive``, ``solver_us_per_primitive``: µs for one of 1,000.
+- ``rbfn_success``, ``frenetix_success``: share of the solvable problems that reach the goal; ``rbfn_solvable``: their
+  number.
+- ``rbfn_points``: the difference in percentage points, with a bootstrapped 95 % interval (``_low``, ``_high``).
+- ``rbfn_weights_acting``: number of its acting weights.
+- ``rbfn_breaches``: its breaches of the contract, in ``rbfn_asked`` situations.
 """
 
 import time
@@ -58,21 +61,22 @@ from ..planners.rbfn_training import HELD_OUT, HELD_OUT_SEED
 
 CONFIGS = ("mp_rbfn:Default", "frenetix:Default")
 SITUATIONS, CHECKED = 12, 5
-"""Scenarios whose starts decide which weights act, and on which the contract is checked (chosen)."""
+"""Number of scenarios with a start that tests which weights act and the contract (chosen)."""
 _SECONDS, _SPEEDS_MPS = (1.0, 3.0), (2.0, 20.0)
 _GRID_S = 0.2
-"""Durations whose time is taken are multiples of it: a planner samples few of them, and the network's cost grows with
-their number (chosen)."""
+"""Timed durations are multiples of it: a planner samples few of them, and the network's cost grows with their number
+(chosen).
+"""
 _TIMED, _SOLVED, _STATES = 1000, 100, 31
 _SUBSTEPS = 20
-"""Of the integration, between two nodes."""
+"""Steps of the integration between two nodes."""
 _REPEATS = 20
 _DRAWS = 4000
-"""Of the bootstrap (chosen)."""
+"""Draws of the bootstrap (chosen)."""
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many primitives and scenarios.
+    """Measure the keys above; a limit restricts the numbers of primitives and scenarios.
 
     Raises:
         LeftOut: casadi is not installed.
@@ -80,7 +84,7 @@ def measure(bench: SeededBench) -> Figures:
     try:
         solve = PrimitiveProblem()
     except ModuleNotFoundError as error:
-        raise LeftOut("the optimal control needs casadi (the extra train)") from error
+        raise LeftOut("the optimal control problem needs casadi (install the extra train)") from error
     files = scenario_files(bench.shared / "data" / "commonroad", bench.limit)
     chosen = [path for path in files if path.name in set(drawn((one.name for one in files), SITUATIONS))]
     acting = acting_weights(built_in(CONFIGS[0]), [read_scenario(path) for path in chosen])
@@ -96,7 +100,7 @@ def measure(bench: SeededBench) -> Figures:
 
 
 class _Recorder:
-    """MP-RBFN that keeps what it was asked."""
+    """MP-RBFN with a record of its inputs."""
 
     def __init__(self) -> None:
         self._planner = make_planner("mp_rbfn")
@@ -108,20 +112,20 @@ class _Recorder:
         self._planner.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """The planner's plan."""
+        """Return the planner's plan."""
         self.asked.append((self._task, observation))
         return self._planner.plan(observation)
 
 
 def _situations(path: Path) -> list[tuple[PlanningTask, Observation]]:
-    """What MP-RBFN is asked on the way through a scenario."""
+    """Return MP-RBFN's inputs during a scenario."""
     loaded, recorder = read_scenario(path), _Recorder()
     simulate(loaded.scenario, loaded.problem(), built_in(CONFIGS[0]), recorder, "constant_velocity", silent)
     return recorder.asked
 
 
 def _primitives(solve: PrimitiveProblem, seed: int, count: int) -> dict[str, float]:
-    """Misses and times."""
+    """Return errors and times."""
     network, choice = PrimitiveNetwork.shipped(), np.random.default_rng(HELD_OUT_SEED)
     inputs = np.array([drawn_inputs(choice) for _ in range(count)])
     choice = np.random.default_rng(seed)
@@ -145,7 +149,9 @@ def _primitives(solve: PrimitiveProblem, seed: int, count: int) -> dict[str, flo
 
 
 def _driven(curvature: Points, speed: Points) -> tuple[Values, Values, Values]:
-    """Where rear axles end that drive scaled curvatures and speeds (n, 31), straight between nodes: x, y, heading."""
+    """Return the end poses (x, y, heading) of rear axles with scaled curvatures and speeds (n, 31), linear between
+    nodes.
+    """
     nodes, count = np.linspace(0.0, 1.0, curvature.shape[1]), (curvature.shape[1] - 1) * _SUBSTEPS
     state, step = np.zeros((3, len(curvature))), 1.0 / count
 
@@ -167,7 +173,7 @@ def _driven(curvature: Points, speed: Points) -> tuple[Values, Values, Values]:
 
 
 def _ends(inputs: Points, duration_s: Values, chord_m: Values) -> PrimitiveEnds:
-    """The ends of scaled problems in metres and seconds."""
+    """Return the ends of scaled problems in metres and seconds."""
     return PrimitiveEnds(
         duration_s=duration_s,
         x_m=chord_m * np.cos(inputs[:, 2]),
@@ -179,7 +185,7 @@ def _ends(inputs: Points, duration_s: Values, chord_m: Values) -> PrimitiveEnds:
 
 
 def _largest_slip_rad(network: PrimitiveNetwork, inputs: Values, duration_s: float, chord_m: float) -> float:
-    """The largest angle between the heading of a closed primitive and the way it moves, in steps of 5 ms."""
+    """Return the largest angle between the heading and the motion of a closed primitive, in steps of 5 ms."""
     times = np.arange(0.0, duration_s, 0.005)
     ends = _ends(inputs[None], np.array([duration_s]), np.array([chord_m]))
     made, _ = motion_primitives(network, inputs[0] * chord_m / duration_s, inputs[1] / chord_m, ends, times)
@@ -192,7 +198,7 @@ def _largest_slip_rad(network: PrimitiveNetwork, inputs: Values, duration_s: flo
 def _times(
     network: PrimitiveNetwork, solve: PrimitiveProblem, inputs: Points, duration_s: Values, chord_m: Values
 ) -> dict[str, float]:
-    """Processor time in µs for one of 1,000 primitives that begin alike, by the three ways."""
+    """Return processor time in µs for one of 1,000 primitives with the same start, by the three methods."""
     rows = np.resize(np.arange(len(inputs)), _TIMED)
     ends = _ends(inputs[rows], np.round(duration_s[rows] / _GRID_S) * _GRID_S, chord_m[rows])
     first, bend = float(np.median(inputs[:, 0] * chord_m / duration_s)), float(np.median(inputs[:, 1] / chord_m))
@@ -211,7 +217,7 @@ def _times(
 
 
 def _us(make: Callable[[], object], count: int, repeats: int) -> float:
-    """The least processor time of some repeats by the number of primitives made, in µs."""
+    """Return the best processor time of some repeats per primitive, in µs."""
     taken = []
     for _ in range(repeats):
         began = time.process_time()
@@ -221,11 +227,11 @@ def _us(make: Callable[[], object], count: int, repeats: int) -> float:
 
 
 def _quintics(speed_mps: float, curvature: float, ends: PrimitiveEnds, times_s: Values) -> Mapping[str, Points]:
-    """Quintic polynomials in x and y to n ends, at m times: position, heading, speed and curvature, each (n, m).
+    """Return quintic polynomials in x and y to n ends, at m times: position, heading, speed and curvature, each (n, m).
 
-    The accelerations at both ends are those across the heading alone, curvature · speed². The coefficients of a quintic
-    between two positions, velocities and accelerations are in Takahashi et al., "Local path planning and motion control
-    for AGV in positioning" (IROS 1989).
+    The accelerations at both ends are only the lateral ones, curvature · speed². The coefficients of a quintic between
+    two positions, velocities and accelerations are in Takahashi et al., "Local path planning and motion control for AGV
+    in positioning" (IROS 1989).
     """
     total = ends.duration_s
     cos, sin = np.cos(ends.turn_rad), np.sin(ends.turn_rad)
@@ -259,7 +265,7 @@ def _quintics(speed_mps: float, curvature: float, ends: PrimitiveEnds, times_s: 
 
 
 async def _planners(bench: SeededBench) -> dict[str, float]:
-    """How both planners fare where the future is known."""
+    """Compare both planners with a known future."""
     folder = bench.scratch / "rbfn"
     async with Client(create_server(settings_for(folder, bench.shared, 2))) as client:
         await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", bench.limit))
@@ -282,7 +288,7 @@ async def _planners(bench: SeededBench) -> dict[str, float]:
 
 
 def _reached(folder: Path, batch_id: str, config: str) -> dict[str, bool]:
-    """By scenario whether a configuration reached the goal, where the problem can be solved."""
+    """Return by scenario whether a configuration reached the goal, if the problem is solvable."""
     wanted = built_in(config).config_id
     own = [one for one in attempted_runs(folder, batch_id) if one.config_id == wanted]
     return {one.scenario_id: one.outcome == "goal_reached" for one in own}

@@ -1,25 +1,27 @@
-"""Beside Frenetix-Motion-Planner, the public loop around the same core: the same scenarios, the same weights.
+"""Compares the product with Frenetix-Motion-Planner, the public loop around the same core, on scenarios and weights.
 
-It runs from a checkout (``--reference``) in an environment of its own (``--reference-python``, made of
-``reference_requirements.txt``), in one process that drives one scenario after the other (``reference_driver.py``).
-Scenarios are drawn from the public ones by the seed; weights are those of our presets, which are written over its own.
+The reference runs from a checkout (``--reference``) in its own environment (``--reference-python``, from
+``reference_requirements.txt``), in one process that drives one scenario after the other (``reference_driver.py``). The
+seed draws the scenarios from the public ones. The weights of our presets replace its own.
 
-Both know the recording as prediction (``ground_truth``), the one that both loops have; the scenarios are driven by
-turns, each on every other one first. As it is configured, the reference leaves out followers behind the ego whatever
-the prediction, ours only where it guesses; so the reference drives once more with its cone for that set to 0
-(``seeing``). The other way round, our loop drives once more by two rules of the reference: it leaves followers out, and
-keeps its speed in a goal that asks for none (``alike``). How a run ends is told in the same five classes, and a pair
-that ends otherwise is classed from the logs by :func:`cause_of`: what the two did is asked apart from who judged it, by
-driving what the reference drove once more through our loop.
+Both use the recording as prediction (``ground_truth``), the only one that both loops have, and alternate in driving
+first. The reference by default leaves out followers behind the ego under any prediction, and our loop only if it
+guesses. The reference therefore drives again with its cone for that set to 0 (``seeing``), and our loop drives again by
+two rules of the reference: it leaves followers out, and keeps its speed in a goal without one (``alike``). Ends of runs
+fall into the same five classes. :func:`cause_of` classifies a differing pair from the logs: it separates the drive from
+its verdict by driving the reference's motion again through our loop.
 
-Keys: ``reference_scenarios``: which both attempt (no other count); ``reference_agree``: share that end in the same
-class; ``reference_trap``, ``reference_prediction``, ``reference_goal_rule``, ``reference_road_check``,
-``reference_sampling``: how many end otherwise, by cause; ``reference_from_behind``: of these, those in which another
-hit the reference's ego from behind; ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach
-the goal; ``reference_seeing_agree`` and so on: the same where the reference sees followers; ``reference_alike_agree``
-and so on: where our loop has its two rules; ``reference_time_ratio``: processor time, theirs over ours, of all runs
-together (as configured); ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``:
-medians of processor time.
+Keys:
+
+- ``reference_scenarios``: attempted by both (no other counts); ``reference_agree``: share that end in the same class.
+- ``reference_trap``, ``reference_prediction``, ``reference_goal_rule``, ``reference_road_check``,
+  ``reference_sampling``: number that end differently, by cause; ``reference_from_behind``: those in which another
+  vehicle hit the reference's ego from behind.
+- ``reference_success``, ``own_success``, ``own_alike_success``: shares that reach the goal.
+- ``reference_seeing_agree`` and so on: the same if the reference sees followers; ``reference_alike_agree`` and so on:
+  the same if our loop has its two rules.
+- ``reference_time_ratio``: processor time, theirs over ours, of all runs together (default settings);
+  ``reference_time_ratio_clock``: the same by the clock; ``reference_run_s``, ``own_run_s``: medians of processor time.
 """
 
 import math
@@ -56,13 +58,14 @@ from ..tracks import ahead_and_left_m
 from .optimised import DEFAULT
 
 SCENARIOS = 64
-"""Drawn of the public ones (chosen; the issue asks for 60)."""
+"""Number of drawn public scenarios (chosen)."""
 LIMIT_S = 600.0
-"""On the clock for one run of the reference, after which it counts as a fault (chosen)."""
+"""Wall time of one reference run after which it counts as a fault (chosen)."""
 Ending = Literal["goal reached", "goal passed", "collision", "infeasible", "time limit", "not attempted"]
-"""How a run ends, in words of both loops. A collision is one with the road's edge too, because the reference does not
-tell them apart; a goal is passed where the ego was in its place at another time, or went by. ``not attempted``: ours
-says that nobody can solve the problem."""
+"""Ends of a run in both loops' terms. A collision may be with the road's edge, because the reference does not
+distinguish them. A goal is passed if the ego was in its place at another time, or went by. ``not attempted``: our loop
+finds the problem unsolvable.
+"""
 OUR_ENDINGS: Mapping[Outcome, Ending] = {
     "goal_reached": "goal reached",
     "goal_refused": "goal reached",
@@ -88,13 +91,15 @@ THEIR_ENDINGS: Mapping[str, Ending] = {
 Cause = Literal["trap", "prediction", "goal_rule", "road_check", "sampling"]
 CAUSES: tuple[Cause, ...] = ("trap", "prediction", "goal_rule", "road_check", "sampling")
 _FORESEEN_M = 0.5
-"""A predicted place nearer than this to the recorded one is foreseen (chosen: a quarter of a car's width and more)."""
+"""Largest distance between a predicted and a recorded place that counts as foreseen (chosen: just over a quarter of a
+car's width).
+"""
 _HORIZON_STEPS = 30
 
 
 @dataclass(frozen=True)
 class TuningBench(SeededBench):
-    """What the parts of ``make bench-tuning`` are given.
+    """The input of the parts of ``make bench-tuning``.
 
     ``reference``: a checkout of Frenetix-Motion-Planner; ``reference_python``: the interpreter of its environment.
     """
@@ -107,9 +112,9 @@ class TuningBench(SeededBench):
 class PlanLog:
     """One plan of the reference.
 
-    ``kind``: ``regular`` (a candidate that its checks found free), ``fallback`` (stopping or standing, though none was
-    free), ``none``. ``rejected``: candidates by constraint. ``predicted``: of the last plans, by obstacle, where its
-    check took it to be at the steps that follow the plan's.
+    ``kind``: ``regular`` (its checks found a free candidate), ``fallback`` (stopping or standing without a free one),
+    ``none``. ``rejected``: candidates by constraint. ``predicted``: for the last plans, by obstacle, the positions that
+    its check assumed for the plan's following steps.
     """
 
     step: int
@@ -123,10 +128,10 @@ class PlanLog:
 
 @dataclass(frozen=True)
 class ReferenceRun:
-    """What the driver answers of one run.
+    """The driver's answer for one run.
 
-    ``fault``: what its loop raised; empty where it came to an end. ``met``: at a collision, whether its check found the
-    road's edge or a static obstacle (``still``), or one that is ``moving``; empty otherwise.
+    ``fault``: the exception of its loop; empty if it finished. ``met``: for a collision, whether its check found the
+    road's edge or a static obstacle (``still``), or a ``moving`` one; otherwise empty.
     """
 
     fault: str
@@ -139,7 +144,7 @@ class ReferenceRun:
 
     @classmethod
     def of(cls, answer: Mapping[str, Any]) -> "ReferenceRun":
-        """The run of a line of the driver."""
+        """Return the run in a line of the driver."""
         steps = None
         if "x_m" in answer:
             names = ("first_step", "x_m", "y_m", "heading_rad", "speed_mps", "acceleration_mps2")
@@ -176,11 +181,12 @@ class OwnRun:
 
 @dataclass(frozen=True)
 class Judged:
-    """What our judge says of the states that the reference drove.
+    """Our judge's verdict on the states that the reference drove.
 
-    ``ending``: None where it would have let the run go on. ``contact``: the collision that it sees. ``missed_m``: by
-    the step of a plan, how far from its recorded place at the contact that plan took the obstacle to be; None: it was
-    not among the predicted ones, or not for so long. ``from_behind``: its centre is behind the ego's rear then.
+    ``ending``: None if the judge would have let the run continue. ``contact``: the collision that it sees.
+    ``missed_m``: by the step of a plan, the distance between the obstacle's predicted and recorded position at the
+    contact; None if the plan did not predict it, or not for so long. ``from_behind``: the obstacle's centre is behind
+    the ego's rear then.
     """
 
     ending: Ending | None = None
@@ -200,22 +206,25 @@ class Pair:
 
     @property
     def agrees(self) -> bool:
-        """Whether both end in the same class."""
+        """True if both end in the same class."""
         return self.ours.ending == self.theirs.ending
 
 
 def cause_of(pair: Pair) -> tuple[Cause, str]:
-    """Why the two end otherwise, and what in the logs says so. The first that holds:
+    """Return why the two end differently, and the evidence in the logs. The first rule that applies decides:
 
     1. ``trap``: the reference's loop raises an error, or the last attempt of either is rejected as at a heading wrap.
-    2. Our judge says of what the reference drove what it says of our own run, or would have let it go on: only the
-       rules differ. A contact with the road's edge that one of the two does not see is ``road_check``, one with an
-       obstacle is a ``trap`` (of the recording both know where that was); all else is ``goal_rule``.
-    3. They drove otherwise, and the run that fails (the reference's where both do) says why. A contact with an obstacle
-       is ``prediction`` where the reference took the way to be free, or foresaw the obstacle elsewhere from its last
-       plan of that kind; else, and in our run, which knows the recording, it is ``sampling``. Leaving the road is
-       ``road_check``. No trajectory is ``road_check`` where the edge rejected the most, else ``sampling``.
-    4. Both drove freely and came to the goal at other times: ``goal_rule``.
+
+    2. Our judge gives the reference's motion the same verdict as our own run, or would have let it continue: only the
+    rules differ. A contact with the road's edge that only one of the two sees is ``road_check``, one with an obstacle
+    is a ``trap`` (both know its recorded position); everything else is ``goal_rule``.
+
+    3. They drove differently, and the failed run (the reference's if both failed) decides. A contact with an obstacle
+    is ``prediction`` if the reference took the path to be free, or its last plan of that kind predicted the obstacle
+    elsewhere; otherwise, and in our run, which knows the recording, it is ``sampling``. Leaving the road is
+    ``road_check``. No trajectory is ``road_check`` if the edge rejected the most, otherwise ``sampling``.
+
+    4. Both drove freely and reached the goal at different times: ``goal_rule``.
     """
     ours, theirs, judged = pair.ours, pair.theirs, pair.judged
     if theirs.fault:
@@ -241,7 +250,7 @@ def cause_of(pair: Pair) -> tuple[Cause, str]:
 
 
 def _rule(pair: Pair) -> Cause:
-    """Which rule differs where both judge the same drive."""
+    """Return which rule differs if both judge the same drive."""
     contact = pair.judged.contact
     if pair.theirs.ending == "collision":
         return "road_check" if pair.theirs.met == "still" else "trap"
@@ -277,10 +286,10 @@ def _last_rejected(steps: RunSteps) -> dict[str, int]:
 
 
 def measure(bench: TuningBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios.
+    """Measure the keys above; a limit restricts the number of scenarios.
 
     Raises:
-        LeftOut: no checkout or no interpreter was named.
+        LeftOut: no checkout or no interpreter was given.
     """
     with both_loops(bench, "reference") as loops:
         loops.warm_up(bench)
@@ -301,7 +310,7 @@ def _differences(pairs: Iterable[Pair]) -> Iterator[str]:
 
 
 def figures(pairs: Sequence[Pair], seeing: Sequence[Pair], alike: Sequence[Pair]) -> dict[str, float | int | str]:
-    """The keys of the module, of pairs that both attempted, where the reference sees all, and where ours is alike."""
+    """Compute the module's keys from pairs that both attempted, from ``seeing`` pairs, and from ``alike`` pairs."""
     theirs = sum((pair.theirs.spent for pair in pairs), Spent())
     ours = sum((pair.ours.spent for pair in pairs), Spent())
     return {
@@ -329,20 +338,20 @@ def _agreement(begin: str, pairs: Sequence[Pair]) -> dict[str, float | int]:
 
 
 def drawn_scenarios(bench: TuningBench) -> list[Path]:
-    """Public scenarios that the seed draws; with a limit, the first so many of the same."""
+    """Return public scenarios drawn by the seed; a limit takes the first of the same ones."""
     files = scenario_files(bench.shared / "data" / "commonroad", None)
     return random.Random(bench.seed).sample(files, len(files))[: bench.limit or SCENARIOS]  # noqa: S311 - no secret
 
 
 @contextmanager
 def both_loops(bench: TuningBench, name: str) -> Iterator["Loops"]:
-    """Both loops, each in a process of its own; the log of the reference's is kept in the scratch.
+    """Open both loops, each in its own process; the reference's log stays in the scratch folder.
 
     Raises:
-        LeftOut: no checkout or no interpreter was named.
+        LeftOut: no checkout or no interpreter was given.
     """
     if bench.reference is None or bench.reference_python is None:
-        raise LeftOut("name a checkout of Frenetix-Motion-Planner (--reference) and its Python (--reference-python)")
+        raise LeftOut("give a checkout of Frenetix-Motion-Planner (--reference) and its Python (--reference-python)")
     driver = Path(__file__).with_name("reference_driver.py")
     command = [str(bench.reference_python), "-P", str(driver), str(bench.reference)]
     with (
@@ -361,10 +370,11 @@ class Loops:
     own: ProcessPoolExecutor
 
     def warm_up(self, bench: TuningBench) -> None:
-        """A run of each that does not count, where possible of a scenario that is not drawn: libraries are loaded then.
+        """Make a run of each that does not count, so that libraries are loaded, if possible on a scenario that is not
+        drawn.
 
         Raises:
-            RuntimeError: the reference cannot drive it: its environment is at fault, and no run would be one.
+            RuntimeError: the reference cannot drive it: its environment is at fault, and every run would fail.
         """
         files = scenario_files(bench.shared / "data" / "commonroad", None)
         first = min(set(files) - set(drawn_scenarios(bench)), default=files[0])
@@ -374,7 +384,7 @@ class Loops:
         self.ours(first, DEFAULT, "ground_truth")
 
     def pair(self, path: Path, *, theirs_first: bool) -> Pair:
-        """Default under the known future in both; where they end otherwise, what the reference drove is judged here."""
+        """Drive Default with a known future in both; if they end differently, judge the reference's motion here."""
         theirs = self.theirs(path, DEFAULT, "ground_truth") if theirs_first else None
         ours = self.ours(path, DEFAULT, "ground_truth")
         pair = Pair(path, ours, theirs or self.theirs(path, DEFAULT, "ground_truth"))
@@ -383,12 +393,12 @@ class Loops:
         return self._judged(pair)
 
     def seeing(self, pair: Pair) -> Pair:
-        """The pair as it is where the reference sees followers behind the ego as well."""
+        """Return the pair with a reference that also sees followers behind the ego."""
         theirs = self.theirs(pair.scenario, DEFAULT, "ground_truth", sees_behind=True)
         return self._judged(Pair(pair.scenario, pair.ours, theirs))
 
     def alike(self, pair: Pair) -> Pair:
-        """The pair as it is where our loop has the reference's two rules."""
+        """Return the pair with the reference's two rules in our loop."""
         ours = self.own.submit(drive_alike_here, pair.scenario).result()
         return self._judged(replace(pair, ours=ours, judged=Judged()))
 
@@ -400,9 +410,9 @@ class Loops:
     def theirs(
         self, path: Path, config: str, prediction: Literal["ground_truth", "walenet"], *, sees_behind: bool = False
     ) -> ReferenceRun:
-        """A run of the reference; one that takes too long or ends its process is a fault.
+        """Return a run of the reference; a timeout or the end of its process is a fault.
 
-        As it is configured it does not see followers in a cone behind the ego.
+        By default it does not see followers in a cone behind the ego.
         """
         asked = {
             "scenario": str(path.resolve()),
@@ -416,12 +426,12 @@ class Loops:
             return ReferenceRun(str(reason), "", "")
 
     def ours(self, path: Path, config: str, prediction: Prediction) -> OwnRun:
-        """A run of our loop."""
+        """Return a run of our loop."""
         return self.own.submit(drive_here, path, config, prediction).result()
 
 
 def drive_here(path: Path, config: str, prediction: Prediction) -> OwnRun:
-    """A run of our loop from the file on, with its time."""
+    """Return a run of our loop from the file on, with its time."""
     request = RunRequest(
         run_id="run_beside",
         scenario_path=str(path),
@@ -435,7 +445,7 @@ def drive_here(path: Path, config: str, prediction: Prediction) -> OwnRun:
 
 
 def drive_alike_here(path: Path) -> OwnRun:
-    """A run of our loop by the reference's two rules, the future known."""
+    """Return a run of our loop by the reference's two rules, the future known."""
     began, loaded = Spent.now(), read_scenario(path)
     planner, configuration = AsTheReference(), built_in(DEFAULT)
     driven = simulate(loaded.scenario, loaded.problem(None), configuration, planner, "ground_truth", silent)
@@ -443,22 +453,22 @@ def drive_alike_here(path: Path) -> OwnRun:
 
 
 class AsTheReference(Frenetix):
-    """Our planner where it is known to plan by other rules than the reference as it is configured.
+    """Our planner with the known differences of the reference's default configuration.
 
-    It leaves followers behind the ego out of a known future too, and desires the speed that the reference desires.
+    It also leaves followers behind the ego out of a known future, and uses the reference's desired speed.
     """
 
     def __init__(self) -> None:
         super().__init__(desired_speed=ReferenceDesiredSpeed.of)
 
     def plan(self, observation: Observation) -> Plan:
-        """The plan of Frenetix without the followers."""
+        """Return the plan of Frenetix without the followers."""
         seen = [one for one in observation.obstacles if not follows(one.positions[0], observation.ego)]
         return super().plan(replace(observation, obstacles=tuple(seen)))
 
 
 def judge_here(path: Path, theirs: ReferenceRun) -> Judged:
-    """What our judge says of the states that the reference drove, and how it had foreseen who it met."""
+    """Return our judge's verdict on the reference's motion, and its predictions of the other party."""
     if theirs.steps is None or len(theirs.steps.x_m) < 2:
         return Judged()
     loaded = read_scenario(path)
@@ -478,7 +488,7 @@ def judge_here(path: Path, theirs: ReferenceRun) -> Judged:
 
 
 class _Replay:
-    """A planner that drives the states of a log, and finds no trajectory where it is over."""
+    """A planner that drives the states of a log, and finds no trajectory after its end."""
 
     def __init__(self, log: RunSteps) -> None:
         self._first = log.first_step
@@ -486,10 +496,10 @@ class _Replay:
         self._values = [np.array(values) for values in (log.heading_rad, log.speed_mps, log.acceleration_mps2)]
 
     def reset(self, task: PlanningTask) -> None:
-        """Nothing to prepare."""
+        """Do nothing."""
 
     def plan(self, observation: Observation) -> Plan:
-        """The rest of the log."""
+        """Return the rest of the log."""
         begin = observation.ego.step - self._first
         if begin + 1 >= len(self._positions):
             return Plan(None, rejected={"log_over": 1})
@@ -497,7 +507,7 @@ class _Replay:
 
 
 def _missed_m(place: Points, contact: CollisionRecord, plans: Iterable[PlanLog]) -> dict[int, float | None]:
-    """By plan, how far from its recorded place at a contact the obstacle was taken to be."""
+    """Return by plan the distance between the obstacle's predicted and recorded position at a contact."""
     missed: dict[int, float | None] = {}
     for plan in plans:
         if plan.step < contact.step:

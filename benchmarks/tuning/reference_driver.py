@@ -1,14 +1,14 @@
-"""Runs Frenetix-Motion-Planner inside its own environment: ``python -P reference_driver.py CHECKOUT``.
+"""Runs Frenetix-Motion-Planner in its own environment: ``python -P reference_driver.py CHECKOUT``.
 
-A line of JSON in is a scenario to drive, a line of JSON out is what came of it; ``reference.py``, which starts it,
-names the fields. What its libraries print goes to standard error, which is kept as the log. Nothing of this project is
-imported here, and nothing is written into the checkout: its configuration is read through a link in a folder of the
-run's own.
+Each input line is a JSON object with a scenario to drive, and each output line holds the result; ``reference.py``,
+which starts this file, defines the fields. Output of its libraries goes to standard error, which is kept as the log.
+This file imports nothing of the project and writes nothing into the checkout: it reads the configuration through a link
+in a folder of the run.
 
-All stays as its configuration has it, but for what is asked (weights, prediction) and what would only cost time: no
-pictures, no messages, no logs of its own, one thread. Its learned prediction is the copy for onnxruntime that the
-checkout holds itself (``wale_net_lite``); the package that it imports instead needs torch. Logs of the run come from
-its planner's own fields after each plan.
+Everything stays as configured except for the requested values (weights, prediction) and for work that only costs time:
+no pictures, messages or logs, and one thread. The learned prediction is the checkout's own copy for onnxruntime
+(``wale_net_lite``), because the package that it imports needs torch. The logs of a run come from the planner's own
+fields after each plan.
 """
 
 import functools
@@ -24,13 +24,13 @@ from pathlib import Path
 from typing import Any
 
 _LAST_PLANS = 11
-"""Plans whose predictions are handed over: those of the last horizon of 3 s and one more."""
+"""Number of plans with predictions to return: those of the last horizon of 3 s and one more."""
 _CONSTRAINTS = {5: "curvature", 6: "yaw_rate", 7: "curvature_rate", 8: "acceleration"}
-"""Where the planner counts what a constraint rejects, by the index in its list."""
+"""The constraint of each index in the planner's list of rejections."""
 
 
 def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:
-    """Drive one planning problem to its end, or to what its loop raises."""
+    """Drive one planning problem to its end, or to an exception of its loop."""
     with tempfile.TemporaryDirectory() as scratch:
         (Path(scratch) / "logs").mkdir()
         (Path(scratch) / "configurations").symlink_to(checkout / "configurations")
@@ -60,7 +60,7 @@ def _drive(asked: dict[str, Any], checkout: Path) -> dict[str, Any]:
 
 
 def _simulation(asked: dict[str, Any], root: str) -> Any:
-    """Its simulation, set up as its own start script does."""
+    """Return its simulation, set up as its own start script does."""
     from cr_scenario_handler.simulation.simulation import Simulation
     from cr_scenario_handler.utils.configuration_builder import ConfigurationBuilder
     from omegaconf import OmegaConf
@@ -122,7 +122,9 @@ def _watch(planner: Any, plans: list[dict[str, Any]]) -> None:
 
 
 def _met(simulation: Any) -> str:
-    """What its collision check found at the end: ``still`` (the road's edge or a static obstacle) or ``moving``."""
+    """Return what its collision check found at the end: ``still`` (the road's edge or a static obstacle) or
+    ``moving``.
+    """
     from commonroad_dc.collision.trajectory_queries import trajectory_queries
 
     body = simulation.agents[0].collision_objects[-1]
@@ -131,7 +133,7 @@ def _met(simulation: Any) -> str:
 
 
 def _states(recorded: list[Any], behind_m: float) -> dict[str, Any]:
-    """The driven states; it plans for the rear axle, handed over is the centre."""
+    """Return the driven states; it plans for the rear axle, handed over is the centre."""
     return {
         "first_step": int(recorded[0].time_step),
         "x_m": [float(state.position[0] + behind_m * math.cos(state.orientation)) for state in recorded],
@@ -143,7 +145,7 @@ def _states(recorded: list[Any], behind_m: float) -> dict[str, Any]:
 
 
 def _left_out(folder: Path) -> str:
-    """Why it left the ego out, where it did: it goes on without and keeps the reason in a file."""
+    """Return why it left the ego out, if it did: it continues without it and keeps the reason in a file."""
     files = sorted(folder.rglob("log_failures_agents.csv"))
     if not files:
         return ""
@@ -152,7 +154,7 @@ def _left_out(folder: Path) -> str:
 
 
 def _reason(error: Exception) -> str:
-    """The error, and the function that raised it."""
+    """Return the error, and the function that raised it."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next

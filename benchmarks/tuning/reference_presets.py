@@ -1,12 +1,12 @@
-"""What Safety-Conservative gains in the public loop around Frenetix, and in ours, on the same scenarios.
+"""Measures the gain of Safety-Conservative in the public loop around Frenetix and in ours, on the same scenarios.
 
-Either loop (``reference.py`` has how they are run) drives Default and Safety-Conservative twice: with the prediction
-that it has by default (``guessed``: the reference a learned one, ours straight on) and with the recording itself
-(``known``). So it shows whether the preset gains by what the one predicts, or by how the loop is made.
+Either loop (started as in ``reference.py``) drives Default and Safety-Conservative twice: with its default prediction
+(``guessed``: the reference a learned one, ours straight on) and with the recording itself (``known``). This shows
+whether the gain comes from the prediction or from the loop.
 
-Keys: ``reference_preset_scenarios``: those that both attempt, of which all others are; for ``reference`` and ``own``,
-prediction and preset (``default``, ``safety``): ``_success``, ``_collisions``, ``_other``: shares; for each prediction
-``_to_success``, ``_to_failure``: scenarios that change from Default to Safety-Conservative.
+Keys: ``reference_preset_scenarios``: attempted by both, the base of all others; for ``reference`` and ``own``,
+prediction and preset (``default``, ``safety``): the shares ``_success``, ``_collisions``, ``_other``; for each
+prediction ``_to_success``, ``_to_failure``: scenarios that change from Default to Safety-Conservative.
 """
 
 import sys
@@ -21,7 +21,7 @@ Key = tuple[str, str, str]
 
 
 def measure(bench: TuningBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios.
+    """Return the keys above; with a limit, on so many scenarios.
 
     Raises:
         LeftOut: no checkout or no interpreter was named.
@@ -46,7 +46,7 @@ def measure(bench: TuningBench) -> Figures:
 
 
 def figures(endings: Mapping[Key, Sequence[Ending]]) -> dict[str, float | int | str]:
-    """The keys of the module, of how the same scenarios end in the same order."""
+    """Return the keys of the module, of how the same scenarios end in the same order."""
     found: dict[str, float | int | str] = {"reference_preset_scenarios": max(map(len, endings.values()), default=0)}
     for key, ends in endings.items():
         begin = "_".join(key)

@@ -1,21 +1,21 @@
 """Every line of the tuning corpus as arguments of ``configure_planner``, judged by the numbers of the corpus.
 
-Before each request its context is put in force as a configuration of its own. Then the call is made that the truth
-comes to: a preset, stated values, relative changes in the words of the tool (``jerk*2``, ``jerk+0.1``,
-``jerk=lateral_jerk``), so that the product does the arithmetic; a request outside the vocabulary goes through as it was
-said. What came out is read from the YAML that the answer holds.
+Before each request its context becomes the active configuration. Then the bench makes the call that the truth implies:
+a preset, absolute values, or relative changes in the tool's notation (``jerk*2``, ``jerk+0.1``, ``jerk=lateral_jerk``),
+so that the product does the arithmetic. A request outside the vocabulary is sent as it is. The result is read from the
+YAML in the answer.
 
-A line is exact where every weight is that of the truth within 1e-3 of it, those that the request does not touch and
-the three external ones included; where it gives a direction alone, where one of the named weights moved there and
-nothing else moved. For MP-RBFN's presets, whose values the corpus does not know, the weights that it does not name are
-those that ``list_planners`` shows. A refusal is right where the tool refuses, names what it refuses, and makes no
-configuration. Lines at which a question is right have no arguments.
+A line is exact if every weight is within 1e-3 (relative) of the truth, including unchanged ones and the three external
+ones. If the truth gives only a direction, one of the named weights must move that way and no other weight may move. For
+MP-RBFN's presets, which the corpus does not know, unnamed weights are compared with ``list_planners``. A refusal is
+right if the tool refuses, names the refused part, and creates no configuration. Lines that need a question have no
+arguments.
 
-The configurations of MP-RBFN that came out each drive one scenario.
+Each resulting configuration of MP-RBFN drives one scenario.
 
-Keys: ``requests_exact``: share of the exact lines; ``refused_right``: share of the right refusals;
-``requests_of_rbfn``: share of the exact lines of MP-RBFN alone; ``rbfn_lines``: how many these are;
-``rbfn_driven``: share of their configurations whose run was driven; ``requests``: lines in all.
+Keys: ``requests_exact``: share of exact lines; ``refused_right``: share of right refusals; ``requests_of_rbfn``: share
+of exact lines for MP-RBFN alone; ``rbfn_lines``: their number; ``rbfn_driven``: share of their configurations that
+drove; ``requests``: number of lines.
 """
 
 import math
@@ -45,14 +45,14 @@ from ..harness import (
 )
 
 _TOLERANCE = 1e-3
-"""Relative, as in the paper."""
+"""Relative tolerance, as in the paper."""
 _FACTOR = {"up": "+0.3", "down": "*0.5"}
-"""What stands for a direction without a value (chosen)."""
+"""The change for a direction without a value (chosen)."""
 Weights = Mapping[str, float]
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many lines."""
+    """Return the keys above; with a limit, of so many lines."""
     return anyio.run(_measured, bench)
 
 
@@ -89,7 +89,7 @@ async def _measured(bench: SeededBench) -> Figures:
 
 
 async def _context(client: Client, line: EvalRequest) -> Any:
-    """The configuration that is in force before a request, as its answer."""
+    """Return the configuration that is in force before a request, as its answer."""
     context = line.context
     given = {**context.get("weights", {}), **context.get("overrides", {})}
     weights = [f"{name}={value}" for name, value in given.items()]
@@ -98,7 +98,7 @@ async def _context(client: Client, line: EvalRequest) -> Any:
 
 
 def _changes(truth: Mapping[str, Any]) -> Iterator[str]:
-    """The changes of weights that a truth comes to, as the tool takes them."""
+    """Yield the changes of weights that a truth comes to, as the tool takes them."""
     for name, value in truth.get("explicit", {}).items():
         yield f"{name}={value}"
     for name, change in truth.get("relative", {}).items():
@@ -113,7 +113,7 @@ def _changes(truth: Mapping[str, Any]) -> Iterator[str]:
 
 
 async def _shown(client: Client, line: EvalRequest) -> Weights:
-    """The weights of the preset that a request asks for, as the product lists them; nothing where it asks for none."""
+    """Return the listed weights of the requested preset, empty if the request has none."""
     preset = line.truth["preset"]
     if preset is None:
         return {}
@@ -135,7 +135,7 @@ async def _is_refused(client: Client, line: EvalRequest, arguments: Mapping[str,
 
 
 def _read(text: str) -> dict[str, float]:
-    """All weights of a configuration's file, the external ones with them."""
+    """Return all weights of a configuration's file, the external ones with them."""
     content = yaml.safe_load(text)
     sections = [content[name] for name in ("cost_weights", "external_cost_weights") if name in content]
     return {name: float(value) for section in sections for name, value in section.items()}
@@ -153,13 +153,13 @@ def _is_exact(truth: Mapping[str, Any], before: Weights, after: Weights, preset:
 
 
 def _moved_to(wanted: Mapping[str, Any], before: Weights, after: Weights) -> bool:
-    """Whether one of the named weights moved as wanted."""
+    """Return True if one of the named weights moved as requested."""
     sign = 1 if wanted["sign"] == "up" else -1
     return any(sign * (after[name] - before[name]) > 0 for name in wanted["any_of"])
 
 
 async def _driven(client: Client, bench: SeededBench, configs: list[str]) -> float:
-    """The share of configurations whose run of one public scenario was driven by MP-RBFN."""
+    """Return the share of configurations with a run of one public scenario by MP-RBFN."""
     if not configs:
         return 0.0
     await import_scenarios(client, scenario_files(bench.shared / "data" / "commonroad", 1))

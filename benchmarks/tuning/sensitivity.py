@@ -1,12 +1,12 @@
-"""Whether a weight that matters and one that does nothing are told as such.
+"""Checks that a decisive weight and an inert one are reported as such.
 
-Made: of six weights one decides from some value on whether a made scenario is mastered, four matter little, one does
-nothing; which is which, and the values, are drawn. Real: IDM on public scenarios, where the desired acceleration
-matters to the comfort of nearly all of them and ``sampling_level`` acts on nothing. (To the time it does not: on 38 of
-47 scenarios it changes nothing, on six the one way and on three the other.) Both by Morris, each seed its own design.
+Synthetic: one of six weights decides beyond some value whether a synthetic scenario is mastered, four matter little,
+one does nothing; roles and values are drawn. Real: IDM on public scenarios, where the desired acceleration affects the
+comfort of nearly all and ``sampling_level`` has no effect. (It does not affect the duration clearly: 38 of 47 scenarios
+do not change, six change one way and three the other.) Both use Morris, with another design for each seed.
 
-Keys: ``sensitivity_planted``: share of the made and real cases in which the one is told to matter and the other to have
-done nothing; ``sensitivity_made``, ``sensitivity_real``: of either; ``sensitivity_cases``: of how many.
+Keys: ``sensitivity_planted``: share of the synthetic and real cases with both weights reported correctly;
+``sensitivity_made``, ``sensitivity_real``: the same for either; ``sensitivity_cases``: number of cases.
 """
 
 import random
@@ -24,12 +24,12 @@ from plannerforge.server.assembly import create_server
 from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
 
 CASES, REAL_CASES, MADE_SCENARIOS, REAL_SCENARIOS = 10, 3, 40, 24
-"""Seeds of made and of real cases, and scenarios of either (chosen: a real case takes minutes)."""
+"""Seeds of synthetic and of real cases, and scenarios of either (chosen: a real case takes minutes)."""
 _NAMES = ("prediction", "velocity_offset", "distance_to_obstacles", "jerk", "responsibility", "path_length")
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many seeds."""
+    """Return the keys above; with a limit, of so many seeds."""
     seeds = range(bench.seed, bench.seed + (bench.limit or CASES))
     made = [_made(seed) for seed in seeds]
     real = anyio.run(_real, bench, list(seeds[:REAL_CASES]))

@@ -1,16 +1,18 @@
-"""What a run costs and where its time goes, what two workers gain, and how soon the first run of a batch begins.
+"""The cost of a run and its stages, the gain of two workers, and the delay of a batch's first run.
 
-The same public scenarios are run by Frenetix with ``Default`` and ``constant_velocity``: by a server with one worker,
-by one with two, and, for the shares of the stages, in this process, where functions between the stages are timed. All
-were run a few times before, so that what is loaded once is loaded. Times of a busy machine say little, so processor
-times stand beside them. Last, a batch of several presets is asked for that has not begun, and is cancelled once its
-first run is stored.
+Frenetix with ``Default`` and ``constant_velocity`` runs the same public scenarios on a server with one worker, on one
+with two, and, for the shares of the stages, in this process with timed functions. A few runs come first, so that
+everything is loaded. Processor times accompany the wall times, which say little on a busy machine. Last, the bench
+requests a new batch of several presets and cancels it once its first run is stored.
 
-Keys: ``run_median_s``: median time of a run in its worker; ``run_processor_s``: processor time of the worker by run;
-``server_processor_s``: of the server by run, to claim, hand out, read and store it; ``two_worker_speedup``: time of the
-batch with one worker by that with two; ``two_worker_processor``: processor time by run with two workers by that with
-one; ``first_run_s``: from the call to the beginning of the first of ``first_run_of`` runs; ``stage_…``: shares of the
-time of a run; the core's is in ``stage_core``, not in ``stage_planner``.
+Keys:
+
+- ``run_median_s``: median time of a run in its worker; ``run_processor_s``: processor time of the worker per run.
+- ``server_processor_s``: of the server per run, to claim, hand out, read and store it.
+- ``two_worker_speedup``: time of the batch with one worker over that with two; ``two_worker_processor``: processor time
+  per run with two workers over that with one.
+- ``first_run_s``: from the call to the start of the first of ``first_run_of`` runs.
+- ``stage_…``: shares of the time of a run; ``stage_core`` holds the core's, which ``stage_planner`` excludes.
 """
 
 import functools
@@ -52,9 +54,9 @@ from ..harness import (
 )
 
 RUNS = 72
-"""Enough that the time in which one of two workers has the last run alone hardly counts (chosen)."""
+"""Enough runs that the last one, alone on one of two workers, hardly counts (chosen)."""
 STAGED = 24
-"""Runs whose stages are timed (chosen)."""
+"""Number of runs with timed stages (chosen)."""
 _WARMING = 6
 _LOOK_S = 0.01
 _RUNS, _LOOP = "plannerforge.engine.planners.runs", "plannerforge.engine.planners.simulation"
@@ -68,11 +70,11 @@ STAGES = {
     "judging": (f"{_LOOP}.Judge.before_the_run", f"{_LOOP}.Judge.after_step"),
     "metrics": (f"{_RUNS}.drive_criticality", f"{_RUNS}.run_steps"),
 }
-"""The stages of a run, and the functions of the product that make them up; none calls another one of them."""
+"""The stages of a run, and the product's functions in each, which do not call each other."""
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many runs."""
+    """Return the keys above; with a limit, of so many runs."""
     files = scenario_files(bench.shared / "data" / "commonroad", bench.limit or RUNS)
     one, two = (anyio.run(_batch, bench, files, workers) for workers in (1, 2))
     return {
@@ -92,7 +94,7 @@ def _presets() -> list[str]:
 
 
 async def _batch(bench: SeededBench, files: Sequence[Path], workers: int) -> dict[str, float]:
-    """Times of a batch on so many workers, and of the first run of another one."""
+    """Return times of a batch on a number of workers, and of the first run of another one."""
     folder = bench.scratch / f"speed {workers}"
     async with Client(create_server(settings_for(folder, bench.shared, workers))) as client:
         await import_scenarios(client, files)
@@ -118,14 +120,14 @@ async def _batch(bench: SeededBench, files: Sequence[Path], workers: int) -> dic
 
 
 def _processor_s() -> dict[str, float]:
-    """Processor time of this process, in which the server is, and of its workers."""
+    """Return the processor time of this process, which contains the server, and of its workers."""
     own = psutil.Process()
     workers = [child.cpu_times() for child in own.children() if child.status() != psutil.STATUS_ZOMBIE]
     return {"server": time.process_time(), "workers": sum(times.user + times.system for times in workers)}
 
 
 async def _first_run_s(client: Client, folder: Path, names: Sequence[str]) -> float:
-    """From the call for a batch to the beginning of its first run; the batch is cancelled."""
+    """Return the time from the call for a batch to the start of its first run, and cancel the batch."""
     known, began = set((folder / "runs").rglob("timing.json")), time.time()
     job = await ask(
         client, "run_planner", scenarios=list(names), configs=_presets(), prediction="ground_truth", wait_s=0
@@ -146,7 +148,7 @@ def _names(folder: Path) -> list[str]:
 
 
 def _stages(files: Sequence[Path], recordings: Path) -> dict[str, float]:
-    """The share of each stage in the time of runs in this process, which keeps recordings as a worker does."""
+    """Return the share of each stage in the time of runs in this process, which keeps recordings as a worker does."""
     with mock.patch.dict(os.environ, {"PLANNERFORGE_RECORDINGS": str(recordings)}):
         for path in files:
             _run(path)
@@ -174,7 +176,7 @@ def _run(path: Path) -> None:
 
 @contextmanager
 def _timed(spent: dict[str, float]) -> Iterator[None]:
-    """Within the block the time of each stage is added up, and that of the core as the plans tell it."""
+    """Sum the time of each stage within the block, with the core's as the plans report it."""
     with ExitStack() as patches:
         for stage, targets in STAGES.items():
             for target in targets:

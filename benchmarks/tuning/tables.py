@@ -1,12 +1,12 @@
-"""The paper's benchmark of planners once more: each on the presets of 50, 100 and all scenarios.
+"""Reproduces the paper's benchmark of planners on the presets of 50, 100 and all scenarios.
 
 Every registered planner runs under its default configuration on all public scenarios (predictions ``constant_velocity``
-and ``ground_truth``, recorded traffic); ``preset:50`` and ``preset:100`` are parts of them. Runs that could not be
-attempted are in no share. The tables go to stderr, as Markdown, with Wilson's 95 % intervals, and beside each planner
-its success less that of the first one on the scenarios that both attempted (95 % of a bootstrap over these).
+and ``ground_truth``, recorded traffic); ``preset:50`` and ``preset:100`` are subsets. Runs that could not be attempted
+are in no share. The tables go to standard error as Markdown, with Wilson's 95 % intervals and each planner's difference
+in success from the first one on the scenarios that both attempted (95 % bootstrap interval).
 
-Keys: ``success_PLANNER_N`` and ``collisions_PLANNER_N``: shares of the runs under ``constant_velocity``, on the preset
-of N scenarios; ``foreseen_success_PLANNER``: of all scenarios under ``ground_truth``; ``tabled``: runs in all.
+Keys: ``success_PLANNER_N``, ``collisions_PLANNER_N``: shares of the runs under ``constant_velocity`` on the preset of N
+scenarios; ``foreseen_success_PLANNER``: of all scenarios under ``ground_truth``; ``tabled``: number of runs.
 """
 
 import sys
@@ -33,15 +33,15 @@ from ..harness import (
 )
 
 PRESETS = (50, 100, 500)
-"""Of the scenarios that are there, the first so many of the product's own order (500: all)."""
+"""Sizes of the presets, in the product's own order (500: all)."""
 DRAWS = 4000
-"""Of the bootstrap (chosen)."""
+"""Draws of the bootstrap (chosen)."""
 _HEAD = "| planner | N | reached the goal | collided | points to the first |\n| --- | --- | --- | --- | --- |\n"
 PREDICTIONS: tuple[Prediction, ...] = ("constant_velocity", "ground_truth")
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, on so many scenarios."""
+    """Return the keys above; with a limit, on so many scenarios."""
     return anyio.run(_measured, bench)
 
 
@@ -67,7 +67,7 @@ async def _measured(bench: SeededBench) -> Figures:
 
 
 def _rows(own: Mapping[str, Sequence[RunRecord]], seed: int) -> str:
-    """A row of the table for each planner."""
+    """Return a row of the table for each planner."""
     first = next(iter(own))
     lines = []
     for planner, records in own.items():
@@ -78,7 +78,7 @@ def _rows(own: Mapping[str, Sequence[RunRecord]], seed: int) -> str:
 
 
 def _figures(own: Mapping[str, Sequence[RunRecord]], prediction: Prediction, preset: int) -> dict[str, float]:
-    """The keys of one prediction and preset."""
+    """Return the keys of one prediction and preset."""
     found: dict[str, float] = {}
     for planner, records in own.items():
         reached, hit = (
@@ -92,7 +92,7 @@ def _figures(own: Mapping[str, Sequence[RunRecord]], prediction: Prediction, pre
 
 
 def _share(records: Sequence[RunRecord], outcome: str) -> str:
-    """The share of an outcome in per cent with Wilson's interval."""
+    """Return the share of an outcome in per cent with Wilson's interval."""
     count, of = sum(one.outcome == outcome for one in records), len(records)
     if not of:
         return "–"
@@ -101,7 +101,7 @@ def _share(records: Sequence[RunRecord], outcome: str) -> str:
 
 
 def _difference(first: Sequence[RunRecord], other: Sequence[RunRecord], seed: int) -> str:
-    """Success of the other less that of the first, in points, over the scenarios of both."""
+    """Return the success of the other minus that of the first, in points, over the scenarios of both."""
     sides = [{record.scenario_id: record.outcome == "goal_reached" for record in side} for side in (first, other)]
     flips = np.array([float(sides[1][name]) - sides[0][name] for name in sorted(sides[0].keys() & sides[1].keys())])
     if not len(flips):

@@ -1,10 +1,10 @@
-"""Whether weight files come back byte for byte but for the numbers that were changed.
+"""Checks that weight files come back byte for byte except for the changed numbers.
 
-Made files with the names of the reference in any order, with comments, blank lines, indentations, quotes
-and line ends of many kinds, are imported, some weights are configured, and the result is exported. What must come out
-is known from the making of the file.
+Synthetic files with the reference's names in any order, with comments, blank lines, indentations, quotes and line
+endings of many kinds, are imported, some weights are configured, and the result is exported. The construction of the
+file determines the expected result.
 
-Keys: ``yaml_exact``: share of files that come out exactly so; ``yaml_files``: of how many.
+Keys: ``yaml_exact``: share of exact files; ``yaml_files``: their number.
 """
 
 import random
@@ -19,13 +19,13 @@ from plannerforge.server.assembly import create_server
 from ..harness import Figures, SeededBench, ask, settings_for, share
 
 FILES = 60
-"""Made files (chosen)."""
+"""Number of synthetic files (chosen)."""
 _COMMENTS = ("", "", "  # keep", "   # was 0.3: too jerky", " # ü: \u2192")
 _NUMBERS = ("0", "0.0", "0.20", "1", "5.0", "1e-1", ".5", "2.50", "+3.0")
 
 
 def measure(bench: SeededBench) -> Figures:
-    """The keys above; with a limit, of so many files."""
+    """Return the keys above; with a limit, of so many files."""
     return anyio.run(_measured, bench)
 
 
@@ -49,7 +49,7 @@ async def _measured(bench: SeededBench) -> Figures:
 
 
 def _made(choice: random.Random) -> tuple[str, Mapping[str, str], str]:
-    """A file, the changes, and the file with them; a changed number is written in its shortest form with a dot."""
+    """Return a file, the changes, and the changed file; a changed number has its shortest form with a dot."""
     names = list(preset_configuration("frenetix").weights)
     choice.shuffle(names)
     changed = {name: choice.choice(("7.0", "0.35", "12.5")) for name in choice.sample(names, choice.randint(0, 4))}

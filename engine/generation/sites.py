@@ -7,7 +7,7 @@ before its traffic is generated. Distances in m.
 
 import random
 from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -107,7 +107,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
-    if not kinds and len(request.streets) > 1:
+    if not kinds and (len(request.streets) > 1 or "roundabout" in wanted):
         kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find_by_links(kind), request))]
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
         kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
@@ -120,7 +120,14 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     taken = Gathering(SAME_PLACE_M)
     in_turn = [site for sites in zip_longest(*kinds) for site in sites if site is not None]
     at_ramp = _required_ramp_turn(request)
-    for site in sorted(in_turn, key=lambda site: (site.only_passed, at_ramp is not None and at_ramp not in site.turns)):
+    for site in sorted(
+        in_turn,
+        key=lambda site: (
+            site.only_passed,
+            at_ramp is not None and at_ramp not in site.turns,
+            _is_in_corner(site, request),
+        ),
+    ):
         if taken.near(site.position) is None:
             taken.add(site.position)
             different.append(site)
@@ -209,7 +216,11 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
         where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
-    remedies = [with_values(scenario_type=kind) for kind in held[:1]]
+    turn = request.goal.turn
+    suited = [kind for kind in held if turn is None or turn in TURNS_AT[kind]]
+    remedies = [with_values(scenario_type=kind) for kind in suited[:1]]
+    if held and not suited:
+        remedies = [with_values(scenario_type=held[0], goal=None)]
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
@@ -268,7 +279,7 @@ def _nearest_outside(finder: SiteFinder, request: GenerationRequest) -> Site | N
 
 
 def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """Return the sites on all streets of a request and in its box, the nearest to the box's middle first."""
+    """Return the sites on all streets of a request and in its box."""
     if request.streets:
         sites = [
             finder.narrowed(site, partial(_is_on_streets, request.streets))
@@ -276,12 +287,21 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
             if _passes_by(site, request)
         ]
         sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
+    return [site for site in sites if _is_in_box(site, request)]
+
+
+_LEAST_BOX_DEG = 1e-9
+"""Below the size of any box, so that one of no size has no corner."""
+
+
+def _is_in_corner(site: Site, request: GenerationRequest) -> bool:
+    """Return True if a site is outside the ellipse in the requested box: the box of a place stands for a circle."""
     if request.bbox is None:
-        return sites
+        return False
     south, west, north, east = request.bbox
-    middle = (south + north) / 2, (west + east) / 2
-    inside = (site for site in sites if _is_in_box(site, request))
-    return sorted(inside, key=lambda site: ground_distance_m(middle, site.position))
+    up = (2 * site.latitude - south - north) / max(north - south, _LEAST_BOX_DEG)
+    aside = (2 * site.longitude - west - east) / max(east - west, _LEAST_BOX_DEG)
+    return up**2 + aside**2 > 1.0
 
 
 def _requested_first(site: Site, request: GenerationRequest) -> Site:
@@ -510,13 +530,22 @@ class SiteFocus:
         return sum(passed) if passed[0] else 0
 
     def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
-        """Return whether the car reaches a junction that the site was made of by a step; True at other sites."""
+        """Return whether the car passes a junction that the site was made of by the step; True at other sites.
+
+        It passes one if it is inside it, or comes nearest to it on the way, as on the far carriageway of a wide street.
+        A car that only starts or ends near it does not.
+        """
         from shapely import contains_xy
 
         if self._spot is None:
             return True
-        x, y = car.motion.positions[: last_step + 1].T
-        return bool(contains_xy(self._spot, x, y).any())
+        positions = car.motion.positions[: last_step + 1]
+        if contains_xy(self._spot.area, *positions.T).any():
+            return True
+        away = np.linalg.norm(positions[None] - self._spot.places[:, None], axis=2)
+        nearest = away.argmin(axis=1)
+        is_passed = (away.min(axis=1) < AT_M) & (nearest > 0) & (nearest < last_step)
+        return bool(is_passed.any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
         """Return the steps at which the car's centre is in an area, as a mask; all False if a road is the site."""
@@ -582,10 +611,18 @@ def _junctions_of(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
     return frozenset(key for key in _junctions_near(net, middle, site.by_links) if _is_lit(net, key) or not lit)
 
 
+@dataclass(frozen=True)
+class _Spot:
+    """The junctions that a site was made of: their area, and where the map has them (n, 2)."""
+
+    area: "BaseGeometry"
+    places: Points
+
+
 def _spot(
     site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
-) -> "tuple[frozenset[str], BaseGeometry | None]":
-    """Return the junctions that a site was made of, and the area around its nodes; None if no others are near."""
+) -> tuple[frozenset[str], _Spot | None]:
+    """Return the junctions that a site was made of, and where they are; None if no others are near."""
     from shapely import Point, union_all
 
     near = sorted(junctions) if len(junctions) > 1 else []
@@ -595,8 +632,7 @@ def _spot(
     spot = {min(areas, key=lambda key: areas[key].distance(Point(*place))) for place in places} if areas else set()
     if len(spot) == len(areas):
         return junctions, None
-    around = [Point(*place).buffer(AT_M) for place in places]  # the other carriageway of a wide street
-    return frozenset(spot), union_all([*around, *(areas[key] for key in sorted(spot))])
+    return frozenset(spot), _Spot(union_all([areas[key] for key in sorted(spot)]), np.array(places))
 
 
 def _is_in(junction: str, lanelet: RoadLanelet) -> bool:

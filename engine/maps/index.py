@@ -31,6 +31,7 @@ from .naming.spellings import (
     road_readings,
     route_number,
     whole_road_keys,
+    without_kinds,
     words_for_crossings,
     words_of_name,
 )
@@ -119,6 +120,8 @@ _PLACE_FRAME = re.compile(
 _FILE_ENDINGS = re.compile(r"(?:\.(?:osm|pbf|xml|net|xodr|roads|pb|gz|bz2))+$", re.IGNORECASE)
 _HOUSE_NUMBER = re.compile(r"\s+\d+\s?[a-z]?$|^\d+[a-z]?\s+", re.IGNORECASE)
 _DISTRICT_NUMBER = re.compile(r"\s+(?:\d{1,2}(?:e|er|[°º.])?|[ivx]+)$", re.IGNORECASE)
+_CROSSING_SIGNS = re.compile(r"[/&+×@]")
+"""Signs between the roads of a crossing. A text with one names two roads, so no single name can be like all of it."""
 _WORDS_BEFORE = 3
 """Maximum number of words before the first of two roads (chosen): a preposition, a noun and its preposition."""
 _PREPOSITIONS = frozenset(("in", "at", "near", "im", "bei", "à", "a", "en", "em", "nel", "в", "i", "w", "of", "auf"))
@@ -598,7 +601,9 @@ def _match(entry: MapEntry, place: str, country: str | None, closeness: Closenes
                 _read_whole(part, facts)
                 or _read_roads_of_crossing(part, facts)
                 or _read_together(part, facts, Closeness.SAME)
-                or _read_part(part, facts, closeness, settled=settled)
+                or _read_part(
+                    part, facts, Closeness.SAME if _CROSSING_SIGNS.search(part) else closeness, settled=settled
+                )
                 or _read_crossing(part, facts, closeness)
                 or _read_together(part, facts, closeness)
                 or _read_roads_in_a_phrase(part, facts)
@@ -1115,6 +1120,14 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
             name
             for name, spellings in index.spellings.items()
             if enough and any(words <= held for words in asked for held in _all_readings(spellings))
+        }
+    if not same and not whole and not asked:
+        # ``Северная`` is short for ``Северная улица``: a direction is the whole name of many streets.
+        named = {without_kinds(words) for words in road_readings(part)} - {frozenset()}
+        same = {
+            name
+            for name, spellings in index.spellings.items()
+            if not named.isdisjoint(map(without_kinds, _all_readings(spellings)))
         }
     return tuple(sorted(same, key=index.order.__getitem__))
 

@@ -241,7 +241,7 @@ def test_a_name_of_another_form_is_refused_with_the_forms(name: str) -> None:
 
 
 @pytest.mark.parametrize("host", ["nonsense::", "http://[bad"])
-def test_an_address_that_is_none_is_told(host: str) -> None:
+def test_an_invalid_address_is_reported(host: str) -> None:
     with pytest.raises(SettingsFault, match="is not an address of an Ollama server"):
         open_model("ollama:m", ModelSettings(host=host))
 

@@ -188,13 +188,13 @@ def test_pages_as_they_are_pass(browser: Browser, views: Mapping[str, str], case
 
 
 SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
-    {"tells its size": ('"ui/notifications/size-changed"', '"ui/notifications/size"')},
+    {"reports its size": ('"ui/notifications/size-changed"', '"ui/notifications/size"')},
     {
         "theme of the host": ("setTheme(context.theme)", "setTheme('dark')"),
         "space plays": ('" ": () => this.toggle()', '" ": () => null'),
         "slider": ("oninput: () => this.seek(", "oninput: () => Math.abs("),
         "F follows the ego": ("if (this.follow) this.centre(pane);", ""),
-        "told what the user looks at": ('this.request("ui/update-model-context"', 'this.request("ui/model-context"'),
+        "learns what the user looks at": ('this.request("ui/update-model-context"', 'this.request("ui/model-context"'),
         "0.6 of the width": ("else if (this.whole) this.fit();", ""),
         "O hides the plans": ("if (showPlans) drawPlan", "drawPlan"),
         "no script and no message failed": (
@@ -206,9 +206,9 @@ SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
         "wider than the host": ("main { padding: 10px 14px 14px; }", "main { width: 2000px; }"),
         "a click shows": ("if (held.delete(event.pointerId)", "if (false"),
         "in full screen": ("dataset.host = context.displayMode", "dataset.shown = context.displayMode"),
-        "nothing listens any more": ("this.ended.abort();", ""),
+        "no listener left": ("this.ended.abort();", ""),
         "what was hidden": ("this.panes.every(pane => pane.camera.scale > 0)", "true"),
-        "nothing was asked of elsewhere": ('<main id="view">', '<img src="http://127.0.0.1:9/x.png"><main id="view">'),
+        "nothing came from elsewhere": ('<main id="view">', '<img src="http://127.0.0.1:9/x.png"><main id="view">'),
     },
 )
 """Of pages that are broken: by words of each check that has to fail, what is replaced by what."""
@@ -271,7 +271,7 @@ def test_host_passes_requests_on_and_the_sandbox_has_a_policy() -> None:
 
 
 def test_bridge_is_left_out_with_the_reason_of_npm(tmp_path: Path) -> None:
-    with pytest.raises(LeftOut, match="there is no program no-such-node"):
+    with pytest.raises(LeftOut, match="no-such-node does not exist"):
         node_in(tmp_path, "no-such-node")
     program = tmp_path / "bin" / "node"
     npm = tmp_path / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
@@ -280,5 +280,5 @@ def test_bridge_is_left_out_with_the_reason_of_npm(tmp_path: Path) -> None:
         path.write_text(text)
     program.chmod(0o755)
     assert node_in(tmp_path, str(program)) == Node(program)
-    with pytest.raises(LeftOut, match=r"the bridge cannot be had by npm: no network"):
+    with pytest.raises(LeftOut, match=r"the bridge cannot be installed by npm: no network"):
         app_bridge.bundle(tmp_path / "folder", str(program))

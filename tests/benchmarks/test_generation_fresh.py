@@ -93,7 +93,7 @@ def test_lost_sites_and_refusals_are_failures_and_maps_without_sites_are_not(
 
 
 @pytest.mark.usefixtures("shared_data")
-def test_a_lane_whose_bounds_fall_into_one_line_is_left_out(tmp_path: Path) -> None:
+def test_a_lane_of_zero_width_is_left_out(tmp_path: Path) -> None:
     """A lane for bicycles of this map: the scenario was written with it, and refused when it was read back."""
     path = mutated_map(2002, tmp_path, 30)
     assert [one.executable for one in try_map(path, 2002).made] == [True]

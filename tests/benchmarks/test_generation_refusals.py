@@ -49,7 +49,7 @@ def test_another_reason_is_not_the_right_one(reason: str, error: PlannerForgeErr
     assert not is_right_reason(BY_REASON[reason], error)
 
 
-def test_a_type_that_none_of_several_maps_holds_is_refused_for_the_right_reason() -> None:
+def test_a_type_missing_in_all_maps_is_refused_for_the_right_reason() -> None:
     refusal = Refusal("box", {"bbox": [-80, -170, 80, 170], "scenario_type": "ramp"}, "no_such_site", ("ramp",))
     without_ramps = [entry for entry in built_in_maps() if "ramp" not in entry.facts.sites]
     assert refused_right(refusal, without_ramps) == ""

@@ -21,7 +21,7 @@ def test_what_another_map_of_the_place_shows_is_not_asked_for_as_missing() -> No
     assert ("a.osm", "ramp") in asked
 
 
-def test_a_type_is_asked_for_in_road_classes_that_leave_none_of_it() -> None:
+def test_types_are_requested_in_road_classes_without_them() -> None:
     listed = {"a.osm": shown("Town", "urban", "highway", "intersection"), "b.osm": shown("Village", "urban")}
     asked = left_over_requests(listed, frozenset(listed))
     assert [(r.given["place"], r.given["scenario_type"], r.given["road_classes"]) for r in asked] == [

@@ -497,9 +497,9 @@ echo '{{"version": "1.2.3"}}' > node_modules/@made/client/package.json"""
 def test_a_client_that_cannot_be_installed_is_left_out_with_the_reason(tmp_path: Path) -> None:
     host = Host("made", "Made", "npm", ("@made/client@1.2.3",), "typescript.mjs")
     environments = Environments(tmp_path / "kept", installer(tmp_path, "echo 404 not found >&2; exit 1"))
-    with pytest.raises(LeftOut, match="made cannot be had by npm: 404 not found"):
+    with pytest.raises(LeftOut, match="made cannot be installed by npm: 404 not found"):
         environments.installed(host)
-    with pytest.raises(LeftOut, match="there is no program nowhere/node"):
+    with pytest.raises(LeftOut, match="nowhere/node does not exist"):
         Environments(tmp_path, "nowhere/node").installed(host)
 
 

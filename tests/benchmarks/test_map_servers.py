@@ -59,7 +59,7 @@ def test_the_middle_of_a_way_and_a_bound_on_elements() -> None:
 
 
 @pytest.mark.parametrize("text", ["[out:json];way[highway;out;", "frobnicate;", '[out:json];way["a"](1,2,3);out;'])
-def test_a_query_that_is_none_is_refused(text: str) -> None:
+def test_an_invalid_query_is_refused(text: str) -> None:
     with pytest.raises(QueryError):
         run_query(text, drawn_town("quadratstadt.osm"))
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from benchmarks.analysis import measures
-from benchmarks.analysis.measures import Moving, Tally, closed_forms, straight, told_of
+from benchmarks.analysis.measures import Moving, Tally, closed_forms, reported_measures, straight
 from plannerforge.schemas.measures import MEASURES
 
 
@@ -88,6 +88,6 @@ def test_moments_are_compared_or_counted_apart_by_class(
 
 def test_a_run_of_the_judge_keeps_the_classes_and_sizes_of_the_others(tmp_path: Path) -> None:
     other = Moving(((20.0, 0.0, 0.0, 5.0),) * 3, (12.0, 2.5), "truck", 9)
-    told = told_of(straight(0, 0, 0, 5.0, 3), [other], 0.1, tmp_path)
+    told = reported_measures(straight(0, 0, 0, 5.0, 3), [other], 0.1, tmp_path)
     assert told["minimum_distance_m"].partner == "truck 9 ahead"
     assert told["minimum_distance_m"].value == pytest.approx(20.0 - 1.0 - 6.0 - 4.508 / 2)

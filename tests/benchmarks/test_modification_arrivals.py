@@ -56,7 +56,7 @@ def test_driving_past_or_another_way_is_not_late_with_reason(folder: Path) -> No
     assert not journey(folder, {12}, driving(51, (150, 3.5), 10.0, 100)).is_late_with_reason()
 
 
-def test_driving_a_little_beside_the_lanelet_is_on_the_way(folder: Path) -> None:
+def test_driving_slightly_off_the_lanelet_is_on_the_route(folder: Path) -> None:
     aside = journey(folder, {11}, driving(51, (20, -2.2), 10.0, 60))
     assert aside.is_late_with_reason()
     assert not replace(aside, targets=frozenset({3})).is_late_with_reason()

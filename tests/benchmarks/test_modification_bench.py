@@ -153,7 +153,7 @@ def test_figures_count_refusals_as_failed_and_name_failures() -> None:
     assert "hand-over 0.000 m, 1.20 m/s" in failures_of(measured)[0]
 
 
-def test_an_edited_file_of_the_bench_keeps_its_country_whose_signs_a_planner_reads() -> None:
+def test_an_edited_file_of_the_bench_keeps_the_country_of_its_signs() -> None:
     assert new_id(Path("USA_Lanker-1_11_T-1.xml")).startswith("USA_Lanker-1_11_T-")
 
 

@@ -62,4 +62,4 @@ def test_the_figures_say_how_many_enter_later_and_what_the_share_is_without_them
     ]
     figures, rows = figures_of(measured), dict(rows_of(measured))
     assert (figures["valid_min"], figures["valid_strict_min"]) == (1.0, 0.5)
-    assert rows["enter later, as asked"].startswith("1 files")
+    assert rows["enter later, as requested"].startswith("1 files")

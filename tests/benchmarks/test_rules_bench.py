@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from benchmarks.analysis.rules import EAST, Case, compared, crossing, drawn, eastward, even, moving, told_of
+from benchmarks.analysis.rules import EAST, Case, are_rules_reported, compared, crossing, drawn, eastward, even, moving
 
 
 def test_the_product_tells_the_rules_as_the_truth_has_them() -> None:
@@ -24,9 +24,9 @@ def test_drives_that_break_rules_and_such_that_keep_them_are_drawn() -> None:
 
 def test_a_wrong_truth_is_noticed(capsys: pytest.CaptureFixture[str]) -> None:
     ego = moving(-140, even(12.0, 2.0), eastward)
-    assert told_of(Case("R_G3", ego, [-2.0] * len(ego.x), limit_mps=10.0)) == (True, True)
-    assert told_of(Case("R_G3", ego, [-3.0] * len(ego.x), limit_mps=10.0)) == (False, True)
-    assert told_of(Case("R_G1", ego, [math.inf] * len(ego.x), limit_mps=10.0)) == (True, False)
+    assert are_rules_reported(Case("R_G3", ego, [-2.0] * len(ego.x), limit_mps=10.0)) == (True, True)
+    assert are_rules_reported(Case("R_G3", ego, [-3.0] * len(ego.x), limit_mps=10.0)) == (False, True)
+    assert are_rules_reported(Case("R_G1", ego, [math.inf] * len(ego.x), limit_mps=10.0)) == (True, False)
     assert "told to break R_G3 speed limit by 2 m/s" in capsys.readouterr().err
 
 

@@ -80,9 +80,7 @@ def test_what_clients_were_told_of_and_is_gone_is_lost(tmp_path: Path) -> None:
 @pytest.mark.anyio
 @both_eras
 @pytest.mark.usefixtures("warm_workers")
-async def test_fixtures_of_the_suite_stand_beside_the_server_s_own(
-    settings: Settings, era: str, tmp_path: Path
-) -> None:
+async def test_fixtures_of_the_suite_are_added_to_the_servers_own(settings: Settings, era: str, tmp_path: Path) -> None:
     server = create_server(settings, start_folder=tmp_path)
     add_fixtures(server)
     async with Client(server, mode=era) as client:  # type: ignore[arg-type]

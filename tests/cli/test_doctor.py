@@ -199,7 +199,7 @@ def test_a_damaged_text_index_is_a_fault_that_is_removed(
     assert [path.name for path in index.iterdir()] == ["writer.sqlite"]
 
 
-def test_an_index_whose_look_ends_by_a_signal_is_damaged(
+def test_an_index_check_that_ends_by_a_signal_means_damage(
     settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(doctor, "TRIALS", {})

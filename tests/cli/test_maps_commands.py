@@ -60,7 +60,7 @@ def test_ids_are_listed_whole_where_the_terminal_is_narrow(monkeypatch: pytest.M
     assert "map_quadratstadt " in listed.stdout
 
 
-def test_a_map_is_fetched_to_have_it_beside_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_map_can_be_fetched_in_addition_to_an_existing_one(monkeypatch: pytest.MonkeyPatch) -> None:
     with town_servers().running() as servers:
         monkeypatch.setenv("PLANNERFORGE_MAPS_ONLINE", "online")
         monkeypatch.setenv("PLANNERFORGE_NOMINATIM_URL", servers.nominatim)

@@ -127,7 +127,7 @@ def test_limits_decide_the_exit_code_and_every_file_says_the_same(workspace: Pat
         ({"limits": ["not worse than ../../../etc/passwd"]}, "outside"),
     ],
 )
-def test_a_suite_that_cannot_be_meant_ends_with_2_and_says_why(
+def test_an_invalid_suite_exits_with_2_and_the_reason(
     workspace: Path, tmp_path: Path, keys: dict[str, object], said: str
 ) -> None:
     result = run_suite(workspace, written(tmp_path, **keys))

@@ -1,4 +1,4 @@
-"""A workspace in which every tool has something to work on, made once."""
+"""A workspace with content for every tool, created once."""
 
 import pytest
 from support.contract import Prepared, prepare
@@ -12,5 +12,5 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
 
 @pytest.fixture(params=ERAS, ids=ERA_NAMES)
 def era(request: pytest.FixtureRequest) -> str:
-    """Both protocol eras: the contract is the same in each."""
+    """Both protocol eras, which share the contract."""
     return str(request.param)

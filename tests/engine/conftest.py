@@ -1,4 +1,4 @@
-"""Applying edits to scenarios made by hand."""
+"""Applies edits to handmade scenarios."""
 
 import hashlib
 from pathlib import Path
@@ -11,13 +11,15 @@ from support.edits import Applied, Apply, apply_to
 
 @pytest.fixture(scope="session")
 def bases(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the scenarios that tests edit, each written once: what is read of one is kept, as in a worker."""
+    """A folder with the scenarios that tests edit, each written once, because parsed files are cached as in a
+    worker.
+    """
     return tmp_path_factory.mktemp("bases")
 
 
 @pytest.fixture
 def apply(tmp_path: Path, bases: Path) -> Apply:
-    """Applies edits (as dictionaries) to a scenario and gives outcome, files and scenes; the output is ``out``."""
+    """Applies edits (as dictionaries) to a scenario and returns outcome, files and scenes; the output is ``out``."""
 
     def run(*edits: dict[str, Any], builder: ScenarioBuilder | None = None, **request: Any) -> Applied:
         written = (builder or town_road()).write(tmp_path / "base.xml")

@@ -29,7 +29,7 @@ def test_crossing_courses_meet_where_both_are_at_once() -> None:
     assert time_to_collision_s(body(-16, 0, 0, 10), body(0, -20, math.pi / 2, 10)) == pytest.approx(1.685)
 
 
-def test_a_vehicle_beside_that_stands_askew_is_not_yet_hit() -> None:
+def test_an_adjacent_vehicle_at_an_angle_is_not_yet_hit() -> None:
     ego, other = body(0, 0, 0, 5), body(4.2, 2.6, math.pi / 4, 0)
     assert not rectangles_overlap(corners_of(ego)[0], corners_of(other)[0])
     assert (time_to_collision_s(ego, other) or 0) > 0

@@ -130,7 +130,7 @@ def test_routes_without_a_target_are_told_in_detail_only() -> None:
     assert "31: lanelets 1 → 2 → 3 → 4 → 5 → 6 → 7 → … → 20" in text(edits=edits, detail="checks")
 
 
-def test_a_vehicle_that_is_driven_besides_is_named_with_the_reason() -> None:
+def test_an_additionally_driven_vehicle_is_named_with_the_reason() -> None:
     reacting = SHIFTED.model_copy(update={"cause": "handed_over", "reason": "would hit 12 at 3.4 s"})
     assert "Also simulated, to avoid a collision: 44 (would hit 12 at 3.4 s)." in text(reacting)
 

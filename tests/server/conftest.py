@@ -18,7 +18,7 @@ __all__ = ["probe_tools"]
 
 @pytest.fixture(params=ERAS, ids=ERA_NAMES)
 def era(request: pytest.FixtureRequest) -> str:
-    """Both protocol eras: the server speaks each."""
+    """Both protocol eras of the server."""
     return str(request.param)
 
 

@@ -140,9 +140,7 @@ async def test_scope_decides_what_is_offered(oauth: Settings, issuer: Issuer, tm
     assert everything - reading == {"cancel_job", "export_artifacts", "make_long", "ask_late"}
 
 
-async def test_client_that_is_refused_is_told_whose_tokens_are_taken(
-    oauth: Settings, issuer: Issuer, tmp_path: Path
-) -> None:
+async def test_a_refused_client_learns_the_valid_token_issuer(oauth: Settings, issuer: Issuer, tmp_path: Path) -> None:
     body, headers = called("echo", text="x")
     async with served(oauth, tmp_path) as server, httpx.AsyncClient() as client:
         refused = await client.post(server.url, json=body, headers=headers)

@@ -49,7 +49,7 @@ async def test_catalogue_leads_to_pictures_and_scenarios_in_motion(settings: Set
     assert player.headers["content-security-policy"] == "frame-ancestors 'self'"
 
 
-async def test_condition_that_is_none_is_told_beside_the_whole_catalogue(settings: Settings, tmp_path: Path) -> None:
+async def test_an_invalid_condition_is_reported_with_the_whole_catalogue(settings: Settings, tmp_path: Path) -> None:
     async with shown(settings, tmp_path) as (browser, _):
         whole = await browser.get("/ui")
         page = await browser.get("/ui", params={"obstacles": "trukk"})

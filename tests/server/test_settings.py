@@ -127,7 +127,7 @@ def test_addresses_of_map_services_are_checked_and_listed_in_any_way(monkeypatch
             Settings()
 
 
-def test_a_fresh_install_asks_the_net_only_for_what_is_not_at_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fresh_install_requests_only_unavailable_data_online(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PLANNERFORGE_MAPS_ONLINE")
     services = Settings().map_services()
     assert services.mode == "online"

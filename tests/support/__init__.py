@@ -1,4 +1,4 @@
-"""What several tests share: scenarios and runs made by hand, sessions with a server, operations that misbehave.
+"""Shared helpers of tests: handmade scenarios and runs, sessions with a server, operations that misbehave.
 
 Importable as ``support`` because pytest's ``pythonpath`` holds the folder ``tests``.
 """

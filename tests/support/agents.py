@@ -19,7 +19,7 @@ Kind = Literal["ollama", "openai"]
 
 @dataclass
 class Talk:
-    """A conversation under test: what was shown of it, and the model's server."""
+    """A conversation under test: the displayed output, and the model's server."""
 
     session: AgentSession
     model_server: ModelServer
@@ -35,7 +35,7 @@ class Talk:
         return "\n".join(event.text for event in self.shown if isinstance(event, Note))
 
     async def goes_on(self) -> TurnResult:
-        """Another turn, in which the model simply answers."""
+        """Run another turn, in which the model only answers."""
         self.model_server.script = replies(Reply("Here I am."))
         return await self.say("Are you there?")
 
@@ -58,7 +58,7 @@ async def talk(
     host: str = "",
     **known: Any,
 ) -> AsyncIterator[Talk]:
-    """A conversation with a model that answers as scripted, over the real client library and MCP."""
+    """Hold a conversation with a model that answers as scripted, over the real client library and MCP."""
     working = anyio.Event()
     with serving(kind, replies(*scripted), **known) as model_server:
         settings = ModelSettings(

@@ -1,4 +1,4 @@
-"""Artifacts of a workspace that are what they say: ids that follow from recipes, records that pass their models."""
+"""Consistent artifacts of a workspace: ids follow from recipes, and records match their models."""
 
 from pathlib import Path
 

@@ -53,7 +53,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class ScenarioBuilder:
-    """Everything of a scenario file; ``write`` makes the XML of either format."""
+    """The content of a scenario file; ``write`` produces the XML of either format."""
 
     lanes: tuple[Lane, ...]
     vehicles: tuple[Vehicle, ...] = ()
@@ -65,20 +65,20 @@ class ScenarioBuilder:
     tags: tuple[str, ...] = field(default=("urban",))
 
     def with_vehicles(self, *vehicles: Vehicle) -> "ScenarioBuilder":
-        """The same scenario with other vehicles."""
+        """Return the same scenario with other vehicles."""
         return replace(self, vehicles=vehicles)
 
     def cut(self, steps: int) -> "ScenarioBuilder":
-        """The same scenario, recorded for fewer steps: reading is what takes time in tests."""
+        """Return the same scenario with fewer recorded steps, because reading takes most of a test's time."""
         return self.with_vehicles(*(replace(vehicle, poses=vehicle.poses[:steps]) for vehicle in self.vehicles))
 
     def write(self, path: Path) -> Path:
-        """Write the file and give its path back."""
+        """Write the file and return its path."""
         path.write_text(self.xml(), encoding="utf-8")
         return path
 
     def xml(self) -> str:
-        """The file's text, laid out with two blanks a level."""
+        """Return the file's text, indented by two blanks per level."""
         old = self.version == "2018b"
         tags = f' tags="{" ".join(self.tags)}"' if old else ""
         root = (
@@ -98,13 +98,13 @@ class ScenarioBuilder:
 
 
 def line(start: Point, end: Point, count: int = 21) -> tuple[Point, ...]:
-    """Points evenly spaced on a straight line."""
+    """Return evenly spaced points on a straight line."""
     shares = [index / (count - 1) for index in range(count)]
     return tuple((start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share) for share in shares)
 
 
 def arc(center: Point, radius_m: float, begin_rad: float, end_rad: float, count: int = 21) -> tuple[Point, ...]:
-    """Points evenly spaced on a circle."""
+    """Return evenly spaced points on a circle."""
     angles = [begin_rad + (end_rad - begin_rad) * index / (count - 1) for index in range(count)]
     return tuple((center[0] + radius_m * math.cos(a), center[1] + radius_m * math.sin(a)) for a in angles)
 
@@ -120,7 +120,7 @@ def driving(
     size_m: tuple[float, float] = (4.5, 1.8),
     first_step: int = 0,
 ) -> Vehicle:
-    """A vehicle that drives straight at one speed."""
+    """Return a vehicle that drives straight at constant speed."""
     forward = math.cos(heading_rad) * speed_mps * 0.1, math.sin(heading_rad) * speed_mps * 0.1
     poses = tuple(
         (start[0] + forward[0] * step, start[1] + forward[1] * step, heading_rad, speed_mps) for step in range(steps)
@@ -129,7 +129,7 @@ def driving(
 
 
 def town_road() -> ScenarioBuilder:
-    """The road of the drawing above with five vehicles and the ego (problem 100) in lane 1 at x = 40."""
+    """Return the road of the drawing above with five vehicles and the ego (problem 100) in lane 1 at x = 40."""
     lanes = (
         Lane(1, line((0, 0), (200, 0)), successors=(11, 12), left=(2, True)),
         Lane(2, line((0, 3.5), (200, 3.5)), successors=(21,), left=(3, False), right=(1, True)),
@@ -150,7 +150,7 @@ def town_road() -> ScenarioBuilder:
 
 
 def crossing() -> ScenarioBuilder:
-    """Two one-way roads that cross: 1 → 2 → 3 eastbound, 4 → 5 → 6 northbound."""
+    """Return two crossing one-way roads: 1 → 2 → 3 eastbound, 4 → 5 → 6 northbound."""
     return ScenarioBuilder(
         (
             Lane(1, line((-60, 0), (-10, 0)), successors=(2,)),

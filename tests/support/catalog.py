@@ -1,4 +1,4 @@
-"""Facts made by hand, for tests of the catalogue alone."""
+"""Handmade facts for tests of the catalogue alone."""
 
 import sqlite3
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,7 @@
-"""What every tool is asked in the contract tests, and the workspace that the calls find.
+"""The calls of every tool in the contract tests, and the workspace for them.
 
-The workspace is filled by the tools themselves. A tool's case is one good call, and bad ones with what the refusal must
-name; words in angle brackets are ids of the prepared workspace.
+The tools themselves fill the workspace. A tool's case has one good call, and bad ones with the required content of the
+refusal. Words in angle brackets are ids of the prepared workspace.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +18,7 @@ from plannerforge.server.settings import Settings
 
 @dataclass(frozen=True)
 class Prepared:
-    """Settings of a filled workspace, and the ids that are in it."""
+    """Settings of a filled workspace, and its ids."""
 
     settings: Settings
     folder: Path
@@ -68,7 +68,7 @@ async def _prepare(settings: Settings, folder: Path) -> Prepared:
 
 
 def filled(value: Any, prepared: Prepared) -> Any:
-    """The arguments of a case with the ids of the prepared workspace."""
+    """Return the arguments of a case with the ids of the prepared workspace."""
     if isinstance(value, dict):
         return {key: filled(part, prepared) for key, part in value.items()}
     if isinstance(value, list):
@@ -94,7 +94,7 @@ def _meanings(prepared: Prepared) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Bad:
-    """A call that must be refused; ``names`` is what the refusal's text must hold."""
+    """A call that must be refused; ``names`` is the required content of the refusal."""
 
     arguments: dict[str, Any]
     names: tuple[str, ...]
@@ -292,7 +292,7 @@ CASES: dict[str, Case] = {
 
 
 def hold_page(page: Path, mark: str, sections: list[str], *, update: bool) -> None:
-    """Hold what stands below a page's mark to what was recorded just then, or write it there."""
+    """Compare the text below a page's mark with the new recording, or write it there."""
     head, found, _ = page.read_text(encoding="utf-8").partition(mark)
     assert found
     recorded = head + mark + "\n" + "\n".join(sections)

@@ -1,4 +1,4 @@
-"""What tests of edits share: carrying edits out on a file and looking at what came of it."""
+"""Shared helpers of the edit tests: apply edits to a file and examine the result."""
 
 import os
 import warnings
@@ -41,7 +41,7 @@ class Applied:
         return recorded_tracks(read_scenario(self.base).scenario)
 
     def changed_elements(self) -> set[str]:
-        """Ids of the first-level elements whose serialisation differs between the files, or that only one has."""
+        """Return ids of the first-level elements that differ between the files or exist in only one."""
         old, new = elements(self.base), elements(self.xml)
         return {key for key in {*old, *new} if old.get(key) != new.get(key)}
 
@@ -51,7 +51,7 @@ Apply = Callable[..., Applied]
 
 
 def apply_to(base: Path, output: Path, *edits: dict[str, Any], **request: Any) -> Applied:
-    """Carry out edits (as dictionaries) on a file."""
+    """Apply edits (as dictionaries) to a file."""
     asked = ModificationRequest(
         xml=base,
         edits=tuple(Edit.model_validate(edit) for edit in edits),
@@ -65,7 +65,7 @@ def apply_to(base: Path, output: Path, *edits: dict[str, Any], **request: Any) -
 
 
 def elements(path: Path) -> dict[str, bytes]:
-    """First-level elements of a scenario file by id (or tag), as bytes."""
+    """Return first-level elements of a scenario file by id (or tag), as bytes."""
     root = etree.parse(path).getroot()
     return {
         str(element.get("id") or element.tag): etree.tostring(element, with_tail=False)
@@ -75,7 +75,7 @@ def elements(path: Path) -> dict[str, bytes]:
 
 
 def schema_errors(path: Path) -> set[str]:
-    """What CommonRoad's XML schema says against a file."""
+    """Return the errors of CommonRoad's XML schema for a file."""
     folder = Path(next(iter(commonroad.__path__))) / "scenario_definition" / "xml_definition_files"
     schema = etree.XMLSchema(etree.parse(os.fspath(folder / "XML_commonRoad_XSD.xsd")))
     schema.validate(etree.parse(path))

@@ -54,7 +54,7 @@ class EchoSession:
 
 @dataclass
 class CountingAgent:
-    """Asks for the number in its request; leaves out those that it is told to, and kills the process at one."""
+    """Requests the number in its request; omits given requests, and kills the process at one."""
 
     wrong: frozenset[str] = frozenset()
     killed_at: str = ""

@@ -1,4 +1,4 @@
-"""A small country: two drawn towns a day's walk apart, each over four tiles, in OpenStreetMap's binary format."""
+"""A small country of two drawn towns, far apart, each over four tiles, in OpenStreetMap's binary format."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ APART_DEG, IDS_APART = 0.4, 100_000
 
 
 def elements() -> list[Any]:
-    """The nodes, ways and relations of both towns, in the order of a sorted file."""
+    """Return the nodes, ways and relations of both towns, in the order of a sorted file."""
     found: dict[str, list[Any]] = {"n": [], "w": [], "r": []}
     for copy in range(2):
         for element in osmium.FileProcessor(str(TOWN)):
@@ -41,7 +41,7 @@ def _copied(element: Any, copy: int) -> Any:
 
 
 def written(path: Path, content: Sequence[Any]) -> Path:
-    """Nodes, ways and relations as a file of the format that its name tells."""
+    """Write nodes, ways and relations in the format of the file's name."""
     with osmium.SimpleWriter(str(path), overwrite=True) as writer:
         for element in content:
             writer.add(element)
@@ -49,6 +49,6 @@ def written(path: Path, content: Sequence[Any]) -> Path:
 
 
 def indexed(path: Path, folder: Path) -> IndexedExtract:
-    """The index of an extract, in a folder that is made where there is none."""
+    """Return the index of an extract, in a folder that is created if missing."""
     folder.mkdir(exist_ok=True)
     return index_extract(IndexExtractRequest(path=str(path), folder=str(folder), map_id="map_country"), silent)

@@ -1,4 +1,4 @@
-"""Maps in other formats than OpenStreetMap: small ones, and a Lanelet2 map of the lanelets of a CommonRoad file."""
+"""Maps in formats other than OpenStreetMap: small ones, and a Lanelet2 map of a CommonRoad file's lanelets."""
 
 import math
 import subprocess
@@ -29,12 +29,12 @@ STRAIGHT = """<OpenDRIVE><header revMajor="1" revMinor="4">{header}</header>
 
 
 def straight_road(*, header: str = "", x: str = "0", length: str = "300", lanes: int = 0) -> str:
-    """An OpenDRIVE file of one road with a pavement, a slope, a sign and a tree."""
+    """Return an OpenDRIVE file of one road with a pavement, a slope, a sign and a tree."""
     return STRAIGHT.format(header=header, x=x, length=length, more='<lane id="9" type="none"/>' * lanes)
 
 
 def opendrive_of_net(net: Path, target: Path) -> Path:
-    """A SUMO network as OpenDRIVE, as netconvert writes it."""
+    """Return a SUMO network as OpenDRIVE, as netconvert writes it."""
     program = Path(sumo.SUMO_HOME) / "bin" / "netconvert"
     options = ["-s", str(net), "--opendrive-output", str(target)]
     subprocess.run([program, *options], check=True, capture_output=True)
@@ -42,7 +42,9 @@ def opendrive_of_net(net: Path, target: Path) -> Path:
 
 
 def lanelet2_of(scenario: Path, target: Path) -> Path:
-    """The lanelets of a CommonRoad file as a Lanelet2 map: bounds that coincide are one way, every other one turned."""
+    """Return the lanelets of a CommonRoad file as a Lanelet2 map: shared bounds are one way, every other one
+    reversed.
+    """
     network = CommonRoadFileReader(str(scenario)).open()[0].lanelet_network
     root = etree.Element("osm", version="0.6", generator="tests")
     nodes: dict[tuple[float, float], int] = {}
@@ -78,7 +80,7 @@ def lanelet2_of(scenario: Path, target: Path) -> Path:
 
 
 def drive_file(view: str, *, length: float, key: int = 1, link: str = "", rule: str = "") -> str:
-    """An OpenDRIVE file of one road with a lane in each direction, along a plan view."""
+    """Return an OpenDRIVE file of one road with a lane in each direction, along a plan view."""
     lanes = [
         f'<{side}><lane id="{lane}" type="driving" level="false">'
         '<width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'
@@ -95,7 +97,7 @@ def drive_file(view: str, *, length: float, key: int = 1, link: str = "", rule: 
 
 
 def two_roads(*, rule: str = "") -> str:
-    """Two straight roads in OpenDRIVE, 200 m each, that meet end to end."""
+    """Return two straight roads in OpenDRIVE, 200 m each, that meet end to end."""
     view = '<geometry s="0" x="{}" y="5340000" hdg="0" length="200"><line/></geometry>'
     joint = '<{} elementType="road" elementId="{}" contactPoint="{}"/>'
     first, second = (

@@ -1,4 +1,4 @@
-"""Scenarios from the built-in maps, as tests of the generator ask for them."""
+"""Scenarios from the built-in maps, for tests of the generator."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ MAPS = {entry.facts.place: entry for entry in built_in_maps()}
 
 
 def request_for(place: str, folder: Path, **changes: object) -> GenerationRequest:
-    """A request for 6 s at a place of a built-in map; every field can be changed."""
+    """Return a request for 6 s at a place of a built-in map; every field can be changed."""
     entry = MAPS[place]
     wish: dict[str, object] = {
         "map_path": str(entry.path),
@@ -28,5 +28,5 @@ def request_for(place: str, folder: Path, **changes: object) -> GenerationReques
 
 
 def make(place: str, folder: Path, **changes: object) -> GeneratedScenario:
-    """The scenario of such a request."""
+    """Return the scenario of such a request."""
     return generate_scenario(request_for(place, folder, **changes), silent)

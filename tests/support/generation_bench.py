@@ -1,4 +1,4 @@
-"""Made scenarios and map evidence, drawn in metres around a middle, for the tests of the bench's judges."""
+"""Synthetic scenarios and map evidence, in metres around a middle, for tests of the bench's judges."""
 
 import math
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class Road:
 
 
 def made(roads: Sequence[Road], links: Sequence[tuple[str, ...]] = (), lit: Sequence[str] = ()) -> MadeFiles:
-    """A scenario with its middle at (0, 0); ``links``: from road, to road, and SUMO's word for the turn (``s``).
+    """Return a scenario with its middle at (0, 0); ``links``: from road, to road, and SUMO's word for the turn (``s``).
 
     ``lit``: junctions with lights.
     """
@@ -50,19 +50,19 @@ def made(roads: Sequence[Road], links: Sequence[tuple[str, ...]] = (), lit: Sequ
 
 
 def mapped(*offsets_m: tuple[float, float], **tags: str) -> Mapped:
-    """Something at (north, east) of the middle in m."""
+    """Return something at (north, east) of the middle in m."""
     east_m = METRES_A_DEGREE * math.cos(math.radians(LATITUDE))
     places = [(LATITUDE + north / METRES_A_DEGREE, LONGITUDE + east / east_m) for north, east in offsets_m]
     return Mapped(np.array(places), tags)
 
 
 def around(half_m: float, **tags: str) -> Mapped:
-    """A square around the middle."""
+    """Return a square around the middle."""
     return mapped(*((half_m * a, half_m * b) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))), **tags)
 
 
 def map_facts(sites: dict[SiteType, int]) -> MapFacts:
-    """What reading a map of a square kilometre says, with so many sites by type."""
+    """Return facts of a map of a square kilometre, with the given number of sites by type."""
     return MapFacts(
         map_id="map_drawn",
         file_name="drawn.osm",

@@ -1,4 +1,4 @@
-"""A server over HTTP on a free port of this machine, in the test's own event loop, and clients of it."""
+"""An HTTP server on a free port of this machine, in the test's own event loop, and its clients."""
 
 import json
 from collections.abc import AsyncIterator, Callable
@@ -25,19 +25,19 @@ WRITER, READER = "w" * 32, "r" * 32
 
 @dataclass(frozen=True)
 class Served:
-    """A server that runs, and its address."""
+    """A running server and its address."""
 
     server: HttpServer
     address: str
 
     @property
     def url(self) -> str:
-        """Where MCP is."""
+        """The address of MCP."""
         return f"{self.address}/mcp"
 
     @asynccontextmanager
     async def client(self, mode: str, token: str = "", **options: object) -> AsyncIterator[Client]:
-        """A client of the protocol."""
+        """Return a client of the protocol."""
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         async with httpx2.AsyncClient(headers=headers, timeout=httpx2.Timeout(PATIENCE_S)) as http:
             transport = streamable_http_client(self.url, http_client=http)
@@ -47,7 +47,7 @@ class Served:
 
 @asynccontextmanager
 async def served(settings: Settings, folder: Path, pages: Pages | None = None) -> AsyncIterator[Served]:
-    """A server until the block is left, with pages where some are given."""
+    """Run a server until the block ends, with pages if given."""
     http = HttpServer(create_server(settings, start_folder=folder), settings, pages)
     with bound("127.0.0.1", 0) as listener:
         async with anyio.create_task_group() as tasks:
@@ -77,14 +77,14 @@ async def _until_it_answers(address: str) -> None:
 
 
 async def post(server: Served, body: Any, headers: dict[str, str], **more: str) -> httpx.Response:
-    """The answer to a request, with more headers than those given."""
+    """Return the answer to a request with additional headers."""
     async with httpx.AsyncClient(timeout=PATIENCE_S) as client:
         content = body if isinstance(body, bytes) else json.dumps(body).encode()
         return await client.post(server.url, content=content, headers={**headers, **more})
 
 
 def called(tool: str, **arguments: object) -> tuple[dict[str, object], dict[str, str]]:
-    """A call of a tool in the stateless revision: its body and its headers."""
+    """Return body and headers of a tool call in the stateless revision."""
     meta = {
         "io.modelcontextprotocol/protocolVersion": "2026-07-28",
         "io.modelcontextprotocol/clientInfo": {"name": "raw", "version": "1"},

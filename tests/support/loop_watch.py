@@ -1,7 +1,7 @@
-"""A watchdog over the server's event loop: what its thread does while calls are carried out.
+"""A watchdog over the server's event loop: what its thread does during calls.
 
-It looks at what runs there instead of at how long it takes, so that a loaded machine changes nothing: code of tools and
-of the engine, and whatever waits for a disk, belong into the threads of the calls.
+It examines what runs there instead of durations, so that a loaded machine changes nothing. Code of tools and of the
+engine, and everything that waits for a disk, belongs in the threads of the calls.
 """
 
 import sys
@@ -28,14 +28,14 @@ _DISK = {"open", "os.listdir", "os.scandir", "os.mkdir", "os.remove", "os.rename
 
 
 class LoopWatch:
-    """What the thread that made it did until now that may hold up a loop."""
+    """The actions of the creating thread so far that may block a loop."""
 
     def __init__(self) -> None:
         self.held: set[str] = set()
         self._thread = threading.get_ident()
 
     def note(self, frame: FrameType, event: str, argument: Any) -> None:
-        """Look at a call of a function; listens to ``sys.setprofile``."""
+        """Examine a function call; a listener of ``sys.setprofile``."""
         del argument
         if event == "call":
             name = f"{frame.f_globals.get('__name__', '')}.{frame.f_code.co_name}"
@@ -43,7 +43,7 @@ class LoopWatch:
                 self.held.add(name)
 
     def note_disk(self, event: str, arguments: tuple[Any, ...]) -> None:
-        """Look at what waits for a disk; listens to ``sys.addaudithook``. A pipe to a worker is a number, no file."""
+        """Examine a disk access; a listener of ``sys.addaudithook``. A pipe to a worker is a number, not a file."""
         is_ours = event in _DISK and threading.get_ident() == self._thread
         if is_ours and not isinstance(arguments[0], int):
             self.held.add(f"{event} {arguments[0]}")
@@ -62,7 +62,7 @@ sys.addaudithook(_audit)
 
 @contextmanager
 def watched_loop() -> Iterator[LoopWatch]:
-    """Watch the calling thread during the block, and fail where it was held."""
+    """Watch the calling thread during the block, and fail if it was blocked."""
     watch = LoopWatch()
     _watches.append(watch)
     sys.setprofile(watch.note)

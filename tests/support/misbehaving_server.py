@@ -1,6 +1,6 @@
 """An MCP server that breaks every law of the robustness bench on request; its argument is its workspace.
 
-With ``--http`` it listens on a free port and tells where, as the real one does.
+With ``--http`` it listens on a free port and prints its address, as the real one does.
 """
 
 import os
@@ -41,7 +41,7 @@ async def wait(seconds: float) -> str:
 
 @server.tool()
 async def die() -> str:
-    """Close every connection, and end a moment later: clients know it before the system does."""
+    """Close every connection and exit shortly after, so that clients notice before the system does."""
     os.close(1)
     os.closerange(3, 1024)
     time.sleep(0.5)

@@ -1,6 +1,6 @@
-"""Model servers on loopback that speak Ollama's and OpenAI's protocol, and answer as a script says.
+"""Local model servers that speak Ollama's and OpenAI's protocol, and answer as scripted.
 
-What they send is held against the client libraries' own types (``tests/agent/test_model_servers.py``).
+``tests/agent/test_model_servers.py`` checks their messages against the client libraries' own types.
 """
 
 import json
@@ -17,9 +17,9 @@ WRITTEN_AT = "2026-11-02T08:00:00.000000Z"
 
 @dataclass(frozen=True)
 class Reply:
-    """What a model answers.
+    """A model's answer.
 
-    ``calls`` are tools with their arguments: an object, or a text where the model writes no JSON; ``fault`` happens
+    ``calls`` are tools with their arguments: an object, or a text if the model writes invalid JSON; ``fault`` happens
     after the first piece; ``status`` other than 200 refuses with ``text``; ``end`` is why the model stopped.
     """
 
@@ -38,7 +38,7 @@ Script = Callable[[Mapping[str, Any]], Reply]
 
 @dataclass
 class ModelServer:
-    """A running server: what it was asked (``requests``), and what it knows."""
+    """A running server: the requests that it received (``requests``), and its models."""
 
     url: str = ""
     requests: list[dict[str, Any]] = field(default_factory=list)
@@ -55,7 +55,7 @@ class ModelServer:
 
 
 def replies(*scripted: Reply) -> Script:
-    """One reply after the other; the last again and again."""
+    """Give one reply after the other, and repeat the last."""
     waiting = list(scripted)
 
     def next_reply(request: Mapping[str, Any]) -> Reply:
@@ -66,7 +66,7 @@ def replies(*scripted: Reply) -> Script:
 
 @contextmanager
 def serving(kind: Literal["ollama", "openai"], script: Script, **settings: Any) -> Iterator[ModelServer]:
-    """A server on a free port of loopback, until the block is left."""
+    """Run a server on a free local port until the block ends."""
     model_server = ModelServer(script=script, **settings)
     handler = type("Handler", (_OllamaHandler if kind == "ollama" else _OpenAIHandler,), {"known": model_server})
     http_server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
@@ -84,7 +84,7 @@ def serving(kind: Literal["ollama", "openai"], script: Script, **settings: Any) 
 
 
 class _Broken(Exception):
-    """The connection is to be closed as it is."""
+    """The connection must be closed at once."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -132,7 +132,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.flush()
 
     def misbehave(self, fault: Fault, no_json: str) -> None:
-        """Do what the fault says, after a first piece was sent."""
+        """Carry out the fault after the first piece."""
         if fault == "cut":
             raise _Broken
         if fault == "hold":

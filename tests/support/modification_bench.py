@@ -1,4 +1,4 @@
-"""What tests of the modification bench share: carrying out ground truth, and doctoring what came of it."""
+"""Shared helpers of the modification bench's tests: apply ground truth, and alter the result."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -49,7 +49,7 @@ TRUTHS: dict[str, dict[str, Any]] = {
 
 
 def carried_out(base: Path, *truths: dict[str, Any]) -> Written:
-    """What edits of the corpus's form make of a file."""
+    """Return the result of edits in the corpus's form on a file."""
     request = ModificationRequest(
         xml=base,
         edits=tuple(edit_of(truth) for truth in truths),
@@ -61,7 +61,7 @@ def carried_out(base: Path, *truths: dict[str, Any]) -> Written:
 
 
 def verdicts(written: Written) -> dict[str, bool]:
-    """The checks of all edits together."""
+    """Return the checks of all edits together."""
     found: dict[str, bool] = {}
     for index in range(len(written.truths)):
         for name, passed in checks_of(written, index).items():
@@ -70,28 +70,28 @@ def verdicts(written: Written) -> dict[str, bool]:
 
 
 def asked(written: Written, **truth: Any) -> Written:
-    """The same file for another request."""
+    """Return the same file for another request."""
     return replace(written, truths=({**written.truths[0], **truth},))
 
 
 def told(written: Written, **edit: Any) -> Written:
-    """The same file with another report of its first edit."""
+    """Return the same file with another report of its first edit."""
     reports = (written.outcome.edits[0].model_copy(update=edit), *written.outcome.edits[1:])
     return replace(written, outcome=written.outcome.model_copy(update={"edits": reports}))
 
 
 def without(written: Written, key: int) -> Written:
-    """The same file as if a road user had been lost."""
+    """Return the same file as if a road user had been lost."""
     return replace(written, new={other: track for other, track in written.new.items() if other != key})
 
 
 def moving(written: Written, key: int, change: Callable[[Track], Track]) -> Written:
-    """The same file with another motion of a road user."""
+    """Return the same file with another motion of a road user."""
     return replace(written, new={**written.new, key: change(written.new[key])})
 
 
 def typed(written: Written, key: int, **attributes: str) -> Written:
-    """The same file as if SUMO had driven a vehicle by another type."""
+    """Return the same file as if SUMO had driven a vehicle by another type."""
     return replace(
         written,
         sumo=replace(written.sumo, types={**written.sumo.types, key: {**written.sumo.types[key], **attributes}}),
@@ -99,7 +99,7 @@ def typed(written: Written, key: int, **attributes: str) -> Written:
 
 
 def respelt(written: Written, path: str, value: str) -> Written:
-    """The same file with another text at a path, in a copy beside it."""
+    """Return the same file with another text at a path, in a copy next to it."""
     tree = etree.parse(written.xml)
     tree.getroot().find(path).text = value
     copy = written.xml.with_name("respelt.xml")
@@ -108,7 +108,7 @@ def respelt(written: Written, path: str, value: str) -> Written:
 
 
 def later_by(written: Written, obstacle_id: int, steps: int) -> Written:
-    """The same file with all states of an obstacle so much later, in a copy beside it."""
+    """Return the same file with all states of an obstacle delayed, in a copy next to it."""
     tree = etree.parse(written.xml)
     for time in tree.getroot().iterfind(f"dynamicObstacle[@id='{obstacle_id}']//time/exact"):
         time.text = str(int(time.text) + steps)

@@ -1,4 +1,4 @@
-"""Map services on this machine, with drawn towns of the package put anywhere on earth."""
+"""Local map services, with drawn towns of the package placed anywhere on earth."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ HERE = (48.0, 11.0)
 
 
 def drawn_town(file: str, middle: tuple[float, float] = HERE, first_id: int = 0) -> Extract:
-    """A drawn map of the package, moved, its ids raised: those of two drawn maps are the same."""
+    """Return a drawn map of the package, moved and with raised ids, because two drawn maps share theirs."""
     town = Extract.read(LIBRARY / file, middle=middle, nameless=True)
     town.nodes = {first_id + key: node for key, node in town.nodes.items()}
     town.ways = {
@@ -21,20 +21,20 @@ def drawn_town(file: str, middle: tuple[float, float] = HERE, first_id: int = 0)
 
 
 def town_places(name: str, extract: Extract, country: str = "DEU") -> list[Place]:
-    """What Nominatim knows of it."""
+    """Return Nominatim's entries for it."""
     return [settlement([name], country, extract.box), *places_in(extract, name, country)]
 
 
 def town_servers(
     name: str = "Ringstadt", file: str = "kreiselheim.osm", mirrors: tuple[Mirror, ...] = (Mirror("one"), Mirror("two"))
 ) -> MapServers:
-    """Services that know one town."""
+    """Run services that know one town."""
     extract = drawn_town(file)
     return MapServers([extract], town_places(name, extract), mirrors)
 
 
 def services_of(servers: MapServers, cache: Path, **more: object) -> MapServices:
-    """The services as settings name them, without pauses."""
+    """Return the services as settings give them, without pauses."""
     given: dict[str, object] = {
         "mode": "online",
         "nominatim_url": servers.nominatim,

@@ -1,4 +1,4 @@
-"""A planner as a program, which drives on, or misbehaves as its first argument says; standard library alone."""
+"""A planner program that drives straight on, or misbehaves as its first argument says; standard library only."""
 
 import json
 import math
@@ -47,7 +47,7 @@ def changed(request: Request, **fields: Any) -> None:
 
 
 def hang(request: Request) -> None:
-    """With a process of its own, which must not outlive the run; its id stands beside the scenario's workspace."""
+    """Hang with a child process, which must not outlive the run; its id is stored next to the scenario's workspace."""
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
     Path(os.environ["CHILD_FILE"]).write_text(str(child.pid), encoding="utf-8")
     time.sleep(600)
@@ -97,7 +97,7 @@ def take_memory(request: Request) -> None:
 
 
 def look(request: Request) -> None:
-    """Answers, and says what it was given."""
+    """Answer and report the input."""
     text = Path(request["scenario_file"]).read_text(encoding="utf-8")
     log("has the file" if "<commonRoad" in text else "has none")
     log(f"process {os.getpid()} in {Path.cwd()}")
@@ -137,7 +137,7 @@ BEHAVIOURS: dict[str, Callable[[Request], None]] = {
 
 
 def main(behaviour: str) -> None:
-    """Answer every line of standard input; ``NAME@N`` misbehaves at the N-th request and drives before."""
+    """Answer every line of standard input; ``NAME@N`` misbehaves at the N-th request after driving."""
     name, _, at = behaviour.partition("@")
     for number, line in enumerate(sys.stdin, 1):
         BEHAVIOURS[name if number >= int(at or 1) else "drives"](json.loads(line))

@@ -1,4 +1,4 @@
-"""Packages of others with planners, written into a folder as an installation leaves them."""
+"""Planner packages of other authors, written into a folder as an installation leaves them."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ PLANNER = OwnPlanner(
 
 
 def install(folder: Path, name: str, source: str = STRAIGHT, *, package: str = "") -> Path:
-    """Write a package with a planner of this name and its metadata; the module's path."""
+    """Write a package with a planner of this name and its metadata, and return the module's path."""
     module = package or f"own_{name}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{module}.py").write_text(source, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the pages show: commands of the program, and calls of its tools."""
+"""The commands and tool calls that documentation pages show."""
 
 import json
 import re
@@ -18,7 +18,7 @@ Shown = tuple[str, str]
 
 
 def shown_commands() -> list[Shown]:
-    """Every command of the program in a block of a page, a line each, without what a shell makes of its output."""
+    """Return every command in a block of a page, one per line, without shell redirections."""
     found: list[Shown] = []
     for page in PAGES:
         name = page.relative_to(CHECKOUT).as_posix()
@@ -30,7 +30,7 @@ def shown_commands() -> list[Shown]:
 
 
 def _whole_lines(text: str) -> Iterator[str]:
-    """The lines of a shell, each with those that a backslash or an open quotation mark continues it on."""
+    """Return the lines of a shell, joined if a backslash or an open quotation mark continues them."""
     lines = iter(re.sub(r"\\\n\s*", " ", text).splitlines())
     for line in lines:
         while (
@@ -41,7 +41,7 @@ def _whole_lines(text: str) -> Iterator[str]:
 
 
 def inline_commands() -> list[Shown]:
-    """Every command of the program that is named in running text."""
+    """Return every command in running text."""
     return [
         (page.relative_to(CHECKOUT).as_posix(), text)
         for page in PAGES
@@ -50,7 +50,7 @@ def inline_commands() -> list[Shown]:
 
 
 def shown_calls() -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Every call of a tool: page, tool, arguments."""
+    """Return every tool call: page, tool, arguments."""
     for page, command in shown_commands():
         words = words_of(command)
         if words[1] == "call":

@@ -1,6 +1,6 @@
-"""The run of a planner in a worker that misbehaves where a file of the test says so.
+"""A planner run in a worker that misbehaves if a file of the test says so.
 
-The folder ``PLANNER_FAULTS`` holds, for a scenario's id, a file with the word of a fault; without one the real run is
+The folder ``PLANNER_FAULTS`` holds, for a scenario's id, a file with the name of a fault; without one the real run is
 carried out.
 """
 
@@ -23,7 +23,7 @@ def run(request: RunRequest, report: ProgressReporter) -> RunResponse:
 
 
 def misbehave(fault: str) -> None:
-    """Do what no operation should."""
+    """Do something that no operation should."""
     if fault == "hang":
         time.sleep(1000)
     elif fault == "native_crash":

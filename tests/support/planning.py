@@ -37,7 +37,7 @@ LANE_WIDTH_M = 3.5
 
 
 def as_planned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let Frenetix's plans be driven as they are, whether or not a vehicle can."""
+    """Drive Frenetix's plans unchanged, even if a vehicle cannot."""
     for module in (safety, frenetix_planner):
         monkeypatch.setattr(module, "follow", lambda plan, *_: FollowedPlan(plan, 0.0, within_tyres=True))
 
@@ -52,7 +52,7 @@ def network_of(*lanelets: Lanelet) -> LaneletNetwork:
 
 
 def lanelet_along(center: Any, lanelet_id: int, width_m: float = LANE_WIDTH_M, **links: Any) -> Lanelet:
-    """A lanelet around a centre line of shape (n, 2)."""
+    """Return a lanelet around a centre line of shape (n, 2)."""
     along = np.gradient(center, axis=0)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1)[:, None]
     half = width_m / 2 * normal
@@ -60,7 +60,7 @@ def lanelet_along(center: Any, lanelet_id: int, width_m: float = LANE_WIDTH_M, *
 
 
 def straight_road(length_m: float = 200.0, lanes: int = 1, angle_rad: float = 0.0) -> LaneletNetwork:
-    """Lanes side by side, ids 1 (rightmost, through the origin) to ``lanes``; headings as the angle."""
+    """Return parallel lanes, ids 1 (rightmost, through the origin) to ``lanes``, with the angle as heading."""
     made = []
     for lane in range(lanes):
         x = np.linspace(-20.0, length_m - 20.0, int(length_m / 5) + 1)
@@ -89,7 +89,7 @@ def scenario_on(network: LaneletNetwork, *obstacles: Any, step_s: float = 0.1) -
 def moving_car(
     obstacle_id: int, start: Sequence[float], velocity: Sequence[float], steps: int = 100
 ) -> DynamicObstacle:
-    """A car in straight uniform motion from step 0 on."""
+    """Return a car in straight uniform motion from step 0 on."""
     speed = math.hypot(*velocity)
     heading = math.atan2(velocity[1], velocity[0])
     positions = np.array(start) + np.arange(steps + 1)[:, None] * 0.1 * np.array(velocity)
@@ -137,7 +137,7 @@ def problem_for(
     lanelets: dict[int, list[int]] | None = None,
     askew_rad: float = 0.0,
 ) -> PlanningProblem:
-    """An ego at a position, heading as the angle, or askew of it."""
+    """Return an ego at a position, with the angle or another one as heading."""
     state = _initial(rotation(angle_rad) @ np.array(position), angle_rad + askew_rad, speed_mps)
     return PlanningProblem(1000, state, GoalRegion(list(goals), lanelets))
 
@@ -165,7 +165,7 @@ FAR = goal_state((90, 100), rectangle_at(100.0, 0.0))
 def task_on_road(
     config: PlannerConfiguration, speed_mps: float, *obstacles: Any, goal: CustomState = FAR, lanes: int = 2
 ) -> tuple[PlanningTask, Observation]:
-    """A task on a straight road, and what an ego at the origin observes at its start."""
+    """Return a task on a straight road, and the initial observation of an ego at the origin."""
     scenario = scenario_on(straight_road(300.0, lanes=lanes), *obstacles)
     problem, network, origin = problem_for(goal, speed_mps=speed_mps), scenario.lanelet_network, np.zeros(2)
     route = find_route(network, problem.goal, origin, 0.0, ahead_m=120.0)
@@ -184,7 +184,7 @@ def drive_on_road(
 
 
 def first_plan(planner: Any, task: PlanningTask, observation: Observation) -> Plan:
-    """What a planner plans at the start of a task."""
+    """Return a planner's plan at the start of a task."""
     planner.reset(task)
     plan: Plan = planner.plan(observation)
     return plan

@@ -135,7 +135,7 @@ async def ask_late(arguments: EchoArguments, call: ToolCall) -> EchoResult:
 
 @dataclass(frozen=True)
 class ProbeSpec(ToolSpec):
-    """A tool of these tests, given as a function instead of by its place."""
+    """A tool of these tests, given as a function instead of its location."""
 
     call: Callable[..., Any] = echo
 
@@ -151,7 +151,7 @@ PROBES: tuple[ToolSpec, ...] = tuple(
 
 @pytest.fixture
 def probe_tools(monkeypatch: pytest.MonkeyPatch) -> tuple[ToolSpec, ...]:
-    """The tools that servers offer in this test: four real ones, then the probes."""
+    """Return the tools of the test's servers: four real ones, then the probes."""
     tools = tuple(spec for spec in TOOLS if spec.name in REAL) + PROBES
     monkeypatch.setattr(assembly, "TOOLS", tools)
     return tools

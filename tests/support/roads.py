@@ -1,8 +1,8 @@
-"""Road networks for tests: a good CommonRoad file with one of everything and the tools to break it, and streets.
+"""Road networks for tests: a good CommonRoad file with one of everything, tools to break it, and streets.
 
-Three arms meet: 1 (with its left neighbour 2, and 3 oncoming beyond it) leads east into the junction, 4 goes
-straight on to 6, 5 turns right to 7. Lanelet 1 has a stop line, a light and a speed limit.
-The streets are lanelets of a generated network, for tests that need no net.
+Three arms meet: 1 (with its left neighbour 2, and 3 oncoming beyond it) leads east into the junction, 4 goes straight
+on to 6, 5 turns right to 7. Lanelet 1 has a stop line, a light and a speed limit. The streets are lanelets of a
+generated network, for tests without a SUMO network.
 """
 
 import math
@@ -20,7 +20,7 @@ WIDTH_M = 3.5
 
 
 def good_road() -> etree._Element:
-    """The root element of the good network."""
+    """Return the root element of the good network."""
     root = etree.Element("commonRoad", {"commonRoadVersion": "2020a", "benchmarkID": "DEU_Good-1_1_T-1"})
     add_lanelet(root, 1, [(0, 0), (50, 0), (100, 0)], successors=(4, 5), left=(2, "same"))
     add_lanelet(root, 2, [(0, 3.5), (50, 3.5), (100, 3.5)], left=(3, "opposite"), right=(1, "same"))
@@ -73,12 +73,12 @@ def add_lanelet(
 
 
 def lanelet(root: etree._Element, lanelet_id: int) -> etree._Element:
-    """A lanelet by its id."""
+    """Return a lanelet by its id."""
     return at(root, f"lanelet[@id='{lanelet_id}']")
 
 
 def at(root: etree._Element, path: str) -> etree._Element:
-    """The first element of a path; it has to be there."""
+    """Return the first element of a path, which must exist."""
     found = root.find(path)
     assert found is not None, path
     return found
@@ -97,7 +97,7 @@ def redraw(element: etree._Element, left: list[Point], right: list[Point]) -> No
 
 
 def write(root: etree._Element, folder: Path) -> Path:
-    """Write the network to a file and give its path."""
+    """Write the network to a file and return its path."""
     path = folder / "road.xml"
     path.write_bytes(etree.tostring(root, xml_declaration=True, encoding="UTF-8"))
     return path
@@ -150,7 +150,7 @@ HALF_WIDTH_M = np.array([0.0, 1.75])
 
 
 def street(key: int, center: Points, successors: tuple[int, ...] = ()) -> RoadLanelet:
-    """A lanelet of a town that leads east about a centre line (n, 2), with nothing beside it."""
+    """Return a town lanelet that leads east about a centre line (n, 2), without neighbours."""
     return RoadLanelet(
         lanelet_id=key,
         lane_id=f"e{key}_0",
@@ -173,5 +173,5 @@ def street(key: int, center: Points, successors: tuple[int, ...] = ()) -> RoadLa
 
 
 def network_of_streets(*lanelets: RoadLanelet) -> RoadNetwork:
-    """A network of these alone: no signs, no lights, no intersections."""
+    """Return a network of only these: no signs, lights or intersections."""
     return RoadNetwork({one.lanelet_id: one for one in lanelets}, (), (), (), ())

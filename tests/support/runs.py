@@ -1,4 +1,4 @@
-"""Runs made by hand: records and step files, for tests of analysis and pictures."""
+"""Handmade runs: records and step files, for tests of analysis and pictures."""
 
 import math
 from pathlib import Path
@@ -22,7 +22,7 @@ SAFE = ConfigWeights(
 
 
 def metrics(**changes: float | None) -> RunMetrics:
-    """Unremarkable metrics with some values changed."""
+    """Return unremarkable metrics with some values changed."""
     values: dict[str, float | None] = {
         "duration_s": 5.0,
         "distance_m": 50.0,
@@ -54,7 +54,7 @@ def record(
     prediction: str = "constant_velocity",
     seed: int = 0,
 ) -> RunRecord:
-    """A run with these facts; a collision is at step 40."""
+    """Return a run with these facts; a collision is at step 40."""
     collision = None
     if outcome == "collision":
         collision = CollisionRecord(obstacle_id=obstacle_id or 1, kind="car", step=40, time_s=4.0)
@@ -79,7 +79,7 @@ def record(
 
 
 def driven(x_m: float, y_m: float, speed_mps: float, heading_rad: float = 0.0) -> DrivenObstacle:
-    """A car that drives evenly for 41 steps, from a place on."""
+    """Return a car that drives at constant speed for 41 steps from a place on."""
     steps = range(41)
     return DrivenObstacle(
         obstacle_id=7,
@@ -97,7 +97,9 @@ def driven(x_m: float, y_m: float, speed_mps: float, heading_rad: float = 0.0) -
 def source(
     run: RunRecord, folder: Path | None = None, others: tuple[DrivenObstacle, ...] = (), **costs: float
 ) -> RunSource:
-    """The run with a file of 41 steps straight ahead at 10 m/s, planned every third step at these constant costs."""
+    """Return the run with a file of 41 steps straight ahead at 10 m/s, planned every third step at these constant
+    costs.
+    """
     if folder is None:
         return RunSource(record=run)
     planned = tuple(range(0, 41, 3))

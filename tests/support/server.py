@@ -1,4 +1,4 @@
-"""Servers that tests speak to: a client session in memory, and a process that can be killed at any moment."""
+"""Servers for tests: a client session in memory, and a process that can be killed at any time."""
 
 import json
 import os
@@ -27,7 +27,7 @@ GUARD_S = 120.0
 
 
 class StdioServer:
-    """``plannerforge serve`` on a workspace; the folder it starts in may be read and written."""
+    """``plannerforge serve`` on a workspace; it may read and write its working folder."""
 
     def __init__(self, folder: Path, arguments: Sequence[str] = ()) -> None:
         environment = {
@@ -51,12 +51,12 @@ class StdioServer:
         self._send({"jsonrpc": "2.0", "method": "notifications/initialized"})
 
     def call(self, tool: str, **arguments: Any) -> Any:
-        """The structured answer of a tool, or the text of its error."""
+        """Return the structured answer of a tool, or the text of its error."""
         result = self._request("tools/call", {"name": tool, "arguments": arguments})["result"]
         return result["content"][0]["text"] if result.get("isError") else result["structuredContent"]
 
     def kill(self) -> None:
-        """End the process without notice."""
+        """Kill the process."""
         self.process.kill()
         self.process.communicate()
 
@@ -88,7 +88,7 @@ class Connect(Protocol):
 
 
 def worker_processes() -> set[psutil.Process]:
-    """Workers of this test process."""
+    """Return workers of this test process."""
     return {child for child in psutil.Process().children(recursive=True) if _is_worker(child)}
 
 
@@ -100,7 +100,7 @@ def _is_worker(process: psutil.Process) -> bool:
 
 
 class KeptWorkers:
-    """Pools that outlive the servers that use them: a worker imports its libraries once, not once a test."""
+    """Pools that outlive their servers, so that a worker imports its libraries only once."""
 
     def __init__(self, stack: AsyncExitStack, log: Path) -> None:
         self._stack, self._log, self._open = stack, log, WorkerPool.open
@@ -109,13 +109,13 @@ class KeptWorkers:
     @classmethod
     @asynccontextmanager
     async def until_left(cls, log: Path) -> AsyncIterator["KeptWorkers"]:
-        """Pools whose processes are gone when the block is left."""
+        """Provide pools that end with the block."""
         async with AsyncExitStack() as stack:
             yield cls(stack, log)
 
     @asynccontextmanager
     async def lent(self, limits: Limits, log: Path) -> AsyncIterator[WorkerPool]:
-        """In place of ``WorkerPool.open``: the pool of these limits, which stays open afterwards."""
+        """Replace ``WorkerPool.open`` with the pool of these limits, which stays open afterwards."""
         key = (limits.worker_count, limits.worker_memory_bytes, limits.operation_timeout_s)
         if key not in self._pools:
             self._pools[key] = await self._stack.enter_async_context(self._open(limits, self._log))

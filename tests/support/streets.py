@@ -26,10 +26,10 @@ def crossing(
 
     Args:
         target: the file.
-        tags: of an arm (``west``…), or of all (``all``), beside ``highway=secondary`` and ``maxspeed=50``; an empty
-            value takes a tag away.
+        tags: of an arm (``west``…), or of all (``all``), in addition to ``highway=secondary`` and ``maxspeed=50``; an
+            empty value removes a tag.
         nodes: tags of nodes: ``middle``, or ``west2`` for the second node of an arm.
-        houses: whether houses stand along the street from west to east.
+        houses: whether houses line the street from west to east.
         attributes: of an arm's way (``action``, ``visible``).
     """
     root = etree.Element("osm", {"version": "0.6", "generator": "hand"})

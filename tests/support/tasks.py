@@ -1,4 +1,4 @@
-"""The client's half of the tasks extension: what a host does that declares it."""
+"""The client's half of the tasks extension, for a host that declares it."""
 
 from typing import Any, Literal
 
@@ -18,7 +18,7 @@ class TaskParameters(RequestParams):
 
 
 class BegunTask(Result):
-    """What a call is answered with that became a task."""
+    """The answer to a call that became a task."""
 
     result_type: Literal["task"] = "task"
     task_id: str
@@ -30,7 +30,7 @@ class BegunTask(Result):
 
 
 class TaskInfo(Result):
-    """What ``tasks/get`` answers."""
+    """The answer of ``tasks/get``."""
 
     task_id: str = ""
     status: str = ""
@@ -47,7 +47,7 @@ class _Ask(Request[TaskParameters, Literal["tasks/get", "tasks/update", "tasks/c
 
 
 class KnowsTasks(ClientExtension):
-    """Declares the extension, and keeps what calls became tasks."""
+    """Declares the extension, and keeps the tasks that calls became."""
 
     identifier = EXTENSION
 
@@ -63,13 +63,13 @@ class KnowsTasks(ClientExtension):
 
 
 async def ask(client: Client, method: Any, task_id: str, **more: Any) -> TaskInfo:
-    """One of the three requests."""
+    """Send one of the three requests."""
     parameters = TaskParameters(task_id=task_id, **more)
     return await client.session.send_request(_Ask(method=method, params=parameters), TaskInfo)
 
 
 async def once_it(client: Client, task_id: str, *statuses: str) -> TaskInfo:
-    """The task as soon as it is in one of these states."""
+    """Return the task as soon as it is in one of these states."""
     with anyio.fail_after(60):
         while True:
             info = await ask(client, "tasks/get", task_id)

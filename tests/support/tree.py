@@ -1,4 +1,4 @@
-"""The source tree as tests of its layout see it: files, imports, engine packages and the names on their faces."""
+"""The source tree for tests of its layout: files, imports, engine packages and their public names."""
 
 import ast
 from collections.abc import Iterator
@@ -24,25 +24,25 @@ LAYERS = (
 
 
 def source_files() -> list[Path]:
-    """All Python files of the package, in the order of their paths."""
+    """Return all Python files of the package, in the order of their paths."""
     return [path for folder in LAYERS for path in sorted((CHECKOUT / folder).rglob("*.py"))]
 
 
 def bench_files() -> list[Path]:
-    """All Python files of the benchmarks, which are no part of the package."""
+    """Return all Python files of the benchmarks, which are not part of the package."""
     return sorted((CHECKOUT / "benchmarks").rglob("*.py"))
 
 
 def dotted_name(path: Path) -> str:
-    """The name by which a source file is imported, with ``__init__`` as its last part for a package's."""
+    """Return the import name of a source file, with ``__init__`` as its last part for a package's."""
     return ".".join(("plannerforge", *path.relative_to(CHECKOUT).with_suffix("").parts))
 
 
 def imports_of(module: str, source: str) -> Iterator[tuple[str, str]]:
-    """Every import in a module's source: the absolute module, and the name taken from it (empty for a whole module).
+    """Return every import in a module's source: the absolute module, and the imported name (empty for a whole module).
 
     Args:
-        module: as ``dotted_name`` gives it.
+        module: from ``dotted_name``.
         source: the text of the module.
     """
     package = module.rpartition(".")[0]
@@ -55,7 +55,7 @@ def imports_of(module: str, source: str) -> Iterator[tuple[str, str]]:
 
 
 def loaded_script(name: str) -> ModuleType:
-    """A script of the checkout as a module, without running it."""
+    """Return a script of the checkout as a module, without running it."""
     spec = spec_from_file_location(name, CHECKOUT / "scripts" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
@@ -65,12 +65,12 @@ def loaded_script(name: str) -> ModuleType:
 
 
 def engine_packages() -> list[str]:
-    """The names of the engine's packages; modules beside them are their own face."""
+    """Return the names of the engine's packages; a module next to them is its own interface."""
     return sorted(init.parent.name for init in (CHECKOUT / "engine").glob("*/__init__.py"))
 
 
 def face_names(package: str) -> list[str]:
-    """The names that an engine package shows to others: what its ``__init__`` imports for type checkers."""
+    """Return the public names of an engine package: the imports of its ``__init__`` for type checkers."""
     tree = ast.parse((CHECKOUT / "engine" / package / "__init__.py").read_bytes())
     checked = [node for block in tree.body if isinstance(block, ast.If) for node in block.body]
     return sorted(alias.name for node in checked if isinstance(node, ast.ImportFrom) for alias in node.names)

@@ -94,7 +94,7 @@ def answer_with_no_model(request: Words, report: ProgressReporter) -> dict[str, 
 
 
 def hang(request: Words, report: ProgressReporter) -> Words:
-    """Hang for good, once the own pid and that of a started program were told."""
+    """Hang forever after reporting its own process id and that of a started program."""
     program = subprocess.Popen(["sleep", "1000"])
     report(0.1, f"{os.getpid()} {program.pid}")
     while True:
@@ -108,7 +108,7 @@ class Letter(Model):
 
 
 def copy_letter(request: Letter, report: ProgressReporter) -> Letter:
-    """Read the file at ``path``, and write what it holds into ``folder``, which is empty."""
+    """Copy the content of the file at ``path`` into the empty ``folder``."""
     text = Path(request.path).read_text(encoding="utf-8")
     copy = Path(request.folder) / "copies" / Path(request.path).name
     copy.parent.mkdir()

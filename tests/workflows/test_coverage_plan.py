@@ -127,7 +127,7 @@ async def test_a_class_without_roads_is_said_not_to_be_possible_after_three_trie
         ({"cover": ["duration_s=12|999"]}, "takes a number from 5 to 120, not 999"),
     ],
 )
-async def test_a_plan_that_cannot_be_meant_is_refused_with_what_can(
+async def test_an_invalid_plan_is_refused_with_the_valid_values(
     connect: Connect, bare: Settings, wish: dict[str, Any], said: str
 ) -> None:
     async with connect(bare) as client:
@@ -184,7 +184,7 @@ def stored(folder: Path) -> dict[str, bytes]:
     return {path.parent.name: path.read_bytes() for path in (folder / "workspace" / "scenarios").glob("*/scenario.xml")}
 
 
-def test_a_plan_whose_server_is_killed_twice_ends_as_if_nothing_had_been(tmp_path: Path) -> None:
+def test_a_plan_ends_unchanged_although_its_server_is_killed_twice(tmp_path: Path) -> None:
     wish = {
         "cover": ["scenario_type=rural|ramp", "vehicles=bicycle|cars"],
         "place": "Neuland",

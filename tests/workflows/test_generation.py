@@ -102,9 +102,7 @@ async def test_without_being_asked_no_planner_runs(connect: Connect) -> None:
         assert answer.structured_content["scenarios"][0]["trial_run"] == ""
 
 
-async def test_a_scenario_whose_id_another_one_has_gets_an_id_of_its_own(
-    connect: Connect, settings: Settings, tmp_path: Path
-) -> None:
+async def test_a_scenario_with_a_used_id_gets_a_new_one(connect: Connect, settings: Settings, tmp_path: Path) -> None:
     wish = {"place": "Landmoor", "duration_s": 5, "seed": 8}
     async with connect() as client:
         first = (await client.call_tool("generate_scenarios", wish)).structured_content or {}

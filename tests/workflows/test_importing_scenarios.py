@@ -71,7 +71,7 @@ async def test_the_order_of_the_names_decides(workspace: Workspace, tmp_path: Pa
     assert [one.artifact_id for one in stored] == [f"ZAM_Order-1_{index}_T-1" for index in range(1, 6)]
 
 
-async def test_a_file_whose_worker_died_is_read_by_another(workspace: Workspace, tmp_path: Path) -> None:
+async def test_a_file_is_read_by_another_worker_after_one_dies(workspace: Workspace, tmp_path: Path) -> None:
     outcomes = await imported(workspace, tmp_path, Reader({"2": [WorkerFailure("killed")]}), 3)
     assert all(isinstance(outcome, ImportedItem) for outcome in outcomes)
 

@@ -109,7 +109,7 @@ def index_of(settings: Settings, map_id: str) -> Path:
     return settings.workspace / "extracts" / map_id / "extract.sqlite"
 
 
-async def test_an_extract_whose_index_is_gone_is_told_and_added_again(
+async def test_an_extract_with_a_missing_index_is_reported_and_added_again(
     connect: Connect, country: Path, settings: Settings
 ) -> None:
     async with connect() as client:

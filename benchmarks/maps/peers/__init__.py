@@ -1,1 +1,1 @@
-"""Whether files that other programs wrote are taken as what they are, judged by code apart from the product."""
+"""Checks that files of other programs are imported correctly, with judges that share no code with the product."""

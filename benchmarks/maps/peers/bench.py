@@ -1,22 +1,23 @@
-"""``make bench-peers FOLDER=FOLDER``: files of other people through the product: CommonRoad, OpenDRIVE, Lanelet2.
+"""``make bench-peers FOLDER=FOLDER``: imports other people's CommonRoad, OpenDRIVE and Lanelet2 files.
 
-The folder holds one folder for each repository that the files were fetched from; whoever runs this fetches them.
-``--part`` takes every other repository by name (``tuned``) or the rest (``kept``). Every file is imported as a map or a
-scenario by the product's own operations. Faults go to standard error, one a line.
+The folder holds one folder for each repository that the user fetched. ``--part`` takes every other repository by name
+(``tuned``) or the rest (``kept``). The product's own operations import every file as a map or a scenario. Faults go to
+standard error, one per line.
 
-Keys: ``commonroad``, ``opendrive``, ``lanelet2``, ``repositories``: how many were tried; ``accepted``: files that went
-in. ``wrong_refusals``: refused files that a judge accepts (CommonRoad: commonroad-io reads it and CommonRoad's schema
-and its rule of one state a step hold; OpenDRIVE: netconvert with its own settings makes a network for cars; Lanelet2: a
-lanelet has two bounds). ``crashes``: files that ended in an error that is no refusal.
+Keys:
 
-``lost_links``: links between roads of a network, as sumolib reads it, that the lanelets lack, without those that are
-named as too tight; and lanelets of a Lanelet2 map that begin where another ends without following it. ``links``: of how
-many; ``named_tight``: links that were told to be too tight for a lanelet. ``invalid_goals``: planning problems that
-went in without a start, a time, or a lanelet that is there. ``wrong_side``: roads that drive on the other side than the
-file says.
-
-With ``--asam PROGRAM`` (the program of asam-qc-opendrive, which needs an environment of its own) ``asam_clean``: share
-of ``asam_exports`` exported scenarios in which ASAM's checker finds nothing.
+- ``commonroad``, ``opendrive``, ``lanelet2``, ``repositories``: how many were tried; ``accepted``: imported files.
+- ``wrong_refusals``: refused files that a judge accepts (CommonRoad: commonroad-io reads it, and CommonRoad's schema
+  and its rule of one state per step hold; OpenDRIVE: netconvert makes a network for cars with its default settings;
+  Lanelet2: a lanelet has two bounds).
+- ``crashes``: files that ended in an error other than a refusal.
+- ``lost_links``: links between roads, as sumolib reads the network, that the lanelets lack and that are not reported as
+  too tight, and Lanelet2 lanelets that begin at another's end without following it; ``links``: all links;
+  ``named_tight``: links reported as too tight for a lanelet.
+- ``invalid_goals``: imported planning problems without a start, a time, or an existing lanelet.
+- ``wrong_side``: roads that drive on the other side than the file says.
+- ``asam_clean``: share of ``asam_exports`` exported scenarios in which ASAM's checker finds nothing, with ``--asam
+  PROGRAM`` (asam-qc-opendrive, which needs its own environment).
 """
 
 import argparse
@@ -48,10 +49,10 @@ from .judges import (
 )
 
 KINDS: Mapping[str, bytes] = {".xml": b"<commonRoad", ".xodr": b"OpenDRIVE", ".osm": b"lanelet"}
-"""Endings of files, and what files of the format hold."""
+"""File name endings, and a typical content of each format."""
 NAMES = {".xml": "commonroad", ".xodr": "opendrive", ".osm": "lanelet2"}
 EXPORTED = 60
-"""Scenarios that are exported for ASAM's checker (chosen)."""
+"""Number of scenarios exported for ASAM's checker (chosen)."""
 
 
 @dataclass
@@ -67,7 +68,7 @@ class _Tally:
 
 
 def measure(folder: Path, scratch: Path, *, part: str, limit: int | None, asam: Path | None) -> Figures:
-    """Import all files below a folder and judge what came of them."""
+    """Import all files below a folder and judge the results."""
     repositories = sorted(one for one in folder.iterdir() if one.is_dir())
     chosen = {"tuned": repositories[::2], "kept": repositories[1::2], "all": repositories}[part]
     tally, scenarios = _Tally(), list[Path]()
@@ -101,11 +102,11 @@ def _files(repository: Path, ending: str) -> Iterator[Path]:
 
 
 def _quiet(share: float, message: str = "") -> None:
-    """Nobody watches the progress."""
+    """Ignore the progress."""
 
 
 def _tried(path: Path, ending: str, scratch: Path, tally: _Tally) -> bool:
-    """Import one file and judge it; whether it went in."""
+    """Import one file and judge it; return True if it was imported."""
     try:
         if ending == ".xml":
             _scenario(path, tally)
@@ -172,7 +173,7 @@ def _asam(program: Path, scenarios: Sequence[Path], scratch: Path, tally: _Tally
         try:
             write_opendrive(request, _quiet)
         except PlannerForgeError:
-            continue  # a scenario whose lanelets have no area is refused
+            continue  # a scenario is refused if its lanelets have no area
         exported += 1
         issues = asam_issues(program, target, scratch)
         clean += not issues
@@ -182,7 +183,7 @@ def _asam(program: Path, scenarios: Sequence[Path], scratch: Path, tally: _Tally
 
 
 def _main() -> int:
-    """Read the command line, measure, print; 1 where a goal is missed."""
+    """Read the command line, measure and print; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, required=True, help="folder of repositories with foreign files")
     parser.add_argument("--part", choices=("all", "tuned", "kept"), default="all", help="which repositories")

@@ -1,4 +1,4 @@
-"""What others say of a foreign file and of what the product made of it: commonroad-io, SUMO, sumolib, ASAM's checker.
+"""Independent views of a foreign file and its import: commonroad-io, SUMO, sumolib, ASAM's checker.
 
 Nothing here uses the product's own readers.
 """
@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 Line = NDArray[np.float64]
 JOINT_M = 0.01
-"""Lanelets whose bounds end and begin within this of each other follow each other."""
+"""Lanelets follow each other if their bounds meet within this distance."""
 _RULE = re.compile(rb"""\brule\s*=\s*["'](LHT|RHT)["']""")
 _HEADER = ("commonRoad", "location", "scenarioTags")
 _TIME_S = 120
 
 
 def commonroad_verdict(path: Path) -> str:
-    """Return why a CommonRoad file is none, or an empty text: commonroad-io reads it and the schema accepts it."""
+    """Return why a file is not CommonRoad's, or an empty text: commonroad-io reads it and the schema accepts it."""
     try:
         scenario, _ = CommonRoadFileReader(str(path)).open()
     except Exception as error:  # noqa: BLE001 - whatever commonroad-io raises, it does not read the file
@@ -68,9 +68,9 @@ def bad_goals(path: Path) -> int:
 
 
 def netconvert_reads(path: Path, scratch: Path) -> bool:
-    """Return whether netconvert, with its own settings, makes of an OpenDRIVE file a network with a lane for cars.
+    """Return True if netconvert with its default settings makes a network with a car lane from an OpenDRIVE file.
 
-    It does not look at the rule of traffic, and draws a file with both rules wrongly: such a file does not count.
+    It ignores the rule of traffic, and draws a file with both rules wrongly; such a file does not count.
     """
     import sumo
     import sumolib
@@ -97,7 +97,7 @@ def rule_of(path: Path) -> str:
 
 @dataclass(frozen=True)
 class NetVerdict:
-    """How many links between roads a network has, how many of them the lanelets lost, and how many roads are turned."""
+    """The links between roads of a network, the ones that the lanelets lost, and the number of turned roads."""
 
     links: int
     lost: int
@@ -126,7 +126,7 @@ def net_verdict(net_path: Path, following: Mapping[str, set[str]], rule: str) ->
 
 
 _TINY_M = 0.2
-"""A lane of a road that is no longer need not be drawn (chosen): the one before it then leads to those behind it."""
+"""A shorter lane of a road need not be drawn (chosen): the lane before it then leads to those after it."""
 
 
 def _drawn(lane: Any, following: Mapping[str, set[str]]) -> set[str]:
@@ -169,11 +169,11 @@ def _wrong_side(net: Any, rule: str) -> int:
 
 
 _APART_M, _LEAST_M = 15.0, 0.5
-"""Roads back that lie farther away are roads of their own; nearer ones share a line, and have no side (chosen)."""
+"""Opposite roads farther apart are separate roads; nearer ones share a line, and have no side (chosen)."""
 
 
 def _middle(edge: Any) -> tuple[Line, Line]:
-    """Position and direction in the middle of a road's lanes."""
+    """Return position and direction in the middle of a road's lanes."""
     lines = [np.array(lane.getShape(), dtype=float)[:, :2] for lane in edge.getLanes()]
     line = lines[0]
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -201,8 +201,9 @@ def lanelet2_lanelets(path: Path) -> int:
 
 
 def torn_joints(path: Path) -> tuple[int, int]:
-    """Return how many lanelets of a CommonRoad file begin exactly where another ends, and how many of these pairs
-    are no successors."""
+    """Count the lanelets of a CommonRoad file that begin exactly at another's end, and those pairs that are not
+    linked.
+    """
     root = etree.parse(path).getroot()
     ends, starts = defaultdict(list), defaultdict(list)
     after = {}
@@ -225,7 +226,7 @@ def _cell(left: tuple[float, float], right: tuple[float, float]) -> tuple[int, .
 
 
 def asam_issues(program: Path, file: Path, scratch: Path) -> list[str]:
-    """Return what ASAM's checker for OpenDRIVE (qc_opendrive) finds wrong with a file."""
+    """Return the issues that ASAM's checker for OpenDRIVE (qc_opendrive) finds in a file."""
     settings, verdict = scratch / "asam.xml", scratch / "asam.xqar"
     verdict.unlink(missing_ok=True)
     bundle = f'<CheckerBundle application="xodrBundle"><Param name="resultFile" value="{verdict}"/></CheckerBundle>'

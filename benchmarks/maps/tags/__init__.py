@@ -1,14 +1,14 @@
-"""Whether roads of OpenStreetMap become what their tags say: small drawn crossings, countries' limits, real towns.
+"""Checks that OpenStreetMap roads match their tags: small drawn crossings, countries' limits, real towns.
 
-``tags_right``: share of drawn crossings (``osm_tags.tsv``) whose west arm is as OpenStreetMap's documentation has its
-tags, or for which the answer tells that it is not; ``tags_held_right``: of those that were kept aside while the reader
-of tags was written; ``tags_drawn``, ``tags_told`` (not drawn as documented, but told), ``tags_wrong`` (the first ones).
+Keys:
 
-``limits_right``: share of countries and kinds of road (a street in a town, a road outside, a motorway; none has a
-limit) that get the legal limit of the country; ``limits_wrong`` names the others.
-
-``town_over_60``: roads without a limit of the real extracts, in towns by this module's own look at the map, that get
-more than 60 km/h; motorways and trunk roads apart. ``town_roads``: how many were looked at.
+- ``tags_right``: share of drawn crossings (``osm_tags.tsv``) with a west arm that matches OpenStreetMap's documentation
+  of its tags, or for which the answer reports that it does not; ``tags_held_right``: the same for the held-out ones;
+  ``tags_drawn``, ``tags_told`` (not as documented, but reported), ``tags_wrong`` (the first ones).
+- ``limits_right``: share of countries and kinds of road (town street, road outside, motorway, all without a signed
+  limit) that get the country's legal limit; ``limits_wrong`` lists the others.
+- ``town_over_60``: roads without a limit in towns of the real extracts, by this module's own reading of the map, that
+  get more than 60 km/h, except motorways and trunk roads; ``town_roads``: number of roads examined.
 """
 
 import csv
@@ -44,12 +44,13 @@ JPN 60 60 100 | KOR 50 60 100 | CHN 50 70 120 | ZAF 60 100 120 | AUS 50 100 100
 NZL 50 100 100 | ARG 60 110 130 | CHL 50 100 120 | ALB 40 80 110 | BIH 50 80 130
 """
 """By country the limits in km/h in towns, outside and on motorways: "Speed limits by country" of Wikipedia
-(https://en.wikipedia.org/wiki/Speed_limits_by_country), and the traffic law of countries that it gives a range for."""
+(https://en.wikipedia.org/wiki/Speed_limits_by_country), and the traffic law of countries for which it gives a range.
+"""
 _LATITUDE, _LONGITUDE, _STEP_M = 48.1, 11.5, 100.0
 _ARMS = {"west": (-1, 0), "east": (1, 0), "south": (0, -1), "north": (0, 1)}
 _SHOWN = 12
 _ASIDE_M = 0.3
-"""Within which the middle of a road is where its tags put it (chosen: a tenth of a lane)."""
+"""Tolerance for the middle of a road against its tags (chosen: a tenth of a lane)."""
 _NEAREST_HOUSE_M = 60.0
 _TOWN_CLASSES = frozenset({"primary", "secondary", "tertiary", "residential", "unclassified", "living_street"})
 _EXCLUDED_LIMITS = ("maxspeed", "source:maxspeed", "zone:maxspeed", "zone:traffic")
@@ -62,7 +63,7 @@ def measure(bench: MapsBench) -> Figures:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether a road is as its tags say, and whether a note tells that it is not."""
+    """Whether a road matches its tags, and whether a note reports that it does not."""
 
     right: bool
     told: bool
@@ -84,16 +85,16 @@ def _tag_figures(bench: MapsBench) -> Figures:
 
 
 def drawn_cases() -> list[dict[str, str]]:
-    """The cases: the tags of the west arm and of nodes, what is right after OSM's documentation, and what may be told.
+    """Return the cases: tags of the west arm and of nodes, the truth by OSM's documentation, and permitted notes.
 
-    ``part`` is ``held`` for those that were written beside the reader of tags and first looked at when it was done.
+    ``part`` is ``held`` for cases written next to the reader of tags and first examined when it was done.
     """
     with _CASES.open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream, delimiter="\t", quoting=csv.QUOTE_NONE))
 
 
 def legal_limits() -> list[dict[str, str]]:
-    """The table of limits: ``country``, ``town``, ``rural``, ``motorway``."""
+    """Return the table of limits: ``country``, ``town``, ``rural``, ``motorway``."""
     rows = _LIMITS.replace("\n", "|").split("|")
     return [
         dict(zip(("country", "town", "rural", "motorway"), row.split(), strict=True)) for row in rows if row.strip()
@@ -101,7 +102,9 @@ def legal_limits() -> list[dict[str, str]]:
 
 
 def judged(case: Mapping[str, str], folder: Path) -> Verdict:
-    """Whether the west arm of a case, built in an empty folder, is right, and whether it is told that it is not."""
+    """Build the west arm of a case in an empty folder; return whether it is right, and whether a note says it is
+    not.
+    """
     nodes: dict[str, dict[str, str]] = {}
     if case["nodes"]:
         name, _, tags = case["nodes"].partition(":")
@@ -118,7 +121,7 @@ def judged(case: Mapping[str, str], folder: Path) -> Verdict:
 
 
 def _is_told(notes: tuple[str, ...] | list[str], word: str) -> bool:
-    """Whether a note names the road (or the kind of junction) and the word of its tag."""
+    """Return True if a note names the road (or the kind of junction) and the word of its tag."""
     return bool(word) and any(word in note and ("West" in note or "barrier" in note) for note in notes)
 
 
@@ -177,7 +180,7 @@ def _built(path: Path, country: str, folder: Path) -> SiteNetwork:
 
 
 class _Arm:
-    """The west arm of a built crossing, asked whether it is as a case says."""
+    """The west arm of a built crossing, for checks against a case."""
 
     def __init__(self, built: SiteNetwork) -> None:
         x, y = Proj(built.net.projection)(_LONGITUDE, _LATITUDE)
@@ -190,7 +193,7 @@ class _Arm:
         self._out = [lanelet for lanelet in west if not self._comes(lanelet)]
 
     def holds(self, term: str) -> bool:
-        """Whether a term of a case is true; ``!`` denies it."""
+        """Return True if a term of a case is true; ``!`` negates it."""
         if term.startswith("!"):
             return not self.holds(term[1:])
         name, _, value = term.partition("=")
@@ -204,7 +207,7 @@ class _Arm:
         return _TERMS[name](self, value)
 
     def aside_m(self) -> float:
-        """How far left of its nodes, seen towards the junction, the middle of the lanes lies 200 m before it."""
+        """Return how far the middle of the lanes is left of its nodes, towards the junction, 200 m before it."""
         outer = self._outer
         ahead = (self._middle - outer) / hypot(*(self._middle - outer))
         beside = []
@@ -221,36 +224,36 @@ class _Arm:
         return bool(last < first)
 
     def _near(self, lanelets: list[RoadLanelet]) -> list[RoadLanelet]:
-        """Those that touch the junction: a road may be cut in pieces."""
+        """Return those that touch the junction; a road may be cut into pieces."""
         reach = [min(hypot(*(each.center[end] - self._middle)) for end in (0, -1)) for each in lanelets]
         return [each for each, distance in zip(lanelets, reach, strict=True) if distance < min(reach) + 15.0]
 
     @staticmethod
     def _from_left(lanelets: list[RoadLanelet]) -> list[RoadLanelet]:
-        """Inward lanes lead east: what lies further north is further left."""
+        """Sort inward lanes from the left: they lead east, so further north is further left."""
         return sorted(lanelets, key=lambda lanelet: -float(lanelet.center[-1][1]))
 
     def gone(self) -> bool:
-        """Whether no motor vehicle may use it."""
+        """Return True if no motor vehicle may use it."""
         return not any(set(lanelet.users) & {"car", "truck", "bus"} for lanelet in (*self._in, *self._out))
 
     def cars(self, inward: bool) -> int:
-        """The lanes in a direction that are open to cars, at the junction."""
+        """Return the lanes in a direction that are open to cars, at the junction."""
         return sum("car" in each.users for each in self._near(self._in if inward else self._out))
 
     def lanes(self, inward: bool) -> int:
-        """The lanes in a direction that are open to cars or buses, at the junction."""
+        """Return the lanes in a direction that are open to cars or buses, at the junction."""
         return sum(bool({"car", "bus"} & set(each.users)) for each in self._near(self._in if inward else self._out))
 
     def widths(self) -> list[float]:
-        """The widths of all lanes in m."""
+        """Return the widths of all lanes in m."""
         return [
             float(np.median(np.linalg.norm(lanelet.left - lanelet.right, axis=1)))
             for lanelet in (*self._in, *self._out)
         ]
 
     def is_dead(self) -> bool:
-        """Whether no way leads from the outer end of the arm to another street."""
+        """Return True if no route leads from the outer end of the arm to another street."""
         outer = max(self._in, key=lambda lanelet: hypot(*(lanelet.center[0] - self._middle)), default=None)
         if outer is None:
             return True
@@ -263,7 +266,7 @@ class _Arm:
         return not any(self._all[key].street in ("East", "South", "North") for key in seen)
 
     def turns(self) -> str:
-        """Where the inward lanes lead, from left to right."""
+        """Return the directions of the inward lanes, from left to right."""
         sides = {"North": "left", "East": "straight", "South": "right"}
         lanes = []
         for lanelet in self._from_left(self._near(self._in)):
@@ -330,7 +333,7 @@ def _town_figures(bench: MapsBench) -> Figures:
 
 
 class _House:
-    """Where houses stand on a map, in cells of the distance that makes a street a town's."""
+    """The houses of a map, in cells of the distance that makes a street a town's."""
 
     def __init__(self, osm: OsmMap) -> None:
         self._scale = 111_195.0 * cos(radians(osm.bounds[0]))
@@ -339,7 +342,7 @@ class _House:
         self._cells = {self._cell(*position) for position in built}
 
     def line(self, osm: OsmMap, way: OsmWay) -> bool:
-        """Whether houses stand near most nodes of a road."""
+        """Return True if houses are near most nodes of a road."""
         places = [osm.nodes[key].position for key in way.node_ids]
         near = 0
         for latitude, longitude in places:

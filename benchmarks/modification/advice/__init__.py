@@ -1,1 +1,1 @@
-"""Whether the first suggestion of a refusal, followed literally, succeeds: refusals that are drawn over all tools."""
+"""Checks that the first suggestion of a refusal succeeds if a client follows it literally, over all tools."""

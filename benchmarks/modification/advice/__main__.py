@@ -1,12 +1,16 @@
-"""``python -m benchmarks.modification.advice``: refusals that are drawn, and their first suggestion followed.
+"""``python -m benchmarks.modification.advice``: draws refusals and follows their first suggestion.
 
-Wrong calls of all tools are drawn by kind from a seeded generator, on scenarios of a folder and on made ones, and sent
-to a server by standard input and output. Of each refusal the first suggestion is read from its text, and sent.
+A seeded generator draws wrong calls of all tools by kind, on scenarios of a folder and on generated ones, and sends
+them to a server over standard input and output. The bench reads the first suggestion from the text of each refusal and
+sends it.
 
-Keys: ``refusals``: calls that were refused; ``advice_succeeds``: share of them whose first suggestion is a call and is
-answered; ``advice_mends``: share whose first suggestion is the same tool's call, mended, and is answered (the others
-look something up); ``advice_repeated``: suggestions that failed and were given again; ``advice_names_ego``: suggestions
-that name the ego as a vehicle; ``not_refused``: drawn calls that were answered.
+Keys:
+
+- ``refusals``: refused calls; ``not_refused``: drawn calls that were answered.
+- ``advice_succeeds``: share of refusals that first suggest a successful call.
+- ``advice_mends``: share that first suggest a corrected, successful call of the same tool (others look something up).
+- ``advice_repeated``: suggestions that failed and were given again.
+- ``advice_names_ego``: suggestions that name the ego as a vehicle.
 """
 
 import argparse
@@ -23,9 +27,9 @@ if __name__ == "__main__":
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument("--half", choices=["odd", "even", "both"], default="odd")
     parser.add_argument("--seed", type=int, default=37)
-    parser.add_argument("--refusals", type=int, default=240, help="how many are drawn")
+    parser.add_argument("--refusals", type=int, default=240, help="number of drawn calls")
     parser.add_argument("--tools", nargs="*", default=None, help="only refusals of these tools")
-    parser.add_argument("--kinds", nargs="*", default=None, help="only kinds that have one of these in their names")
+    parser.add_argument("--kinds", nargs="*", default=None, help="only kinds with one of these in their names")
     given = parser.parse_args()
     folder = existing(given.folder)
     figures = anyio.run(measure_advice, folder, given.half, given.seed, given.refusals, given.tools, given.kinds)

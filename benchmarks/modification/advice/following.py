@@ -1,6 +1,6 @@
-"""What a refusal's text suggests first, read as a program or a literal reader would: with regular expressions and JSON.
+"""Reads the first suggestion of a refusal from its text with regular expressions, as a literal reader does.
 
-Nothing of the product is used: neither its classes nor the metadata of its answers.
+It uses nothing of the product: neither its classes nor the metadata of its answers.
 """
 
 import copy
@@ -26,7 +26,7 @@ class Suggested:
 
 
 def first_suggestion(text: str, tool: str, arguments: Mapping[str, Any]) -> Suggested | None:
-    """The call that a refusal suggests first; None if its text holds no call that can be made as it stands."""
+    """Return the first call that a refusal suggests, or None if its text holds no call that can be made as it is."""
     found = _NEXT.search(text)
     if found is None:
         return None
@@ -53,7 +53,7 @@ def _leading_object(text: str) -> dict[str, Any] | None:
 
 
 def _with_parts(text: str, arguments: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The arguments with ``edits[0].preset="eco", without edits[0].lane`` put in; None if the text is otherwise."""
+    """Return the arguments with ``edits[0].preset="eco", without edits[0].lane`` applied; None for another text."""
     changed, position = copy.deepcopy(dict(arguments)), 0
     while (part := _PART.match(text, position)) is not None:
         position, value = part.end(), None

@@ -1,4 +1,4 @@
-"""Draws wrong calls, sends them, follows what the refusals suggest first, and counts."""
+"""Draws wrong calls, sends them, follows the first suggestion of each refusal, and counts."""
 
 import hashlib
 import json
@@ -21,7 +21,7 @@ from .wrong_calls import wrong_calls
 from .wrong_edits import edit_of, wrong_edits
 
 _FILES = 8
-"""Scenarios of the folder that calls are drawn on."""
+"""Number of the folder's scenarios for the calls."""
 _MOST_WAITED_S = 600
 
 
@@ -91,7 +91,7 @@ def _half_of(path: Path) -> str:
 
 
 def _server(base: Path) -> Client:
-    """A client of a server in a process of its own, by standard input and output, in an empty workspace."""
+    """Open a client of a server in its own process, over standard input and output, in an empty workspace."""
     (base / "root").mkdir()
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PLANNERFORGE_")}
     settings = {"STARTER": "false", "MAPS_ONLINE": "offline", "WARM_UP": "false", "ROOTS": str(base / "root")}
@@ -102,7 +102,7 @@ def _server(base: Path) -> Client:
 
 
 async def _tried(client: Client, world: World, tool: str, kind: str, arguments: Mapping[str, Any]) -> str:
-    """What became of a wrong call: the verdict on its first suggestion; each that failed is told on standard error."""
+    """Return the result of a wrong call: the verdict on its first suggestion. Report failed ones on standard error."""
     refused = await client.call_tool(tool, dict(arguments))
     if not refused.is_error:
         await _cancel(client, refused)
@@ -137,7 +137,7 @@ def _text_of(result: CallToolResult) -> str:
 
 
 def _names_ego(world: World, arguments: Mapping[str, Any]) -> bool:
-    """Whether a call names the ego where vehicles of the traffic are meant."""
+    """Return True if a call names the ego as a vehicle of the traffic."""
     stage = next((one for one in world.stages if one.scenario_id == arguments.get("scenario_id")), None)
     egos = {"ego"} if stage is None else {"ego", *stage.ego_ids}
     named = {
@@ -150,7 +150,7 @@ def _names_ego(world: World, arguments: Mapping[str, Any]) -> bool:
 
 
 async def _cancel(client: Client, answer: CallToolResult) -> None:
-    """End the job that an answer tells of, so that it takes nothing from what follows."""
+    """Cancel the job of an answer, so that it does not disturb later calls."""
     given = answer.structured_content or {}
     if given.get("job_id") and given.get("state") == "running":
         await client.call_tool("cancel_job", {"job_id": given["job_id"]})

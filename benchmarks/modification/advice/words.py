@@ -1,4 +1,4 @@
-"""Words that are nearly right."""
+"""Almost correct words."""
 
 import random
 import string
@@ -9,11 +9,11 @@ from .world import World
 
 Arguments = dict[str, Any]
 Draw = Callable[[World, random.Random], Arguments | None]
-"""Draws the arguments of a wrong call; None if what the workspace holds gives none of the kind."""
+"""Draws the arguments of a wrong call; None if the workspace has nothing for this kind."""
 
 
 def misspelt(word: str, rng: random.Random) -> str:
-    """A word with one letter left out, doubled, swapped with the next or put in place of another one."""
+    """Return a word with one letter omitted, doubled, swapped with the next or replaced."""
     place = rng.randrange(1, max(len(word) - 1, 2))
     letter = rng.choice(string.ascii_lowercase.replace(word[place].lower(), ""))
     changed = {
@@ -26,5 +26,5 @@ def misspelt(word: str, rng: random.Random) -> str:
 
 
 def unknown_id(kind: str, rng: random.Random) -> str:
-    """An id of a kind of artifacts, of random digits."""
+    """Return an id of a kind of artifact with random digits."""
     return f"{kind}_{rng.getrandbits(48):012x}"

@@ -1,4 +1,4 @@
-"""What refusals are drawn on: scenarios of a folder and made ones in a workspace, with runs, batches and the like."""
+"""The workspace in which refusals are drawn: scenarios of a folder and generated ones, runs and batches."""
 
 import random
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ _PLACES = ("Musterstadt", "Fahrhausen", "Kreiselheim", "Neuland", "Quadratstadt"
 
 @dataclass(frozen=True)
 class Stage:
-    """A scenario by its id, and what its file holds."""
+    """A scenario by its id, and the content of its file."""
 
     scenario_id: str
     file: WrittenFile
@@ -32,14 +32,14 @@ class Stage:
         return {key for key, element in self.file.elements.items() if element.startswith(b"<planningProblem")}
 
     def driving(self) -> list[int]:
-        """Ids of the vehicles that are recorded."""
+        """Return ids of the vehicles that are recorded."""
         people = ("pedestrian", "bicycle")
         return [key for key, user in self.file.users.items() if not user.is_static and user.kind not in people]
 
 
 @dataclass
 class World:
-    """What a workspace holds; ``folder``: where files may be read and written."""
+    """The content of a workspace; ``folder``: for files to read and write."""
 
     folder: Path
     stages: list[Stage] = field(default_factory=list)
@@ -51,7 +51,7 @@ class World:
     places: tuple[str, ...] = _PLACES
 
     def stage(self, rng: random.Random) -> Stage:
-        """One of the scenarios."""
+        """Return one of the scenarios."""
         return rng.choice(self.stages)
 
 

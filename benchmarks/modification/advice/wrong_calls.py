@@ -1,4 +1,4 @@
-"""Wrong calls of all tools but the edits by kind: each draws arguments that hold a fault."""
+"""Wrong calls of all tools except edits, by kind: each draws arguments with a fault."""
 
 import random
 from collections.abc import Callable, Sequence
@@ -22,28 +22,28 @@ _METRICS = (
 _WEIGHTS = ("jerk", "lateral_jerk", "acceleration", "prediction", "velocity_offset", "distance_to_obstacles")
 
 
-def _one(words: Sequence[str]) -> Value:
-    """One of the words, misspelt."""
+def _misspelt_word(words: Sequence[str]) -> Value:
+    """Return one of the words, misspelt."""
     return lambda rng: misspelt(rng.choice(words), rng)
 
 
 def _many(words: Sequence[str]) -> Value:
-    """A list of one of the words, misspelt."""
+    """Return a list of one of the words, misspelt."""
     return lambda rng: [misspelt(rng.choice(words), rng)]
 
 
-def _of(*values: Any) -> Value:
-    """One of the values."""
+def _any_of(*values: Any) -> Value:
+    """Return one of the values."""
     return lambda rng: rng.choice(values)
 
 
 def _list_of(*values: Any) -> Value:
-    """A list of one of the values."""
+    """Return a list of one of the values."""
     return lambda rng: [rng.choice(values)]
 
 
 def _misspelt_id(name: str, *, listed: bool) -> Draw:
-    """The id of a scenario, misspelt."""
+    """Return the id of a scenario, misspelt."""
 
     def draw(world: World, rng: random.Random) -> Arguments | None:
         word = misspelt(world.stage(rng).scenario_id, rng)
@@ -53,7 +53,7 @@ def _misspelt_id(name: str, *, listed: bool) -> Draw:
 
 
 def _scenario(tool: str, **values: Any) -> Draw:
-    """A call about a scenario."""
+    """Return a call about a scenario."""
     name = {"run_planner": "scenarios", "render": "ids", "export_artifacts": "ids"}.get(tool, "scenario_id")
 
     def draw(world: World, rng: random.Random) -> Arguments | None:
@@ -65,33 +65,41 @@ def _scenario(tool: str, **values: Any) -> Draw:
 
 
 def _plain(**values: Any) -> Draw:
-    """A call of drawn values."""
+    """Return a call of drawn values."""
     return lambda _world, rng: {key: value(rng) if callable(value) else value for key, value in values.items()}
 
 
 def wrong_calls() -> list[tuple[str, str, Draw]]:
-    """Tool, kind of fault, and the draw of arguments that hold it."""
+    """Return tool, kind of fault, and the draw of faulty arguments."""
     pick = random.Random.choice
     return [
-        ("describe_catalog", "facet", _plain(facet=_one(["tags", "features", "obstacles", "places", "planners"]))),
-        ("describe_catalog", "facet_unknown", _plain(facet=_of("weather", "everything", "vehicles"))),
-        ("describe_catalog", "within", _plain(facet="tags", within=_of("search_0123456789ab", "Atlantis", "Germny"))),
-        ("describe_catalog", "offset", _plain(offset=_of(-1, -20, "x"))),
+        (
+            "describe_catalog",
+            "facet",
+            _plain(facet=_misspelt_word(["tags", "features", "obstacles", "places", "planners"])),
+        ),
+        ("describe_catalog", "facet_unknown", _plain(facet=_any_of("weather", "everything", "vehicles"))),
+        (
+            "describe_catalog",
+            "within",
+            _plain(facet="tags", within=_any_of("search_0123456789ab", "Atlantis", "Germny")),
+        ),
+        ("describe_catalog", "offset", _plain(offset=_any_of(-1, -20, "x"))),
         (
             "generate_scenarios",
             "place",
-            _plain(place=_one(["Musterstadt", "Fahrhausen", "Kreiselheim", "Quadratstadt"])),
+            _plain(place=_misspelt_word(["Musterstadt", "Fahrhausen", "Kreiselheim", "Quadratstadt"])),
         ),
-        ("generate_scenarios", "place_fictitious", _plain(place=_of("Atlantis", "Gotham City", "Mordor"))),
+        ("generate_scenarios", "place_fictitious", _plain(place=_any_of("Atlantis", "Gotham City", "Mordor"))),
         (
             "generate_scenarios",
             "type",
-            _plain(place="Musterstadt", scenario_type=_one(["intersection", "roundabout", "urban"])),
+            _plain(place="Musterstadt", scenario_type=_misspelt_word(["intersection", "roundabout", "urban"])),
         ),
         (
             "generate_scenarios",
             "type_absent",
-            _plain(place=_of("Landmoor", "Quadratstadt", "Kreiselheim"), scenario_type=_of("highway", "ramp")),
+            _plain(place=_any_of("Landmoor", "Quadratstadt", "Kreiselheim"), scenario_type=_any_of("highway", "ramp")),
         ),
         (
             "generate_scenarios",
@@ -103,24 +111,28 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
             "count_malformed",
             _plain(place="Musterstadt", vehicles=_list_of("truck=many", "bus=5..2", "car=-3", "truck=140%")),
         ),
-        ("generate_scenarios", "range", _plain(place="Musterstadt", duration_s=_of(1, 500, -3))),
-        ("generate_scenarios", "density", _plain(place="Musterstadt", density=_of("hihg", "insane", "lowest"))),
+        ("generate_scenarios", "range", _plain(place="Musterstadt", duration_s=_any_of(1, 500, -3))),
+        ("generate_scenarios", "density", _plain(place="Musterstadt", density=_any_of("hihg", "insane", "lowest"))),
         (
             "generate_scenarios",
             "goal",
             _plain(
                 place="Musterstadt",
                 duration_s=8,
-                goal=_of("through:up", "distance_m:far", "lanelet:999999:middle", "to the station"),
+                goal=_any_of("through:up", "distance_m:far", "lanelet:999999:middle", "to the station"),
             ),
         ),
         (
             "generate_scenarios",
             "ego",
-            _plain(place="Musterstadt", duration_s=8, ego=_of("index:900", "type:tank", "type:trcuk", "last")),
+            _plain(place="Musterstadt", duration_s=8, ego=_any_of("index:900", "type:tank", "type:trcuk", "last")),
         ),
-        ("generate_scenarios", "bbox", _plain(bbox=_of([48.2, 11.5, 48.1, 11.6], [1, 2, 3], [0.0, 0.0, 0.01, 0.01]))),
-        ("generate_scenarios", "country", _plain(place="Musterstadt", country=_of("GRM", "Germny", "FRA"))),
+        (
+            "generate_scenarios",
+            "bbox",
+            _plain(bbox=_any_of([48.2, 11.5, 48.1, 11.6], [1, 2, 3], [0.0, 0.0, 0.01, 0.01])),
+        ),
+        ("generate_scenarios", "country", _plain(place="Musterstadt", country=_any_of("GRM", "Germny", "FRA"))),
         (
             "generate_scenarios",
             "road_classes",
@@ -155,39 +167,39 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
         ),
         ("find_scenarios", "obstacle", _plain(obstacles=_many(["truck", "motorcycle", "pedestrian", "bicycle"]))),
         ("find_scenarios", "obstacle_malformed", _plain(obstacles=_list_of("car=many", "car=5..2", "car>=1.5", "=2"))),
-        ("find_scenarios", "speed", _plain(ego_speed=_of("fast", "50 knots", "20..10m/s", "60km"))),
-        ("find_scenarios", "country", _plain(country=_of("GRM", "Germny", "XYZ"))),
-        ("find_scenarios", "city", _plain(city=_one(["Musterstadt", "Fahrhausen"]))),
-        ("find_scenarios", "like", _plain(like=_of("ZAM_Nothing-9_9_T-9", "scenario_1"))),
+        ("find_scenarios", "speed", _plain(ego_speed=_any_of("fast", "50 knots", "20..10m/s", "60km"))),
+        ("find_scenarios", "country", _plain(country=_any_of("GRM", "Germny", "XYZ"))),
+        ("find_scenarios", "city", _plain(city=_misspelt_word(["Musterstadt", "Fahrhausen"]))),
+        ("find_scenarios", "like", _plain(like=_any_of("ZAM_Nothing-9_9_T-9", "scenario_1"))),
         ("find_scenarios", "within", lambda _world, rng: {"within": unknown_id("search", rng), "tags": ["urban"]}),
-        ("find_scenarios", "limit", _plain(limit=_of(0, 500, "many"))),
-        ("find_scenarios", "method", _plain(text="merge", method=_of("vector", "bm52", "funel"))),
-        ("find_scenarios", "argument", _plain(tag=_of("urban"), citys="x")),
+        ("find_scenarios", "limit", _plain(limit=_any_of(0, 500, "many"))),
+        ("find_scenarios", "method", _plain(text="merge", method=_any_of("vector", "bm52", "funel"))),
+        ("find_scenarios", "argument", _plain(tag=_any_of("urban"), citys="x")),
         ("import_files", "missing_file", lambda world, rng: {"path": misspelt(str(rng.choice(world.files)), rng)}),
-        ("import_files", "outside", _plain(path=_of("/etc/passwd", "/root", "../../secret.xml"))),
+        ("import_files", "outside", _plain(path=_any_of("/etc/passwd", "/root", "../../secret.xml"))),
         (
             "import_files",
             "kind",
-            lambda world, rng: {"path": str(rng.choice(world.files)), "kind": _of("scenarios", "osm", "mpa")(rng)},
+            lambda world, rng: {"path": str(rng.choice(world.files)), "kind": _any_of("scenarios", "osm", "mpa")(rng)},
         ),
         (
             "import_files",
             "wrong_kind",
-            lambda world, rng: {"path": str(rng.choice(world.files)), "kind": _of("map", "config")(rng)},
+            lambda world, rng: {"path": str(rng.choice(world.files)), "kind": _any_of("map", "config")(rng)},
         ),
         ("describe_scenario", "id", _misspelt_id("scenario_id", listed=False)),
         (
             "describe_scenario",
             "detail",
-            _scenario("describe_scenario", detail=_one(["vehicles", "lanelets", "checks", "motion"])),
+            _scenario("describe_scenario", detail=_misspelt_word(["vehicles", "lanelets", "checks", "motion"])),
         ),
         (
             "describe_scenario",
             "focus",
-            _scenario("describe_scenario", focus=_of("nearest:many", "99999", "class:unicorn", "leed", "lanelet")),
+            _scenario("describe_scenario", focus=_any_of("nearest:many", "99999", "class:unicorn", "leed", "lanelet")),
         ),
-        ("describe_scenario", "radius", _scenario("describe_scenario", radius_m=_of(0, -5, 99999))),
-        ("describe_scenario", "time", _scenario("describe_scenario", detail="vehicles", time_s=_of(500, 9999))),
+        ("describe_scenario", "radius", _scenario("describe_scenario", radius_m=_any_of(0, -5, 99999))),
+        ("describe_scenario", "time", _scenario("describe_scenario", detail="vehicles", time_s=_any_of(500, 9999))),
         (
             "describe_scenario",
             "problem",
@@ -202,16 +214,24 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
             },
         ),
         ("modify_scenario", "edits_empty", _scenario("modify_scenario", edits=[])),
-        ("list_planners", "planner", _plain(planner=_one(["frenetix", "keep_lane", "mp_rbfn", "full_braking"]))),
+        (
+            "list_planners",
+            "planner",
+            _plain(planner=_misspelt_word(["frenetix", "keep_lane", "mp_rbfn", "full_braking"])),
+        ),
         (
             "list_planners",
             "config",
             lambda world, rng: {
-                "config_id": _of(unknown_id("cfg", rng), misspelt(world.configs[0], rng), "frenetix:Sport")(rng)
+                "config_id": _any_of(unknown_id("cfg", rng), misspelt(world.configs[0], rng), "frenetix:Sport")(rng)
             },
         ),
-        ("configure_planner", "preset", _plain(preset=_one(["Comfort", "Balanced", "Default", "Efficiency-Sporty"]))),
-        ("configure_planner", "preset_unknown", _plain(preset=_of("Turbo", "Luxury", "Race"))),
+        (
+            "configure_planner",
+            "preset",
+            _plain(preset=_misspelt_word(["Comfort", "Balanced", "Default", "Efficiency-Sporty"])),
+        ),
+        ("configure_planner", "preset_unknown", _plain(preset=_any_of("Turbo", "Luxury", "Race"))),
         ("configure_planner", "weight", _plain(weights=lambda rng: [f"{misspelt(pick(rng, _WEIGHTS), rng)}=0.5"])),
         (
             "configure_planner",
@@ -221,9 +241,9 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
         (
             "configure_planner",
             "base",
-            _plain(base=_of("cfg_0123456789ab", "frenetix:Fast", "frentix"), weights=["jerk=0.3"]),
+            _plain(base=_any_of("cfg_0123456789ab", "frenetix:Fast", "frentix"), weights=["jerk=0.3"]),
         ),
-        ("configure_planner", "planner", _plain(planner=_one(["frenetix", "mp_rbfn"]), weights=["jerk=0.3"])),
+        ("configure_planner", "planner", _plain(planner=_misspelt_word(["frenetix", "mp_rbfn"]), weights=["jerk=0.3"])),
         ("run_planner", "scenario", _misspelt_id("scenarios", listed=True)),
         (
             "run_planner",
@@ -236,7 +256,7 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
         (
             "run_planner",
             "prediction",
-            _scenario("run_planner", configs=["idm"], prediction=_of("oracle", "constant_velocty", "lanes")),
+            _scenario("run_planner", configs=["idm"], prediction=_any_of("oracle", "constant_velocty", "lanes")),
         ),
         (
             "run_planner",
@@ -251,15 +271,15 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
             "preset_size",
             _plain(scenarios=_list_of("preset:0", "preset:many", "preset:9000"), configs=["idm"]),
         ),
-        ("run_planner", "wait", _scenario("run_planner", configs=["idm"], wait_s=_of(90, -1, "long"))),
+        ("run_planner", "wait", _scenario("run_planner", configs=["idm"], wait_s=_any_of(90, -1, "long"))),
         ("run_planner", "search", lambda _world, rng: {"scenarios": [unknown_id("search", rng)], "configs": ["idm"]}),
         ("get_job", "id", lambda _world, rng: {"job_id": unknown_id("job", rng)}),
-        ("get_job", "wait", _plain(wait_s=_of(51, 600, -2))),
+        ("get_job", "wait", _plain(wait_s=_any_of(51, 600, -2))),
         ("cancel_job", "id", lambda _world, rng: {"job_id": unknown_id("job", rng)}),
         (
             "analyze_results",
             "id",
-            lambda _world, rng: {"results": [_of(unknown_id("run", rng), unknown_id("batch", rng))(rng)]},
+            lambda _world, rng: {"results": [_any_of(unknown_id("run", rng), unknown_id("batch", rng))(rng)]},
         ),
         ("analyze_results", "scenario", lambda world, rng: {"results": [world.stage(rng).scenario_id]}),
         (
@@ -273,29 +293,29 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
         (
             "analyze_results",
             "detail",
-            _plain(results=["latest_batch"], detail=_of("sumary", "timelines", "everything")),
+            _plain(results=["latest_batch"], detail=_any_of("sumary", "timelines", "everything")),
         ),
         (
             "analyze_results",
             "breakdown",
-            _plain(results=["latest_batch"], breakdown=_of("planers", "weather", "class")),
+            _plain(results=["latest_batch"], breakdown=_any_of("planers", "weather", "class")),
         ),
         ("analyze_results", "timeline_of_batch", _plain(results=["latest_batch"], detail="timeline")),
         ("compare_results", "id", lambda world, rng: {"results": [world.batches[0], unknown_id("batch", rng)]}),
         ("compare_results", "metric", _plain(results=["latest_batch"], metrics=_many(_METRICS))),
         ("compare_results", "one_side", lambda world, rng: {"results": [rng.choice(world.runs)]}),
-        ("compare_results", "limit", _plain(results=["latest_batch"], limit=_of(0, 1000))),
+        ("compare_results", "limit", _plain(results=["latest_batch"], limit=_any_of(0, 1000))),
         ("render", "id", _misspelt_id("ids", listed=True)),
-        ("render", "kind", _scenario("render", kind=_of("photo", "animaton", "picure", "gif"))),
+        ("render", "kind", _scenario("render", kind=_any_of("photo", "animaton", "picure", "gif"))),
         (
             "render",
             "unsuitable",
-            _scenario("render", kind=_of("outcomes", "flips", "costs", "search", "profile", "terms")),
+            _scenario("render", kind=_any_of("outcomes", "flips", "costs", "search", "profile", "terms")),
         ),
-        ("render", "time", _scenario("render", time_s=_of(1e6, 900, -1))),
-        ("list_artifacts", "kind", _plain(kind=_of("scenarios", "batchs", "plans", "vehicle"))),
-        ("list_artifacts", "limit", _plain(limit=_of(0, 1000), offset=_of(-1, 0))),
-        ("list_artifacts", "parent", _plain(parent=_of("cfg_0123456789ab", "nothing"))),
+        ("render", "time", _scenario("render", time_s=_any_of(1e6, 900, -1))),
+        ("list_artifacts", "kind", _plain(kind=_any_of("scenarios", "batchs", "plans", "vehicle"))),
+        ("list_artifacts", "limit", _plain(limit=_any_of(0, 1000), offset=_any_of(-1, 0))),
+        ("list_artifacts", "parent", _plain(parent=_any_of("cfg_0123456789ab", "nothing"))),
         (
             "export_artifacts",
             "id",
@@ -304,12 +324,12 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
                 "folder": f"out{rng.randrange(10**6)}",
             },
         ),
-        ("export_artifacts", "outside", _scenario("export_artifacts", folder=_of("/etc", "/root/x"))),
+        ("export_artifacts", "outside", _scenario("export_artifacts", folder=_any_of("/etc", "/root/x"))),
         (
             "export_artifacts",
             "format",
             _scenario(
-                "export_artifacts", folder="out", formats=_of(["yaml"], ["solution"], ["xmll"], ["pdf"], ["csv"])
+                "export_artifacts", folder="out", formats=_any_of(["yaml"], ["solution"], ["xmll"], ["pdf"], ["csv"])
             ),
         ),
         ("export_artifacts", "missing", _plain(folder="out")),
@@ -324,7 +344,7 @@ def wrong_calls() -> list[tuple[str, str, Draw]]:
             _scenario_list(constraints=_list_of("success>=best", "colisions<=0.1", "comfort")),
         ),
         ("optimize_planner", "vary", _scenario_list(vary=_list_of("prediktion", "jerk=5..1", "horizon_s=1..90"))),
-        ("optimize_planner", "trials", _scenario_list(max_trials=_of(0, 10**6))),
+        ("optimize_planner", "trials", _scenario_list(max_trials=_any_of(0, 10**6))),
     ]
 
 

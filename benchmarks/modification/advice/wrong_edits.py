@@ -1,4 +1,4 @@
-"""Wrong edits by kind: each draw makes an edit that holds a fault, alone or behind a sound one."""
+"""Wrong edits by kind: each draws an edit with a fault, alone or after a correct one."""
 
 import random
 from collections.abc import Callable
@@ -14,13 +14,13 @@ _CLASSES = ("truck", "bus", "motorcycle", "bicycle", "taxi", "trailer", "pedestr
 
 
 def _absent(known: Any, rng: random.Random) -> int:
-    """A number that is no id of a file."""
+    """Return a number that is no id of a file."""
     taken = set(known)
     return next(number for number in iter(lambda: rng.randrange(10_000, 99_999), None) if number not in taken)
 
 
 def edit_of(make: Callable[[Stage, random.Random], Arguments | None]) -> Draw:
-    """A draw of one wrong edit, alone or behind a sound one."""
+    """Return a draw of one wrong edit, alone or after a correct one."""
 
     def draw(world: World, rng: random.Random) -> Arguments | None:
         stage = world.stage(rng)
@@ -40,7 +40,7 @@ def _vehicle(stage: Stage, rng: random.Random) -> str | None:
 
 
 def _of_vehicle(**values: Any) -> Callable[[Stage, random.Random], Arguments | None]:
-    """An edit of one vehicle; callables among the values are drawn."""
+    """Return an edit of one vehicle; values that are callables are drawn."""
 
     def make(stage: Stage, rng: random.Random) -> Arguments | None:
         vehicle = _vehicle(stage, rng)
@@ -53,7 +53,7 @@ def _of_vehicle(**values: Any) -> Callable[[Stage, random.Random], Arguments | N
 
 
 def _taken_place(stage: Stage, rng: random.Random) -> Arguments | None:
-    """A vehicle put where another one is."""
+    """Put a vehicle on top of another one."""
     file = stage.file
     step = file.ego.step if file.ego else 0
     there = [user for user in file.users.values() if user.at(step) is not None and not user.is_static]
@@ -69,7 +69,7 @@ def _taken_place(stage: Stage, rng: random.Random) -> Arguments | None:
 
 
 def _unreachable(stage: Stage, rng: random.Random) -> tuple[str, str] | None:
-    """A vehicle and a lanelet that no way leads to."""
+    """Return a vehicle and a lanelet without a route between them."""
     file = stage.file
     users = [file.users[key] for key in stage.driving()]
     rng.shuffle(users)
@@ -105,7 +105,7 @@ def _unreachable_goal(stage: Stage, rng: random.Random) -> Arguments | None:
 
 
 def _outermost(stage: Stage, rng: random.Random) -> Arguments | None:
-    """A change of lane to where there is none."""
+    """Change to a lane that does not exist."""
     file = stage.file
     users = [file.users[key] for key in stage.driving()]
     rng.shuffle(users)
@@ -161,7 +161,7 @@ def _far_offset(stage: Stage, rng: random.Random) -> Arguments | None:
 
 
 def wrong_edits() -> dict[str, Callable[[Stage, random.Random], Arguments | None]]:
-    """An edit that holds a fault, by the kind of fault."""
+    """Return a faulty edit by its kind of fault."""
     pick = random.Random.choice
     return {
         "preset_misspelt": _of_vehicle(op="set_behaviour", preset=lambda rng: misspelt(pick(rng, _PRESETS), rng)),

@@ -1,1 +1,1 @@
-"""``make bench-edits``: whether the new edits do what they say, judged from the written file by code apart."""
+"""``make bench-edits``: checks the newer edits on the written file, with independent code."""

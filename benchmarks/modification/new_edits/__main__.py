@@ -1,13 +1,13 @@
-"""``make bench-edits``: the new edits on scenarios of a folder, judged from the written files by code apart.
+"""``make bench-edits``: the newer edits on scenarios of a folder, judged by independent code from the written files.
 
-Of the folder that half is taken whose names' digests are odd (``--half even`` takes the other one). Each file gets one
-drawn edit of each kind that it allows; every file with lights gets a behaviour for all of its vehicles besides, and a
-reactive run's traffic around a standing ego.
+The bench takes the half of the folder with odd name digests (``--half even`` takes the other one). Each file gets one
+drawn edit of each kind that it allows. Every file with lights also gets a behaviour for all of its vehicles, and the
+traffic of a reactive run around a standing ego.
 
 Keys: ``new_edits`` (carried out), ``new_edits_right`` (share of them), ``new_edits_refused``, ``red_crossed`` (driven
-vehicles that cross at red unasked), ``red_judged`` (driven vehicles in files with lights), ``standing_moves`` (vehicles
-put in with speed 0 that move), ``edit_median_s``; with ``--advice``, as ``make bench-edits`` has it, those of
-``benchmarks.modification.advice`` besides: ``advice_succeeds``, ``advice_mends`` …
+vehicles that cross at red without a request), ``red_judged`` (driven vehicles in files with lights), ``standing_moves``
+(vehicles added with speed 0 that move), ``edit_median_s``. With ``--advice``, as in ``make bench-edits``, also those of
+``benchmarks.modification.advice``: ``advice_succeeds``, ``advice_mends`` …
 """
 
 import argparse
@@ -43,16 +43,16 @@ from .scenes import SCENE_KINDS
 
 _KINDS = (*MOTION_KINDS, *SCENE_KINDS)
 _STEPS = 100
-"""Steps of reactive traffic that are looked at."""
+"""Number of examined steps of reactive traffic."""
 
 
 def is_held_out(path: Path, half: str = "odd") -> bool:
-    """Whether a file belongs to a half of its folder, by the digest of its name."""
+    """Return True if a file belongs to a half of its folder, by the digest of its name."""
     return hashlib.sha256(path.name.encode()).digest()[0] % 2 == (half == "odd")
 
 
 class _Counts:
-    """What was found so far."""
+    """The results so far."""
 
     def __init__(self) -> None:
         self.made: Counter[str] = Counter()
@@ -113,7 +113,7 @@ def _count_red(
 
 
 def _lights(path: Path, base: WrittenFile, folder: Path, counts: _Counts) -> None:
-    """Behaviour edits of everybody, and the reactive traffic of a run, in a file with lights."""
+    """Run behaviour edits of all vehicles, and the reactive traffic of a run, in a file with lights."""
     for preset in ("balanced", "aggressive"):
         edit = {"op": "set_behaviour", "vehicles": ["all"], "preset": preset}
         try:
@@ -155,9 +155,9 @@ def _main() -> int:
     parser.add_argument("--folder", type=Path, default=shared_scenarios())
     parser.add_argument("--half", choices=["odd", "even", "both"], default="odd")
     parser.add_argument("--seed", type=int, default=37)
-    parser.add_argument("--limit", type=int, default=None, help="only so many files: a sample")
+    parser.add_argument("--limit", type=int, default=None, help="number of files (a sample)")
     parser.add_argument("--kinds", nargs="*", default=None, help="only these kinds of edits")
-    parser.add_argument("--advice", type=int, default=0, help="draw so many refusals and follow their advice")
+    parser.add_argument("--advice", type=int, default=0, help="number of refusals to draw and follow")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     files = sorted(existing(given.folder).rglob("*.xml"))

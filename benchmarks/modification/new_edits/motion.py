@@ -1,4 +1,4 @@
-"""Drawn edits of motions, each with the judge of what was written: stations, offsets and speeds by numpy alone."""
+"""Drawn edits of motions, each with a judge of the written file: stations, offsets and speeds in numpy."""
 
 import math
 import random
@@ -13,13 +13,13 @@ from .red_lights import crossed
 
 Edit = dict[str, Any]
 Judge = Callable[[WrittenFile, WrittenFile, "Told"], str]
-"""Base, new file and what was told → what is wrong, or an empty text."""
+"""Maps base, new file and answer to the fault, or to an empty text."""
 _MOVING_MPS = 3.0
 
 
 @dataclass(frozen=True)
 class Told:
-    """What the answer said that a judge cannot know: the ids of added vehicles by edit, and the verdicts."""
+    """The parts of the answer that a judge cannot derive: the ids of added vehicles by edit, and the verdicts."""
 
     added: tuple[tuple[int, ...], ...]
     verdicts: tuple[str, ...]
@@ -28,7 +28,7 @@ class Told:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A request, the judge of what comes of it, and the vehicles that may cross at red: their motion is prescribed."""
+    """A request, the judge of its result, and the vehicles that may cross at red because their motion is prescribed."""
 
     kind: str
     edits: tuple[Edit, ...]
@@ -38,7 +38,7 @@ class Drawn:
 
 
 def path_of(user: RoadUser) -> Lane:
-    """The path of a road user's centre as a lane of no width, so that others can be placed along it."""
+    """Return the path of a road user's centre as a lane of zero width, so that others can be placed along it."""
     kept = [user.places[0]]
     for place in user.places[1:]:
         if np.linalg.norm(place - kept[-1]) > 0.3:
@@ -50,7 +50,7 @@ def path_of(user: RoadUser) -> Lane:
 
 
 def movers(file: WrittenFile, least: int = 40) -> list[RoadUser]:
-    """Vehicles that drive for at least some steps, and are there when the ego starts."""
+    """Return vehicles that drive for at least some steps, and exist when the ego starts."""
     start = file.ego.step if file.ego else 0
     found = [user for user in file.users.values() if not user.is_static and user.kind not in ("pedestrian", "bicycle")]
     return [
@@ -61,7 +61,7 @@ def movers(file: WrittenFile, least: int = 40) -> list[RoadUser]:
 
 
 def on_lane(file: WrittenFile, user: RoadUser) -> Lane | None:
-    """The lane that a road user begins on, if it drives along it."""
+    """Return the initial lane of a road user, if it drives along it."""
     key = file.lane_of(user.places[0], float(user.headings[0]))
     if key is None:
         return None
@@ -72,13 +72,13 @@ def on_lane(file: WrittenFile, user: RoadUser) -> Lane | None:
 
 
 def offsets_from(path: Lane, user: RoadUser, since: int) -> tuple[Array, Array]:
-    """Stations and offsets of a road user's centre along a path from a time step on."""
+    """Return arc lengths and offsets of a road user's centre along a path from a time step on."""
     stations, offsets, _ = path.along(user.places[max(since - user.first, 0) :])
     return stations, offsets
 
 
 def draw_swerve(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A swerve of a vehicle that drives."""
+    """Draw a swerve of a driving vehicle."""
     users = movers(file)
     if not users:
         return None
@@ -105,7 +105,7 @@ def draw_swerve(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_rate(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A prescribed braking."""
+    """Draw a prescribed deceleration."""
     users = [user for user in movers(file) if user.speeds[:40].min() > 6.0]
     if not users:
         return None
@@ -129,14 +129,14 @@ def draw_rate(file: WrittenFile, rng: random.Random) -> Drawn | None:
         if has_time and abs(float(speeds[round(due / new.step_s) - 1]) - final) > 0.35:
             return f"speed {speeds[round(due / new.step_s) - 1]:.2f} after {due:.1f} s, not {final}"
         if not has_time and told.verdicts[0] == "done" and abs(float(speeds[-1]) - final) > 0.35:
-            return "told done, and the speed is not reached"
+            return "reported done, but the speed is not reached"
         return "" if abs(hardest - rate) <= 0.12 * rate + 0.1 else f"brakes with {hardest:.2f} m/s², not {rate}"
 
     return Drawn("rate", (edit,), judge, frozenset([user.key]))
 
 
 def draw_relative(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A share of the speed before."""
+    """Draw a share of the previous speed."""
     users = movers(file, 50)
     if not users:
         return None
@@ -156,7 +156,7 @@ def draw_relative(file: WrittenFile, rng: random.Random) -> Drawn | None:
         is_right = abs(ratio - 1.0 - percent / 100.0) <= 0.03
         if is_right or told.verdicts[0] != "done":
             return ""
-        return f"drives {ratio:.3f} of its speed, not {1 + percent / 100:g}, and is told done"
+        return f"drives {ratio:.3f} of its speed, not {1 + percent / 100:g}, but is reported done"
 
     return Drawn("relative", (edit,), judge)
 
@@ -175,7 +175,7 @@ def _beside(file: WrittenFile, user: RoadUser) -> dict[str, Lane]:
 
 
 def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A lane change in a prescribed time."""
+    """Draw a lane change in a prescribed time."""
     options = [(user, side, lane) for user in movers(file, 60) for side, lane in sorted(_beside(file, user).items())]
     if not options:
         return None
@@ -203,9 +203,9 @@ def draw_lane_change(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def _duration_fault(offsets: Array, step_s: float, taken: float) -> str:
-    """What is wrong with the time from 5 % to 95 % of the way aside, of which a prescribed one takes most.
+    """Return the fault in the time from 5 % to 95 % of the lateral motion, which takes most of a prescribed duration.
 
-    At one speed all the way these are nine tenths of the time, along a sine half a period long seven tenths.
+    At constant lateral speed this is nine tenths of the time, along a half-period sine seven tenths.
     """
     total = float(offsets.max())
     first = int(np.argmax(offsets > 0.05 * total))
@@ -215,7 +215,7 @@ def _duration_fault(offsets: Array, step_s: float, taken: float) -> str:
 
 
 def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A cut-in on another recorded vehicle of the next lane."""
+    """Draw a cut-in on another recorded vehicle of the next lane."""
     users = movers(file, 60)
     options = []
     for user in users:
@@ -251,7 +251,7 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
         gaps = room[near] / np.maximum(speeds[near], 0.5)
         best = float(gaps[np.argmin(np.abs(gaps - gap))])
         if abs(best - gap) > 0.15 and told.verdicts[0] == "done":
-            return f"gap {best:.2f} s, not {gap}, and is told done"
+            return f"gap {best:.2f} s, not {gap}, but is reported done"
         # Drivers do not keep exactly to their lanes, and lanes converge: what counts is the share of the way between
         # the two recorded paths.
         from_own = np.abs(path_of(base.users[user.key]).along(after.places[steps - after.first])[1])
@@ -262,7 +262,7 @@ def draw_cut_in(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_wrong_way(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is put in against the direction of a lane that is free."""
+    """Draw an added vehicle against the direction of a free lane."""
     lanes = [lane for lane in file.lanes.values() if lane.length_m > 30.0 and _is_free(file, lane)]
     if not lanes:
         return None
@@ -294,7 +294,7 @@ def _is_free(file: WrittenFile, lane: Lane) -> bool:
 
 
 def draw_run_red_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is told to cross its light, which is red for long."""
+    """Make a vehicle cross its light, which is red for long."""
     options = []
     for user in movers(file, 60):
         lane = on_lane(file, user)
@@ -315,7 +315,7 @@ def draw_run_red_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
         after, here = new.users[user.key], new.lanes[lane.key]
         step = crossed(after, here)
         if step is None:
-            return "" if told.verdicts[1] != "done" else "does not cross, and is told done"
+            return "" if told.verdicts[1] != "done" else "does not cross, but is reported done"
         colours = {new.lights[key].colour(step) for key in here.lights if key in new.lights}
         return "" if colours == {"red"} else f"crosses at {colours}"
 

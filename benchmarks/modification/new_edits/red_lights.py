@@ -1,4 +1,4 @@
-"""Who crosses the end of a lanelet while its light is red, by the written file alone."""
+"""Finds vehicles that cross the end of a lanelet at red, from the written file alone."""
 
 import math
 from dataclasses import dataclass
@@ -8,11 +8,11 @@ import numpy as np
 from ..written_tracks import Lane, Light, RoadUser, WrittenFile
 
 OVER_M = 1.0
-"""A front so far behind the line has crossed it; a nose over the line has not."""
+"""A front this far past the line has crossed it; a nose over the line has not."""
 YELLOW_EXCUSE_MPS2 = 4.5
-"""One who could not have stopped with this much when the light ceased to be green is excused (SUMO's default)."""
+"""A vehicle that cannot stop at this deceleration when the light ceases to be green is excused (SUMO's default)."""
 HARDEST_MPS2 = 8.0
-"""One who begins to be driven so near to the line that it could not stop with this much is excused."""
+"""A vehicle taken over so close to the line that it cannot stop at this deceleration is excused."""
 _TURNS = {
     "left": ("left",),
     "straight": ("straight",),
@@ -24,7 +24,7 @@ _TURNS = {
 }
 _STRAIGHT_RAD = math.radians(30.0)
 _BLURRED_RAD = math.radians(20.0)
-"""A turn so near to the border between two words counts as either."""
+"""A turn this close to the border between two words counts as either."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Crossing:
 
 
 def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
-    """The crossings at red of a road user from a time step on (the step up to which it replays its recording)."""
+    """Return a road user's crossings at red after a time step (the last one at which it replays its recording)."""
     user, found = file.users[key], []
     for lane in file.lanes.values():
         lights = [file.lights[light] for light in lane.lights if light in file.lights]
@@ -54,7 +54,7 @@ def red_crossings(file: WrittenFile, key: int, since: int) -> list[Crossing]:
 
 
 def crossed(user: RoadUser, lane: Lane) -> int | None:
-    """The step at which the front is over the end of a lane that the road user drove along; None if it never is."""
+    """Return the step at which the front passes the end of a lane on the road user's route, or None."""
     stations, offsets, directions = lane.along(user.fronts)
     aligned = np.abs(np.remainder(user.headings - directions + np.pi, 2 * np.pi) - np.pi) < math.radians(45.0)
     on = aligned & (np.abs(offsets) < lane.width_m / 2) & (stations > lane.length_m - 25.0)
@@ -67,7 +67,7 @@ def crossed(user: RoadUser, lane: Lane) -> int | None:
 
 
 def _holds(file: WrittenFile, lane: Lane, user: RoadUser, step: int, direction: str) -> bool:
-    """Whether a light for a direction holds for the way that a road user takes behind the lane."""
+    """Return True if a light for a direction applies to a road user's path after the lane."""
     if direction == "all":
         return True
     index = min(step - user.first + round(3.0 / file.step_s), len(user.headings) - 1)
@@ -81,7 +81,7 @@ def _holds(file: WrittenFile, lane: Lane, user: RoadUser, step: int, direction: 
 
 
 def _excused(user: RoadUser, lane: Lane, step: int, since: int, lights: list[Light]) -> bool:
-    """Whether it could not stop: neither when the light ceased to be green, nor when it began to be driven."""
+    """Return True if it could stop neither when the light ceased to be green nor when its driving began."""
     last_green = next(
         (past for past in range(step, user.first - 1, -1) if any(light.colour(past) == "green" for light in lights)),
         None,

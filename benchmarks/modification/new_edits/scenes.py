@@ -1,4 +1,4 @@
-"""Drawn edits of who is where and of the scene, each with the judge of what was written."""
+"""Drawn edits of placement and scene, each with a judge of the written file."""
 
 import math
 import random
@@ -39,7 +39,7 @@ def _free_lanes(file: WrittenFile, least_m: float = 25.0) -> list[Lane]:
 
 
 def draw_move(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is put elsewhere."""
+    """Draw a vehicle at another place."""
     users, lanes = movers(file), _free_lanes(file)
     if not users or not lanes:
         return None
@@ -68,7 +68,7 @@ def draw_move(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_replace(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that becomes another class."""
+    """Draw a vehicle of another class."""
     users = [user for user in movers(file) if user.kind == "car"]
     if not users:
         return None
@@ -88,7 +88,7 @@ def draw_replace(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_gap(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that enters with a time gap ahead of a recorded one."""
+    """Draw a vehicle that enters with a time gap ahead of a recorded one."""
     options = []
     for user in movers(file):
         lane = on_lane(file, user)
@@ -120,7 +120,7 @@ def draw_gap(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_standing(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is put in to stand."""
+    """Add a vehicle that stands."""
     lanes = _free_lanes(file)
     if not lanes:
         return None
@@ -136,7 +136,7 @@ def draw_standing(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_kerb(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A vehicle that is parked at the right kerb of a road without a lane to the right."""
+    """Draw a parked vehicle at the right kerb of a road without a lane to the right."""
     lanes = [lane for lane in _free_lanes(file) if "right" not in lane.beside]
     if not lanes:
         return None
@@ -154,13 +154,13 @@ def draw_kerb(file: WrittenFile, rng: random.Random) -> Drawn | None:
             return "is not a parked vehicle"
         if turned > 0.1 or float((user.places[0] - place) @ right) < 0.0:
             return "is not along the kerb"
-        return "" if -0.1 <= beside <= 0.6 else f"stands {beside:.2f} m beside the kerb"
+        return "" if -0.1 <= beside <= 0.6 else f"stands {beside:.2f} m from the kerb"
 
     return Drawn("kerb", (edit,), judge)
 
 
 def draw_pedestrian(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A pedestrian from a side."""
+    """Draw a pedestrian from one side."""
     lanes = _free_lanes(file)
     if not lanes:
         return None
@@ -179,7 +179,7 @@ def draw_pedestrian(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_closure(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A lane that is closed for a time."""
+    """Draw a lane that is closed for a time."""
     lanes = _free_lanes(file)
     if not lanes or file.last_step < 40:
         return None
@@ -204,7 +204,7 @@ def draw_closure(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """Other phases of the light of a lane."""
+    """Draw other phases of a lane's light."""
     lanes = [lane for lane in file.lanes.values() if any(light in file.lights for light in lane.lights)]
     lanes = lanes or [lane for lane in file.lanes.values() if len(lane.successors) > 1]
     if not lanes:
@@ -223,7 +223,7 @@ def draw_light(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_crop_time(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A part of the time."""
+    """Draw a part of the time."""
     if file.last_step < 40 or file.ego is None:
         return None
     begin, lasts = rng.choice([0, 10]), 25
@@ -254,7 +254,7 @@ def draw_crop_time(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_crop_place(file: WrittenFile, rng: random.Random) -> Drawn | None:
-    """A large place around the ego."""
+    """Draw a large area around the ego."""
     if file.ego is None:
         return None
     size = rng.choice([[400.0, 300.0], [600.0, 400.0]])
@@ -279,7 +279,7 @@ def draw_crop_place(file: WrittenFile, rng: random.Random) -> Drawn | None:
 
 
 def draw_mirror(file: WrittenFile, rng: random.Random) -> Drawn | None:  # noqa: ARG001
-    """The mirrored scene."""
+    """Draw the mirrored scene."""
 
     def judge(base: WrittenFile, new: WrittenFile, told: Told) -> str:  # noqa: ARG001
         flip = np.array([1.0, -1.0])

@@ -1,1 +1,1 @@
-"""A server on the street: strangers at its door, archives and answers of others, planner programs and kills."""
+"""An exposed server: strangers, foreign archives and answers, planner programs and kills."""

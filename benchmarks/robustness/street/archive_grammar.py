@@ -1,7 +1,7 @@
-"""Forged archives: what ``workspace export`` wrote, changed by a grammar over its records and files, digests made anew.
+"""Forged archives: an export changed by a grammar over its records and files, with recomputed digests.
 
 A forged archive is the export of a real workspace after one to three *productions*. Each changes a record, its recipe,
-its id, its files or the lists that bind them together; all digests are made again, so that nothing is merely damaged.
+its id, its files or the lists that connect them. All digests are recomputed, so that no forgery is a mere damage.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ from ..inputs import INJECTED
 
 _RECORDS, _HEAD, _SUMS = "records.jsonl", "workspace.json", "SHA256SUMS"
 FORGED = f"x\n{INJECTED}"
-"""A text that would be a line of the server's own if it were printed as it is."""
+"""A text that would form a line of the server's own if printed unchanged."""
 _DEEP = 5_000
 _LONG = 100_000
 
@@ -39,7 +39,7 @@ class Draft:
         return [str(record.get("artifact_id")) for record in self.records if record.get("kind") == "run"]
 
     def packed(self) -> bytes:
-        """The archive, with counts and digests of what is in it."""
+        """Return the archive with the counts and digests of its content."""
         lines = [json.dumps(record, ensure_ascii=False).encode() for record in self.records]
         for number, raw in self.raw_lines.items():
             lines[number % len(lines)] = raw
@@ -56,7 +56,7 @@ class Draft:
 
 @dataclass(frozen=True)
 class ForgedArchive:
-    """A forged archive, how it was made, and the ids of the runs that it claims."""
+    """A forged archive, its productions, and the ids of the runs that it claims."""
 
     content: bytes
     productions: tuple[str, ...]
@@ -64,7 +64,7 @@ class ForgedArchive:
 
 
 def forged_archives(source: bytes, chance: random.Random) -> Iterator[ForgedArchive]:
-    """Forged archives without an end, from the bytes of a real one."""
+    """Yield endless forged archives from the bytes of a real one."""
     with zipfile.ZipFile(io.BytesIO(source)) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
     lines = files.pop(_RECORDS).splitlines()
@@ -79,7 +79,7 @@ def forged_archives(source: bytes, chance: random.Random) -> Iterator[ForgedArch
 
 
 def hostile_value(chance: random.Random) -> Any:
-    """A value that no field means."""
+    """Return a value that suits no field."""
     return chance.choice(
         [
             *(None, True, -1, 0, 10**30, 1e308, -1e-300, float("nan"), float("inf"), "", [], {}, [None], [[]]),
@@ -100,7 +100,7 @@ def _draw(draft: Draft, chance: random.Random, kind: str = "") -> Record:
 
 
 def _places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """The paths of all parts of a value."""
+    """Yield the paths of all parts of a value."""
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, part in parts:
         yield (*path, key)
@@ -133,7 +133,7 @@ def _value_of_record_changed(draft: Draft, chance: random.Random) -> None:
 
 
 def _texts_forged(draft: Draft, chance: random.Random) -> None:
-    """Every text of a record that is not an id becomes a forged one."""
+    """Forge every text of a record except ids."""
     record = _draw(draft, chance).get("record")
     for path in list(_places(record)):
         holder = _parent(record, path)
@@ -194,7 +194,7 @@ def _parents_in_a_circle(draft: Draft, chance: random.Random) -> None:
 
 
 def _run_went_otherwise(draft: Draft, chance: random.Random) -> None:
-    """A run with the id of its recipe and a result that never was."""
+    """Give a run the id of its recipe and an invented result."""
     record = _draw(draft, chance, "run").get("record")
     if isinstance(record, dict):
         record["reason"] = f"reached the goal FORGED {FORGED}"
@@ -204,7 +204,7 @@ def _run_went_otherwise(draft: Draft, chance: random.Random) -> None:
 
 
 def _weights_changed(draft: Draft, chance: random.Random) -> None:
-    """A configuration under the id of another."""
+    """Put a configuration under the id of another."""
     record = _draw(draft, chance, "config").get("record")
     if isinstance(record, dict) and isinstance(weights := record.get("weights"), dict):
         for name in weights:
@@ -212,7 +212,7 @@ def _weights_changed(draft: Draft, chance: random.Random) -> None:
 
 
 def _members_lost(draft: Draft, chance: random.Random) -> None:
-    """A batch or search that names what is not there."""
+    """Make a batch or search refer to something missing."""
     record = _draw(draft, chance, chance.choice(["batch", "search"])).get("record")
     for name in ("runs", "scenario_ids", "scenarios"):
         if isinstance(record, dict) and name in record:
@@ -237,7 +237,7 @@ def _name_forged(draft: Draft, chance: random.Random) -> None:
 
 
 def _line_raw(draft: Draft, chance: random.Random) -> None:
-    """A line that is hardly JSON."""
+    """Insert a line that is hardly JSON."""
     draft.raw_lines[chance.randrange(1000)] = chance.choice(
         [
             b"{" + b'"a":{' * _DEEP,
@@ -252,7 +252,7 @@ def _line_raw(draft: Draft, chance: random.Random) -> None:
 
 
 def _file_changed(draft: Draft, chance: random.Random) -> None:
-    """A file with other bytes; its digest in the list is right, the one in a record is not."""
+    """Change a file's bytes, with the right digest in the list and the wrong one in a record."""
     names = [name for name in draft.files if name.startswith("files/")]
     kinds = sorted({name.rpartition("/")[2] for name in names})
     wanted = chance.choice(kinds)
@@ -275,7 +275,7 @@ def _file_changed(draft: Draft, chance: random.Random) -> None:
 
 
 def _scenario_rewritten(draft: Draft, chance: random.Random) -> None:
-    """A scenario's file is another one, and its record names the digest of that."""
+    """Replace a scenario's file, with its digest in the record."""
     record = _draw(draft, chance, "scenario")
     name = f"files/scenarios/{record.get('artifact_id')}/scenario.xml"
     if name in draft.files and isinstance(record.get("record"), dict):
@@ -323,4 +323,4 @@ PRODUCTIONS: tuple[Callable[[Draft, random.Random], None], ...] = (
         _file_removed,
     ),
 )
-"""All productions; what passes more easily stands here twice."""
+"""All productions; those that are accepted more easily are listed twice."""

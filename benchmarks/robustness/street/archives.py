@@ -1,12 +1,12 @@
-"""Forged archives (:mod:`.archive_grammar`) are imported by the command line, and what was taken in is asked about.
+"""Imports forged archives (:mod:`.archive_grammar`) by the command line, and queries the imported content.
 
-Each goes into a copy of a workspace that holds own work. A refusal has to have a name and has to leave the workspace
-as it was. What was taken in has to be marked: an answer that names a run of the archive says that it was imported. Then
-tools are asked, about the archive's content and about the own work, and ``workspace verify`` has to agree with them.
+Each goes into a copy of a workspace with work of its own. A refusal must have a name and leave the workspace unchanged.
+Imported content must be marked: an answer that names a run of the archive says that it was imported. Then tools are
+called on the archive's content and on the original work, and ``workspace verify`` must agree with them.
 
-Keys: ``forged_archives``, ``archives_right`` (the share that was refused by name and left nothing, or taken in and
-marked), ``archives_taken`` (of them), ``tools_broken_after`` (tools that did not answer afterwards as they should),
-``forged_lines``, ``unexpected`` (in all answers).
+Keys: ``forged_archives``; ``archives_right`` (share refused by name without traces, or imported and marked);
+``archives_taken`` (imported); ``tools_broken_after`` (tools that answer wrongly afterwards); ``forged_lines``,
+``unexpected`` (in all answers).
 """
 
 import itertools
@@ -39,10 +39,10 @@ from .bench import StreetBench
 
 _MOST_TOLD = 40
 _RUN_EVERY = 6
-"""Of the archives that were taken in, those after which a planner is run as well (chosen): it takes seconds."""
+"""A planner also runs after one in this many accepted archives (chosen), because it takes seconds."""
 _NAMED = re.compile(r"\[(\w+)\] ")
 _OWN, _OTHERS = "ZAM_Landmoor-31_1_T-1", ("ZAM_Landmoor-17_1_T-1", "ZAM_Landmoor-18_1_T-1")
-"""Starter scenarios: of the own work, and of the archive."""
+"""Starter scenarios of the original work, and of the archive."""
 _LIMIT_S = 60.0
 _MAPS = Path(str(package_files("plannerforge.engine.maps"))) / "library"
 
@@ -100,7 +100,7 @@ def _settings(workspace: Path) -> Settings:
 
 
 async def _make(workspace: Path, scenarios: list[str], is_rich: bool) -> None:
-    """A workspace with runs of starter scenarios, and artifacts of more kinds in a rich one."""
+    """Create a workspace with runs of starter scenarios, and with more kinds of artifacts in a rich one."""
     starter = workspace.with_name(f"{workspace.name}-starter")
     files = workspace.with_name(f"{workspace.name}-files")
     async with Client(create_server(_settings(starter).model_copy(update={"starter": True}))) as client:
@@ -127,11 +127,11 @@ async def _make(workspace: Path, scenarios: list[str], is_rich: bool) -> None:
                 client, "optimize_planner", scenarios=ids, base="idm:Default", max_trials=4, method="random"
             )
     if is_rich and (lacking := set(ARTIFACT_KINDS) - {kind for kind, _ in _contents(workspace)}):
-        raise RuntimeError(f"the archive to forge lacks {', '.join(sorted(lacking))}")
+        raise RuntimeError(f"the archive to forge has no {', '.join(sorted(lacking))}")
 
 
 def _command(*words: str) -> tuple[int, str]:
-    """The exit code of a command and what it printed; what a defect raised stands there as ``[unexpected]``."""
+    """Return the exit code and the output of a command, with a defect's exception as ``[unexpected]``."""
     result = CliRunner().invoke(application, list(words))
     error = result.exception
     if error is None or isinstance(error, SystemExit):
@@ -149,7 +149,7 @@ def _is_right(workspace: Path, file: Path, forged: ForgedArchive, seen: _Seen) -
         is_named = bool(_NAMED.search(said)) and "[unexpected]" not in said
         is_same = _contents(workspace) == before
         if not (is_named and is_same):
-            seen.tell(forged, f"refused without a name, or left something: {said}")
+            seen.tell(forged, f"refused without a code, or left traces: {said}")
         return is_named and is_same
     seen.taken += 1
     with_run = seen.taken % _RUN_EVERY == 1
@@ -159,7 +159,7 @@ def _is_right(workspace: Path, file: Path, forged: ForgedArchive, seen: _Seen) -
 
 
 def _contents(workspace: Path) -> set[tuple[str, str]]:
-    """Kind and id of all that the workspace's database holds."""
+    """Return kind and id of everything in the workspace's database."""
     connection = sqlite3.connect(f"file:{workspace / 'workspace.sqlite'}?mode=ro", uri=True)
     try:
         return set(connection.execute("SELECT kind, artifact_id FROM artifacts").fetchall())
@@ -175,7 +175,7 @@ async def _ask_about(
     own_runs: list[str],
     brought: list[tuple[str, str]],
 ) -> bool:
-    """Ask tools about an archive that was taken in; whether all that came of it is marked."""
+    """Call tools about an imported archive; return True if all of its content is marked."""
     runs = [artifact_id for kind, artifact_id in brought if kind == "run"]
     others = [(kind, artifact_id) for kind, artifact_id in brought if kind != "run"]
     own: list[tuple[str, dict[str, Any]]] = [
@@ -217,7 +217,7 @@ async def _ask_about(
             is_marked &= kind != "run" or "imported" in text
     code, said = _command("workspace", "verify", "--workspace", str(workspace))
     if code != 0:
-        seen.tell(forged, f"verify finds what import took in: {said}")
+        seen.tell(forged, f"verify finds faults in imported content: {said}")
         return False
     return is_marked
 

@@ -1,4 +1,4 @@
-"""What the parts of ``make bench-hostile`` about a server on the street receive."""
+"""The input of the ``make bench-hostile`` parts about an exposed server."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,15 +6,15 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class StreetBench:
-    """Where a part may write, and how much it measures.
+    """The folder and the limits of a part.
 
     Args:
         scratch: an empty folder, deleted afterwards.
-        seed: of everything that is drawn.
-        minutes: how long the stranger stays.
-        archives: forged ones.
-        answers: forged ones of map services and planner programs.
-        kills: of coverage plans, optimisations and imports.
+        seed: of all draws.
+        minutes: duration of the stranger's visit.
+        archives: number of forged archives.
+        answers: number of forged answers of map services and planner programs.
+        kills: number of kills of coverage plans, optimisations and imports.
     """
 
     scratch: Path

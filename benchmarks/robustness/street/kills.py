@@ -1,12 +1,11 @@
-"""Kills of coverage plans, optimisations and imports of archives, until each has come to its end all the same.
+"""Kills coverage plans, optimisations and imports of archives until each has finished nevertheless.
 
-A piece of work is one command in a process of its own on the same workspace; it is killed (SIGKILL to the process and
-its workers) at a random moment, and begun again with the same words. What was in the workspace before a kill has to be
-there after it, as it was; an import is there whole or not at all; and the work has to end well in the end.
+A piece of work is one command in its own process on the same workspace. It is killed (SIGKILL to the process and its
+workers) at a random time and restarted with the same arguments. Everything in the workspace before a kill must be there
+unchanged after it, an import must be complete or absent, and the work must finish in the end.
 
-Keys: ``killed`` (processes that were killed in the middle of their work), ``lost`` (artifacts, rows of plans and files
-that were there before a kill and are not, or differ; imports that are there in part; work that never ended),
-``pieces_done``.
+Keys: ``killed`` (processes killed during their work); ``lost`` (artifacts, rows of plans and files that vanished or
+changed, partial imports, and work that never finished); ``pieces_done``.
 """
 
 import hashlib
@@ -31,11 +30,11 @@ from ...harness import Figures
 from .bench import StreetBench
 
 _MOST_KILLS = 6
-"""Of one piece of work, after which it is let end (chosen)."""
+"""Kills of one piece of work after which it may finish (chosen)."""
 _GUARD_S = 600.0
 _PLANNERFORGE = (sys.executable, "-m", "plannerforge")
 _TIMED = {"timing.json", "planner.log"}
-"""Files of a run that differ each time that it is made."""
+"""Files of a run that differ between repetitions."""
 
 
 @dataclass
@@ -47,7 +46,7 @@ class _Seen:
 
 @dataclass(frozen=True)
 class _Piece:
-    """A command, from and to when it is killed, and of an import the artifacts that it brings, all or none of them."""
+    """A command, the time range of its kill, and for an import its artifacts, which arrive together or not at all."""
 
     name: str
     words: tuple[str, ...]
@@ -65,7 +64,7 @@ def measure(bench: StreetBench) -> Figures:
     pieces = _pieces(archive)
     while seen.killed.total() < bench.kills:
         piece = next(pieces)
-        # an import of what is there already takes no time
+        # a repeated import takes no time
         workspace = folder / (f"imported-{seen.killed.total()}" if piece.artifacts else "workspace")
         _carry_out(piece, workspace, chance, seen, bench.kills)
         sys.stderr.write(f"{piece.name}: {dict(seen.killed)} killed, {len(seen.lost)} lost\n")
@@ -80,7 +79,7 @@ def measure(bench: StreetBench) -> Figures:
 
 
 def _pieces(archive: Path) -> Iterator[_Piece]:
-    """Pieces of work without an end, each new."""
+    """Yield endless pieces of work, each of them new."""
     with zipfile.ZipFile(archive) as packed:
         artifacts = int(json.loads(packed.read("workspace.json"))["artifacts"])
     for number in itertools.count(1):
@@ -96,7 +95,7 @@ def _call(tool: str, **arguments: object) -> tuple[str, ...]:
 
 
 def _make_archive(folder: Path, archive: Path) -> None:
-    """An archive of a workspace with the starter scenarios and runs of some of them."""
+    """Create an archive of a workspace with the starter scenarios and runs of some of them."""
     source = folder / "source"
     _to_the_end(_call("run_planner", scenarios=["preset:8"], configs=["idm:Default"], wait_s=50), source)
     _to_the_end(("workspace", "export", str(archive)), source)
@@ -149,7 +148,7 @@ def _carry_out(piece: _Piece, workspace: Path, chance: random.Random, seen: _See
 
 
 def _missing(piece: _Piece, before: dict[str, str], after: dict[str, str]) -> list[str]:
-    """In words, what was there and is not, or is another; and what of an import is there in part."""
+    """Describe missing and changed content, and partial imports."""
     gone = [f"{piece.name}: {name} is gone" for name in before.keys() - after.keys()]
     others = [
         f"{piece.name}: {name} is another" for name in before.keys() & after.keys() if before[name] != after[name]
@@ -160,7 +159,7 @@ def _missing(piece: _Piece, before: dict[str, str], after: dict[str, str]) -> li
 
 
 def _contents(workspace: Path) -> dict[str, str]:
-    """Digests of all records and rows of plans, and of the files that belong to records."""
+    """Return digests of all records, of rows of plans, and of the files of records."""
     database = workspace / "workspace.sqlite"
     if not database.is_file():
         return {}
@@ -182,7 +181,7 @@ def _contents(workspace: Path) -> dict[str, str]:
 
 
 _GROWING = ("plan", "study", "search")
-"""Kinds with a record that is written anew while the work goes on: it has to be there, whatever it says."""
+"""Kinds with a record that changes during the work: it must exist, with any content."""
 
 
 def _digest(content: bytes) -> str:

@@ -1,11 +1,11 @@
-"""What a stranger without a token sends to a server by HTTP, as a program: ``knocks HOST PORT SECONDS SEED``.
+"""Requests of a stranger without a token to an HTTP server, as a program: ``knocks HOST PORT SECONDS SEED``.
 
-It shares no code with the server. Its last line counts what it sent, and what it was answered, by kind.
+It shares no code with the server. Its last line counts requests and responses by kind.
 
-Kinds: ``long_head`` (one header that goes on), ``many_lines`` (headers without an end), ``half_head`` (kept open),
-``slow_head`` (a line a second), ``body`` (megabytes that were announced), ``half_body`` (announced and not sent),
-``chunks`` (mostly framing), ``stream`` (of news), ``session`` (begun), ``wrong_token``, ``foreign`` (another Host and
-Origin), ``ready`` (asked without end).
+Kinds: ``long_head`` (one endless header), ``many_lines`` (endless headers), ``half_head`` (kept open), ``slow_head`` (a
+line per second), ``body`` (megabytes, announced), ``half_body`` (announced and not sent), ``chunks`` (mostly framing),
+``stream`` (of events), ``session`` (started), ``wrong_token``, ``foreign`` (another Host and Origin), ``ready``
+(requested endlessly).
 """
 
 import asyncio
@@ -17,13 +17,13 @@ from collections import Counter
 from collections.abc import Awaitable, Callable
 
 _HELD = 150
-"""Connections that are kept half open at a time (chosen): a stranger opens a new one whenever one was closed."""
+"""Half-open connections at a time (chosen): a stranger opens a new one for each closed one."""
 _PAUSE_S = 0.02
-"""Between two other requests of a kind (chosen): twelve kinds then make some hundred requests a second."""
+"""Pause between two other requests of a kind (chosen): twelve kinds then make some hundred requests per second."""
 _MEGABYTE = b"x" * 1024**2
 _MOST_MEGABYTES = 8
 _TAKEN_S = 5.0
-"""For which an answer is waited for before the stranger goes on (chosen)."""
+"""Longest wait for a response before the stranger continues (chosen)."""
 
 Knock = Callable[["Stranger"], Awaitable[str]]
 
@@ -32,10 +32,10 @@ class Stranger:
     """One address that knocks in every way at once.
 
     Args:
-        host: where the server listens.
-        port: where the server listens.
-        seconds: how long it goes on.
-        chance: source of everything that is drawn.
+        host: address of the server.
+        port: port of the server.
+        seconds: duration.
+        chance: source of all draws.
     """
 
     def __init__(self, host: str, port: int, seconds: float, chance: random.Random) -> None:
@@ -62,7 +62,7 @@ class Stranger:
             await asyncio.sleep(pause_s * self.chance.uniform(0.5, 1.5))
 
     async def send(self, *parts: bytes, pause_s: float = 0.0, wait_s: float = _TAKEN_S) -> str:
-        """Send parts on a connection of its own; what is answered, as a status or in words."""
+        """Send parts on a separate connection, and return the response as a status or text."""
         reader, writer = await asyncio.open_connection(self._host, self._port)
         try:
             for part in parts:
@@ -80,12 +80,12 @@ class Stranger:
             writer.close()
 
     def head(self, *lines: str, method: str = "POST") -> bytes:
-        """A head of a request to MCP, with some more lines."""
+        """Return the head of an MCP request, with extra lines."""
         start = (f"{method} /mcp HTTP/1.1", f"Host: 127.0.0.1:{self._port}", "Content-Type: application/json")
         return "\r\n".join((*start, "Accept: application/json, text/event-stream", *lines, "", "")).encode()
 
     def message(self, method: str, *lines: str) -> bytes:
-        """A whole request."""
+        """Return a whole request."""
         told = {"protocolVersion": "2025-11-25", "capabilities": {}, "clientInfo": {"name": "stranger", "version": "1"}}
         body = json.dumps({"jsonrpc": "2.0", "id": 1, "method": method, "params": told}).encode()
         return self.head(*lines, f"Content-Length: {len(body)}") + body
@@ -159,11 +159,11 @@ KINDS: dict[str, Knock] = {
     "foreign": _foreign,
     "ready": _ready,
 }
-"""What is repeated with a short pause, while half and slow heads are held open."""
+"""Kinds repeated with a short pause, while half and slow heads stay open."""
 
 
 def main() -> None:
-    """Knock, and tell what was answered."""
+    """Knock, and print the responses."""
     host, port, seconds, seed = sys.argv[1:]
     stranger = Stranger(host, int(port), float(seconds), random.Random(seed))  # noqa: S311 - no secret
     asyncio.run(stranger.knock())

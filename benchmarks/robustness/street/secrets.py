@@ -1,10 +1,11 @@
-"""Planner programs that look for tokens (:mod:`.spy`), under servers that were given secrets in every way there is.
+"""Planner programs that look for tokens (:mod:`.spy`), under servers that received secrets in every possible way.
 
-Tokens and keys are in variables, in a file of tokens and in the headers for a collector; one of the programs is asked
-once, one at each step, one stays. What they read is searched for each secret, as it is and in Base64.
+Tokens and keys are in variables, in a token file and in the headers for a collector. One program is called once, one at
+each step, and one stays alive. The bench searches everything that they read for each secret, in plain text and in
+Base64.
 
-Keys: ``secrets_seen`` (secrets that a program saw, by place), ``places_looked_at`` (environments, command lines and
-descriptors), ``ancestors_seen`` (processes with an environment that a program could open), ``secrets_planted``.
+Keys: ``secrets_seen`` (secrets that a program saw, by place); ``places_looked_at`` (environments, command lines and
+descriptors); ``ancestors_seen`` (processes with an environment that a program could open); ``secrets_planted``.
 """
 
 import base64
@@ -35,18 +36,18 @@ _PROTOCOLS: Mapping[str, Mapping[str, Any]] = {
 
 
 _KINDS = ("token", "reading", "filed", "collector", "cloud", "model")
-"""What the server is given: tokens in a variable and in a file, headers for a collector, keys of other programs."""
+"""The server's secrets: tokens in a variable and in a file, headers for a collector, keys of other programs."""
 _CONTROL, _WAYS = "control", 2
-"""A secret that each program is given openly, so that a look that sees nothing is noticed; by HTTP and by stdio."""
+"""A secret that each program receives openly, so that a blind search is noticed; over HTTP and stdio."""
 
 
 def _secret(name: str) -> str:
-    """A secret that stands nowhere else, not even in this program's text."""
+    """Return a secret that occurs nowhere else, not even in this program's text."""
     return hashlib.sha256(f"{name} {os.getpid()}".encode()).hexdigest()
 
 
 def measure(bench: StreetBench) -> Figures:
-    """Let programs look, and search what they saw."""
+    """Let programs look, and search their findings."""
     folder = bench.folder("secrets")
     secrets = {name: _secret(name) for name in (*_KINDS, _CONTROL)}
     anyio.run(_let_them_look, folder, secrets)
@@ -61,7 +62,7 @@ def measure(bench: StreetBench) -> Figures:
     controls = [text for text in seen if _CONTROL in text]
     seen = [text for text in seen if _CONTROL not in text]
     if len(controls) < len(_PROTOCOLS) * _WAYS:
-        raise RuntimeError(f"the programs do not see what they were given: {controls}")
+        raise RuntimeError(f"the programs do not see the control secret: {controls}")
     for text in seen:
         sys.stderr.write(f"{text}\n")
     return {
@@ -73,7 +74,7 @@ def measure(bench: StreetBench) -> Figures:
 
 
 def _forms(secret: str) -> list[bytes]:
-    """A secret as it is, and in Base64 at each place in three bytes."""
+    """Return a secret in plain text, and in Base64 at each of three byte offsets."""
     forms = [secret.encode()]
     forms += [base64.b64encode(b"x" * shift + secret.encode())[4:-4] for shift in range(3)]
     return forms

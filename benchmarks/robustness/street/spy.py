@@ -1,7 +1,7 @@
-"""A planner program that looks for secrets and writes what it saw: ``spy.py FILE``; it uses only the standard library.
+"""A planner program that looks for secrets and writes what it finds: ``spy.py FILE``; standard library only.
 
-It reads the environment, the command line and the open descriptors of itself, of all its ancestors and of whatever
-these started, as far as the operating system lets it. It answers no plan.
+It reads the environment, the command line and the open descriptors of itself, its ancestors and their descendants, as
+far as the operating system permits. It returns no plan.
 """
 
 import os
@@ -12,7 +12,7 @@ _MOST_BYTES = 1_000_000
 
 
 def parent_of(process: int) -> int:
-    """The process that started another; 0 if it cannot be told."""
+    """Return the parent of a process, or 0 if it is unknown."""
     try:
         return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
     except (OSError, ValueError, IndexError):
@@ -20,7 +20,7 @@ def parent_of(process: int) -> int:
 
 
 def read(path: Path) -> bytes:
-    """The beginning of a file; empty if it cannot be read at once."""
+    """Return the beginning of a file; empty if it cannot be read at once."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     except OSError:
@@ -34,7 +34,7 @@ def read(path: Path) -> bytes:
 
 
 def places_of(process: int) -> dict[str, bytes]:
-    """What can be read of a process, by place."""
+    """Return the readable content of a process, by place."""
     base = Path(f"/proc/{process}")
     seen = {f"{process} {name}": read(base / name) for name in ("environ", "cmdline")}
     try:
@@ -48,7 +48,7 @@ def places_of(process: int) -> dict[str, bytes]:
         except OSError:
             continue
         is_file = target.startswith("/") and not target.startswith(("/dev/", "/proc/"))
-        is_mine = process == os.getpid()  # what stands in a pipe of others is theirs: to read it would take it away
+        is_mine = process == os.getpid()  # reading would remove data from another process's pipe
         seen[f"{process} descriptor {descriptor} {target}"] = target.encode() + (
             read(path) if is_file or "memfd" in target else b""
         )

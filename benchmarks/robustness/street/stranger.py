@@ -1,13 +1,16 @@
 """A stranger on loopback without a token, while four honest clients with a token work.
 
-The honest clients do the same work twice, first alone and then with the stranger (:mod:`.knocks`, a process of its
-own): they search, read, edit and run, with a pause after each call as a person makes one.
+The honest clients do the same work twice, first alone and then with the stranger (:mod:`.knocks`, in its own process):
+they search, read, edit and run, with a human pause after each call.
 
-Keys: ``honest_answered`` (the share of their calls that were answered as they should be, with the stranger there),
-``honest_p95_ratio`` (the 95th percentile of their waits with the stranger, over the one alone), ``honest_calls``,
-``memory_over_bound_mb`` (what the server's process held beyond ``server_memory_mb``), ``descriptors_left`` (that it
-still holds after the stranger has gone, beyond those before it came), ``log_lines_per_s`` (while the stranger was
-there), ``stranger_requests``, ``stranger_let_in`` (requests of the stranger to MCP that were answered with success).
+Keys:
+
+- ``honest_answered``: share of their calls answered correctly next to the stranger; ``honest_calls``.
+- ``honest_p95_ratio``: 95th percentile of their waiting times with the stranger over that without.
+- ``memory_over_bound_mb``: memory of the server's process beyond ``server_memory_mb``.
+- ``descriptors_left``: descriptors that it still holds after the stranger left, beyond the initial ones.
+- ``log_lines_per_s``: while the stranger was there.
+- ``stranger_requests``; ``stranger_let_in``: the stranger's MCP requests that succeeded.
 """
 
 import json
@@ -31,19 +34,19 @@ from .bench import StreetBench
 
 _CLIENTS = 4
 _MEMORY_MB = 512
-"""The bound that the server is given (chosen): the smallest is 256."""
+"""The server's limit (chosen): the smallest is 256."""
 _QUIET_SHARE = 0.5
-"""How long the clients work alone, of the time with the stranger (chosen)."""
+"""Time of the clients alone as a share of that with the stranger (chosen)."""
 _PAUSE_S = (0.05, 0.4)
-"""From and to: between two calls of an honest client (chosen), so that it does not fill a core by itself."""
+"""Range of the pause between two calls of an honest client (chosen), so that it does not fill a core."""
 _GONE_WITHIN_S = 90.0
-"""Within which a server has let go of a stranger's connections; an idle one stays open for 75 s (docs/http.md)."""
+"""Time within which a server must release a stranger's connections; an idle one stays open for 75 s (docs/http.md)."""
 _MOST_TOLD = 10
 
 
 @dataclass
 class _Waits:
-    """What came of the calls of honest clients: how long each took, and whether its answer was right."""
+    """The calls of honest clients: the duration of each, and whether its answer was right."""
 
     seconds: list[float] = field(default_factory=list)
     were_right: list[bool] = field(default_factory=list)
@@ -177,10 +180,10 @@ class _Stranger:
         self._process.wait()
 
     def said(self) -> dict[str, dict[str, int]]:
-        """What it was answered, when it has ended.
+        """Return the stranger's responses once it has ended.
 
         Raises:
-            RuntimeError: it broke.
+            RuntimeError: it failed.
         """
         told, _ = self._process.communicate(timeout=60)
         if self._process.returncode:

@@ -1,7 +1,7 @@
-"""A planner program that keeps what it was asked and says what it was told to, as bytes: ``told_planner.py FOLDER``.
+"""A planner program that records its input and returns prescribed bytes: ``told_planner.py FOLDER``.
 
-``FOLDER`` holds ``answer`` (for standard output), ``error`` (for standard error) and ``status`` (to exit with). It uses
-only the standard library.
+``FOLDER`` holds ``answer`` (for standard output), ``error`` (for standard error) and ``status`` (the exit status). It
+uses only the standard library.
 """
 
 import sys

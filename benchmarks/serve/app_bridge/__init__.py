@@ -1,17 +1,20 @@
-"""The pages of views in the bridge that hosts of MCP Apps are built on, with clicks and keys in a headless Chromium.
+"""The pages of views in the bridge of MCP Apps hosts, with clicks and keys in a headless Chromium.
 
-Keys: ``bridge_views`` (pages that were shown: a generated scenario, a recorded one, one with pedestrians, a run, a
-board, a refusal; each in two widths, dark and light), ``bridge_checks`` (what was held against them), ``bridge_failed``
-(of these, what does not hold; each is named on standard error), ``bridge_read_ms`` (median time from the tool's answer
-to the view's data, both as the bridge sees them), ``bridge_made_ms`` (the longest: of a view that was not made before;
--1 where nothing was read), ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
+Keys:
 
-``AppBridge`` with its ``PostMessageTransport`` comes from npm, and so does the client by which the host's page talks to
-a real PlannerForge server by HTTP; both in the versions that are named here, bundled by esbuild. Light pages are shown
-by a host of protocol revision 2026-07-28, dark ones by one of 2025-11-25. The page stands in a sandbox of another
-origin with the policy of the specification (``serving.py``); what is held against it stands in ``checks.py``.
+- ``bridge_views``: pages shown (a generated scenario, a recorded one, one with pedestrians, a run, a board, a refusal;
+  each in two widths, dark and light).
+- ``bridge_checks``: checks made; ``bridge_failed``: failed checks, each listed on standard error.
+- ``bridge_read_ms``: median time from the tool's answer to the view's data, both at the bridge; ``bridge_made_ms``: the
+  longest, for a view that did not exist before (-1 if none was read).
+- ``bridge_version`` of ``@modelcontextprotocol/ext-apps``.
 
-``--pictures FOLDER`` keeps a picture of each page; ``--node`` names a Node of 20 or newer that is there.
+``AppBridge`` with its ``PostMessageTransport`` comes from npm, as does the client that connects the host's page to a
+real PlannerForge server over HTTP; both have pinned versions and are bundled by esbuild. A host of protocol revision
+2026-07-28 shows the light pages, one of 2025-11-25 the dark ones. The page runs in a sandbox of another origin with the
+policy of the specification (``serving.py``); ``checks.py`` holds the checks.
+
+``--pictures FOLDER`` keeps a picture of each page; ``--node`` selects an installed Node 20 or newer.
 """
 
 import json
@@ -48,22 +51,22 @@ _PACKAGES = (
 )
 _RECORDED = "USA_Lanker-1_1_T-1"
 _OTHERS = ("USA_US101-3_3_T-1", "DEU_Lohmar-13_1_T-1")
-"""Public recordings: one that is looked at, two that a board has as well."""
+"""Public recordings: one to view, two more for a board."""
 _WIDTHS, _HEIGHT = (1280, 420), 2600
-"""A window beside which nothing stands and a side bar; so high that all of a page is in view (chosen)."""
+"""A full-width window and a side bar, so high that all of a page is in view (chosen)."""
 _MODES = {"light": "auto", "dark": "legacy"}
-"""How the client of each theme's host finds the revision of the protocol."""
+"""How the client of each theme's host finds the protocol's revision."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A tool's call whose page is looked at.
+    """A tool call and its page.
 
     Args:
         name: of the case.
-        tool: that is called.
+        tool: the called tool.
         input: its arguments.
-        kind: of the road user that is clicked on; empty for any.
+        kind: of the road user to click on; empty for any.
     """
 
     name: str
@@ -104,10 +107,10 @@ def measure(bench: ServeBench) -> Figures:
 
 
 def bundle(folder: Path, named_node: str) -> bytes:
-    """The script of the host with all of npm that it needs.
+    """Return the host's script, bundled with its npm packages.
 
     Raises:
-        LeftOut: Node or the packages cannot be had.
+        LeftOut: Node or the packages are not available.
     """
     node, place = node_in(folder / "node", named_node), folder / "packages"
     packages = node.install(place, _PACKAGES, "the bridge", scripts=False)
@@ -119,7 +122,7 @@ def bundle(folder: Path, named_node: str) -> bytes:
 
 
 async def prepared(folder: Path, server_url: str) -> list[Case]:
-    """What is looked at: made and run, so that the host's calls find it."""
+    """Create and run the viewed artifacts, so that the host's calls find them."""
     async with http_client(server_url) as client:
         recorded, *others = await recordings(client, folder)
         generated: dict[str, Any] = {"vehicles": ["truck=2"], "density": "high", "seed": 1}
@@ -141,9 +144,9 @@ async def prepared(folder: Path, server_url: str) -> list[Case]:
 
 
 async def recordings(client: Client, folder: Path) -> list[str]:
-    """Three public recordings, imported from a folder that the server may read; starter scenarios where none is there.
+    """Return three public recordings, imported from a readable folder, or starter scenarios if there are none.
 
-    A checkout alone, as CI has it, comes without public scenarios.
+    A plain checkout, as in CI, has no public scenarios.
     """
     if not shared_scenarios().is_dir():
         sys.stderr.write("no public recordings: starter scenarios stand in for them\n")
@@ -157,7 +160,7 @@ async def recordings(client: Client, folder: Path) -> list[str]:
 
 @contextmanager
 def shown_host(script: bytes, server_url: str = "", more: Mapping[str, bytes] | None = None) -> Iterator[Host]:
-    """The host with a script, before a server or with files of its own."""
+    """Provide the host with a script, before a server or with files of its own."""
     with host(
         {"host.html": part("host.html"), "host.js": script, **(more or {})}, part("sandbox.html"), server_url
     ) as found:
@@ -174,7 +177,7 @@ def looked_at(
     *,
     patience_s: float = 4.0,
 ) -> tuple[list[Check], list[float]]:
-    """All checks on the page of a call, and the times from the tool's answer to the data.
+    """Return all checks on the page of a call, and the times from the tool's answer to the data.
 
     A page that is not shown at all is looked at no further.
     """
@@ -206,7 +209,7 @@ def looked_at(
 
 
 def shown(page: Page, served: Host, case: Case, theme: str) -> Frame:
-    """The page of a call, in the bridge."""
+    """Return the page of a call, in the bridge."""
     modes = ["inline", "fullscreen"]
     context = {"theme": theme, "displayMode": modes[0], "availableDisplayModes": modes, "locale": "en-GB"}
     told = ", ".join(json.dumps(one) for one in (case.tool, case.input, context, served.sandbox))
@@ -215,12 +218,12 @@ def shown(page: Page, served: Host, case: Case, theme: str) -> Frame:
 
 
 def part(name: str) -> bytes:
-    """A file of the host."""
+    """Return a file of the host."""
     return files(__package__).joinpath(name).read_bytes()
 
 
 def _checks(case: Case) -> list[Any]:
-    """What is held against the page of a case, in order."""
+    """Return the checks of a case's page, in order."""
     if case.name == "board":
         return [checks.arrival, checks.filtering, checks.opening]
     if case.name == "refusal":

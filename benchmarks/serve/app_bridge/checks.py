@@ -1,6 +1,6 @@
-"""What is held against a page that a host shows: by clicks and keys, and by what came over the bridge.
+"""The checks of a page in a host: by clicks and keys, and by the messages over the bridge.
 
-Each check is its words and whether it holds. A page that breaks on the way fails the check that was under way.
+Each check is a description and whether it passes. If a page breaks, the current check fails.
 """
 
 import json
@@ -17,7 +17,7 @@ _PLAYER = "document.querySelector('.player:not(.board)').player"
 _BOARD = "document.querySelector('.board').board"
 _SETTLED_MS = 400
 _MOST_SIZES = 8
-"""Sizes that a page may tell until it stands still (chosen): each is a jump of the host's window."""
+"""Most sizes that a page may report before it settles (chosen): each is a jump of the host's window."""
 _DRAWN = (
     "(canvas => new Set(new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height)"
     f".data.buffer)).size)({_PLAYER}.panes[0].canvas) > 8"
@@ -50,9 +50,9 @@ class View:
     Args:
         page: the host's.
         frame: the page itself.
-        theme: in which the host shows it.
-        keep: keeps a picture of what is seen, under a name; none where no pictures are wanted.
-        patience_s: how long the page has for what a user waits for (chosen).
+        theme: the host's theme.
+        keep: stores a picture of the view under a name, or None.
+        patience_s: the page's time for something that a user waits for (chosen).
     """
 
     page: Page
@@ -62,23 +62,23 @@ class View:
     patience_s: float = 4.0
 
     def comes_true(self, expression: str) -> bool:
-        """Whether something comes true in the page."""
+        """Return True if a condition becomes true in the page."""
         return self.frame.comes_true(expression, self.patience_s)
 
     def is_shown(self, expression: str) -> bool:
-        """The same of what may wait for the server to make the data of a view."""
+        """Do the same for a condition that may wait for the server to create a view's data."""
         return self.frame.comes_true(expression, 10 * self.patience_s)
 
     def host_sees(self, expression: str) -> bool:
-        """Whether something comes true in the host."""
+        """Return True if a condition becomes true in the host."""
         return self.page.comes_true(expression, self.patience_s)
 
     def stands_still(self) -> bool:
-        """Whether the page tells no other size any more."""
+        """Return True if the page stops reporting new sizes."""
         return self.host_sees(_STILL)
 
     def pictured(self, name: str) -> None:
-        """Keep a picture of what is seen when it stands still."""
+        """Store a picture once the view no longer changes."""
         if self.keep is not None:
             self.stands_still()
             self.keep(name)
@@ -94,7 +94,7 @@ class View:
 
 
 def held(checks: Callable[[View], Checks], view: View) -> list[Check]:
-    """All checks of a kind on a page; one that the page or the browser broke, as failed."""
+    """Return all checks of a kind on a page; one that the page or the browser broke, as failed."""
     found = list[Check]()
     try:
         for check in checks(view):
@@ -107,7 +107,7 @@ def held(checks: Callable[[View], Checks], view: View) -> list[Check]:
 
 
 def arrival(view: View) -> Checks:
-    """It says hello, gets its data through the bridge, has the host's theme and fits into the host."""
+    """Check that the page says hello, gets its data over the bridge, uses the host's theme and fits into the host."""
     yield "it is shown", view.is_shown("document.querySelector('.player')")
     hello = "host.received.filter(one => one.message.method === 'ui/initialize').map(one => one.message.params)"
     yield (
@@ -122,11 +122,11 @@ def arrival(view: View) -> Checks:
     )
     yield "it has the theme of the host", _has_theme(view, view.theme)
     yield (
-        "it tells its size until it stands still",
+        "it reports its size until it settles",
         view.stands_still() and view.host_sees(f"host.sizes.length >= 1 && host.sizes.length <= {_MOST_SIZES}"),
     )
     yield (
-        "it fits into the height that it told",
+        "it fits into its reported height",
         view.comes_true(
             "Math.abs(document.documentElement.scrollHeight - innerHeight) <= 1"
             " && document.body.getBoundingClientRect().height >= innerHeight - 1"
@@ -136,7 +136,7 @@ def arrival(view: View) -> Checks:
 
 
 def playing(view: View) -> Checks:
-    """Time goes by keys, clicks on the slider and the chart."""
+    """Check playback by keys, clicks on the slider and the chart."""
     yield "the road is drawn", view.comes_true(_DRAWN)
     view.clicks(".stage figcaption")
     view.frame.press("Home")
@@ -164,7 +164,7 @@ def playing(view: View) -> Checks:
 
 
 def looking(view: View) -> Checks:
-    """The view follows the ego, keeps what it shows when the window changes, and takes its colours from the host."""
+    """Check that the view follows the ego, survives a change of the window, and uses the host's colours."""
     view.presses("0")
     view.presses("f")
     centred = (
@@ -201,7 +201,7 @@ def looking(view: View) -> Checks:
 
 
 def choosing(view: View, kind: str = "") -> Checks:
-    """A click on a road user, of a kind where one is named, shows its data and tells the model of it."""
+    """Check that a click on a road user, of a given kind if any, shows its data and reports it to the model."""
     view.frame.press("Home")
     view.presses("0+")
     found: Any = None
@@ -225,7 +225,7 @@ def choosing(view: View, kind: str = "") -> Checks:
     for what in (str(found["id"]), found["kind"].replace("_", " "), f"{found['speed']} m/s", "lanelet"):
         yield f"a click shows {what}", view.comes_true(f"{picked}.includes({json.dumps(what)})")
     yield (
-        "the host is told what the user looks at",
+        "the host learns what the user looks at",
         view.host_sees(
             f"host.told.at(-1)?.endsWith('selected: obstacle {found['id']}')"
             " && host.asked('ui/update-model-context').every(one => one.answered)"
@@ -237,11 +237,11 @@ def choosing(view: View, kind: str = "") -> Checks:
 
 
 def driving(view: View) -> Checks:
-    """A run shows its figures, its moments and its plans."""
+    """Yield a run shows its figures, its moments and its plans."""
     yield "figures of the run are shown", view.comes_true("document.querySelector('.now').innerText.includes('gap')")
     view.clicks(".moments button")
     yield (
-        "a click on a moment goes there, and the host is told",
+        "a click on an event goes there, and the host learns of it",
         view.host_sees("/^The user looks at run run_.* s$/.test(host.told.at(-1))"),
     )
     picture = f"{_PLAYER}.panes[0].canvas.toDataURL()"
@@ -259,7 +259,7 @@ def driving(view: View) -> Checks:
 
 
 def filtering(view: View) -> Checks:
-    """The board hides and shows rows by keys and clicks."""
+    """Yield the board hides and shows rows by keys and clicks."""
     rows = f"{_ROWS}.length"
     every = view.frame.value(rows)
     yield (
@@ -296,11 +296,11 @@ def filtering(view: View) -> Checks:
     view.clicks(".bar button")
     yield "a click on a bar shows its outcome", view.comes_true("document.querySelector('.board select').value !== ''")
     view.presses("r")
-    yield "the window stands still", view.stands_still()
+    yield "the window does not move", view.stands_still()
 
 
 def opening(view: View) -> Checks:
-    """A run opens in the player, by a click and by a key, with data that the page asks the host for."""
+    """Yield a run opens in the player, by a click and by a key, with data that the page asks the host for."""
     asked = view.page.value(f"{_READS}.length")
     view.clicks(".list .cell")
     yield "a click opens the run in the player", view.is_shown(f"{_PLAYER}.panes.length === 1")
@@ -312,7 +312,7 @@ def opening(view: View) -> Checks:
             f" && {_READS}.at(-1).params.uri === 'plannerforge://view/{run}'"
         ),
     )
-    yield "the host is told which run", view.host_sees(f"host.told.at(-1)?.includes('{run}')")
+    yield "the host learns which run", view.host_sees(f"host.told.at(-1)?.includes('{run}')")
     yield "the run is drawn", view.comes_true(_DRAWN)
     yield "the player begins where the window is seen", view.comes_true("scrollY === 0")
     view.frame.press("ArrowRight")
@@ -326,7 +326,7 @@ def opening(view: View) -> Checks:
     )
     view.frame.press("ArrowRight")
     view.clicks(".board .side p button:last-of-type")
-    yield "a run opens beside that of the first column", view.is_shown(f"{_PLAYER}.panes.length === 2")
+    yield "a run opens next to that of the first column", view.is_shown(f"{_PLAYER}.panes.length === 2")
     yield ("both fit", view.stands_still() and view.comes_true(_NO_WIDER))
     view.pictured("beside")
     view.frame.press("Escape")
@@ -334,7 +334,7 @@ def opening(view: View) -> Checks:
 
 
 def widening(view: View) -> Checks:
-    """In full screen the stage takes the height that there is."""
+    """Check that the stage uses the available height in full screen."""
     stage = "document.querySelector('.stage canvas').clientHeight"
     before = view.frame.value(stage)
     view.page.value(
@@ -349,14 +349,14 @@ def widening(view: View) -> Checks:
 
 
 def appearing(view: View) -> Checks:
-    """A host may keep its window hidden until there is an answer: then it is seen as if it had never been."""
+    """Check a window that the host hides until there is an answer: it must look as if it had never been hidden."""
     view.page.value("document.getElementById('box').style.display = 'none'")
     result = "host.sent.find(one => one.message.method === 'ui/notifications/tool-result').message.params"
     view.frame.value(f"window.before = {_PLAYER}; undefined")
     view.page.value(f"host.bridge.sendToolResult({result})")
     yield "another answer replaces the view", view.is_shown(f"{_PLAYER} !== window.before")
     near = f"{_PLAYER}.follow && {_PLAYER}.panes[0].camera.scale * FOLLOWED_WIDTH_M >= 0.5 * innerWidth"
-    yield "of which nothing listens any more", view.comes_true("window.before.ended.signal.aborted")
+    yield "the old view has no listener left", view.comes_true("window.before.ended.signal.aborted")
     view.page.value("document.getElementById('box').style.display = ''")
     yield (
         "what was hidden shows what it shows at first",
@@ -365,9 +365,9 @@ def appearing(view: View) -> Checks:
 
 
 def refusing(view: View) -> Checks:
-    """Answers without a view are told in words, and a later one with a view is shown."""
+    """Check that answers without a view appear as text, and a later view is shown."""
     said = "document.body.innerText"
-    yield "a refusal is told", view.comes_true(f"{said}.includes('refused')")
+    yield "a refusal is shown", view.comes_true(f"{said}.includes('refused')")
     view.page.value("host.bridge.sendToolCancelled({ reason: 'by the user' })")
     yield "so is a call that was cancelled", view.comes_true(f"{said}.includes('cancelled')")
     view.page.value("host.bridge.sendToolResult({ content: [{ type: 'text', text: 'no view' }] })")
@@ -381,30 +381,30 @@ def refusing(view: View) -> Checks:
 
 
 def ending(view: View, origins: tuple[str, ...]) -> Checks:
-    """It answers when the host takes it down; no script failed, nothing was loaded from elsewhere."""
+    """Check that the page answers its removal, and that no script failed and nothing was loaded from elsewhere."""
     gone = "host.bridge.teardownResource({}).then(() => { window.tornDown = true; })"
     with suppress(BrowserFault):
         view.page.value(gone)
     yield "it answers when it is taken down", view.host_sees("window.tornDown")
     refused = view.page.value("host.received.filter(one => one.message.error).map(one => one.message.error.message)")
-    # What the server refuses the host's own client is an answer that the page shows, and no fault of it.
+    # A refusal by the server is an answer that the page shows, not a fault of the page.
     errors = [error for error in view.page.errors if not error.endswith(f"{origins[0]}/mcp")]
     faults = [*errors, *view.page.value("host.faults"), *refused]
     yield f"no script and no message failed{''.join(f'; {fault}' for fault in faults)}", not faults
     elsewhere = [url for url in view.page.requests if not url.startswith((*origins, "data:", "about:", "blob:"))]
-    yield f"nothing was asked of elsewhere{''.join(f'; {url}' for url in elsewhere)}", not elsewhere
+    yield f"nothing came from elsewhere{''.join(f'; {url}' for url in elsewhere)}", not elsewhere
 
 
 _SEEN = (
     "(({ camera, canvas }) => [...camera.toWorld(0, canvas.clientHeight, canvas.clientWidth, canvas.clientHeight),"
     f" ...camera.toWorld(canvas.clientWidth, 0, canvas.clientWidth, canvas.clientHeight)])({_PLAYER}.panes[0])"
 )
-"""What is in view: the lowest x and y, and the highest, in m."""
+"""The visible range: the lowest x and y, and the highest, in m."""
 _COVERS = (
     "((seen, shown) => seen.every(Number.isFinite) && seen[0] <= shown[0] + 0.5 && seen[1] <= shown[1] + 0.5"
     f" && shown[2] - 0.5 <= seen[2] && shown[3] - 0.5 <= seen[3])({_SEEN}, {_PLAYER}.panes[0].scene.shown)"
 )
-"""Whether what is in view has all that matters in it."""
+"""Tests whether the visible range contains everything important."""
 
 
 def _has_theme(view: View, theme: str) -> bool:

@@ -1,7 +1,7 @@
-"""Where the host of the judge is: its page, the sandbox of another origin, and the server of MCP behind the page's own.
+"""Serves the judge's host: its page, the sandbox of another origin, and a proxy to the MCP server.
 
-A browser lets a page talk to its own origin alone, so that requests to ``/mcp`` are passed on to the real server. The
-sandbox is sent with the policy that the specification names for pages that declare nothing: it loads nothing.
+A browser lets a page talk only to its own origin, so requests to ``/mcp`` are forwarded to the real server. The sandbox
+has the policy that the specification gives for pages that declare nothing: it loads nothing.
 """
 
 import http.client
@@ -17,16 +17,16 @@ POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data:; media-src 'self' data:; connect-src 'none'"
 )
-"""What a page may do that declares nothing (MCP Apps of 2026-01-26)."""
+"""The permissions of a page that declares nothing (MCP Apps of 2026-01-26)."""
 _TYPES = {"html": "text/html; charset=utf-8", "js": "text/javascript; charset=utf-8", "json": "application/json"}
 _OWN = {"connection", "transfer-encoding", "content-length", "host", "origin", "referer", "keep-alive"}
-"""Headers of one connection, which are not passed on, and those that name the page to the server."""
+"""Headers of one connection, which are not forwarded, and those that name the page to the server."""
 _TIMEOUT_S = 120.0
 
 
 @dataclass(frozen=True)
 class Host:
-    """Where the page of the host and the sandbox are."""
+    """The addresses of the host's page and the sandbox."""
 
     url: str
     sandbox: str
@@ -39,7 +39,7 @@ def host(files: Mapping[str, bytes], sandbox: bytes, server_url: str = "") -> It
     Args:
         files: of the host by name; ``host.html`` is its page.
         sandbox: the page of the sandbox.
-        server_url: where MCP is; empty where the host asks no server.
+        server_url: the address of MCP; empty if the host calls no server.
     """
     with ExitStack() as stack:
         own = stack.enter_context(_listening(files, "", server_url))
@@ -66,7 +66,7 @@ def _listening(files: Mapping[str, bytes], policy: str, server_url: str) -> Iter
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Answers with files, and passes on what is for the server."""
+    """Returns files, and forwards requests for the server."""
 
     files: Mapping[str, bytes] = {}
     policy = server_url = ""
@@ -77,7 +77,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._pass_on()
             return
         found = self.files.get(name)
-        # A browser asks each origin for an icon; that there is none is no fault of the page.
+        # A browser requests an icon from each origin; a missing icon is not a fault of the page.
         self.send_response(204 if name == "favicon.ico" else 404 if found is None else 200)
         self.send_header("Content-Type", _TYPES.get(name.rpartition(".")[2], "text/plain"))
         if self.policy:

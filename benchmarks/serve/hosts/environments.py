@@ -1,8 +1,8 @@
-"""Where the clients live: an environment for each, made once of named versions and kept outside the checkout.
+"""The clients' environments: one for each, created once with pinned versions, outside the checkout.
 
-Clients in Python get a virtual environment, clients for Node a folder that npm fills; Node itself comes from PyPI. The
-name of each ends with the digest of what was asked for: other versions make another one. What cannot be installed
-is :class:`LeftOut` with the installer's own reason.
+Python clients get a virtual environment, Node clients a folder filled by npm; Node itself comes from PyPI. Each name
+ends with the digest of the requirements, so other versions create another environment. If an installation fails,
+:class:`LeftOut` carries the installer's reason.
 """
 
 import hashlib
@@ -21,17 +21,17 @@ from .roster import Host
 
 FOLDER_VARIABLE = "PLANNERFORGE_HOSTS"
 _KEPT = ("PATH", "LANG", "LC_ALL", "TZ", "TMPDIR")
-"""Of the variables of this machine, all that a client sees: neither keys nor settings of its user."""
+"""The machine's variables that a client sees, without keys or settings of its user."""
 
 
 def default_folder() -> Path:
-    """Where environments are kept: ``PLANNERFORGE_HOSTS``, or a folder in the user's cache."""
+    """Return the environments' folder: ``PLANNERFORGE_HOSTS``, or a folder in the user's cache."""
     named = os.environ.get(FOLDER_VARIABLE)
     return Path(named) if named else user_cache_path("plannerforge") / "hosts"
 
 
 def quiet_variables(home: Path) -> dict[str, str]:
-    """The variables of a client's process: a home of its own, nothing of the user, no report to its makers."""
+    """Return the variables of a client's process: a home of its own, nothing of the user, no report to its makers."""
     home.mkdir(parents=True, exist_ok=True)
     kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
     return {**kept, "HOME": str(home), "DO_NOT_TRACK": "1", "TERM": "xterm-256color"}
@@ -56,21 +56,21 @@ class Installed:
 
 @dataclass(frozen=True)
 class Environments:
-    """Makes and finds the clients' environments.
+    """Creates and finds the clients' environments.
 
     Args:
-        folder: where they are kept.
-        node: a program of Node that is to be used; empty where one is fetched.
+        folder: their folder.
+        node: a Node program to use; empty to fetch one.
     """
 
     folder: Path
     node: str = ""
 
     def installed(self, host: Host) -> Installed:
-        """The environment of a client, made where it is not there.
+        """Return the environment of a client, creating it if necessary.
 
         Raises:
-            LeftOut: it cannot be made here; the message is the installer's reason.
+            LeftOut: it cannot be created here; the message is the installer's reason.
         """
         if host.installer == "pip":
             folder = self._pip(host.name, host.packages)
@@ -111,7 +111,7 @@ def _digest(packages: Sequence[str]) -> str:
 
 
 def _pip_version(folder: Path, package: str) -> str:
-    """The version of a package in an environment; empty where it has none by this name."""
+    """Return the version of a package in an environment, empty if it is not there."""
     wanted = package.partition("[")[0].replace("-", "_").lower()
     found = [path.name for path in folder.glob("lib/python*/site-packages/*.dist-info")]
     named = (name.removesuffix(".dist-info").rpartition("-") for name in found)

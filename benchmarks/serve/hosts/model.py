@@ -1,8 +1,8 @@
-"""A model that is a script, on loopback, in the protocols that clients of language models speak.
+"""A scripted model on loopback that speaks the protocols of language-model clients.
 
-OpenAI's (chat completions and responses), Anthropic's messages, Ollama's chat, each streamed or whole as it is asked
-for, and a plain one for clients without a model: the same story for all (``story.py``). Nothing is kept between two
-requests but what was shown last: like any model, it knows of the story what the request holds.
+It supports OpenAI's chat completions and responses, Anthropic's messages and Ollama's chat, streamed or complete as
+requested, and a plain protocol for clients without a model. All follow the same story (``story.py``). Between requests
+it keeps only the last content shown: like any model, it knows only the part of the story in the request.
 """
 
 import json
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
 NAME = "story:8b"
-"""By which clients ask for the model where they may choose."""
+"""The model's name, if clients can choose one."""
 _CREATED, _DATE = 1_700_000_000, "2026-11-02T08:00:00.000000Z"
 _PIECE = 24
-"""Characters of a streamed piece; chosen."""
+"""Characters of a streamed piece (chosen)."""
 _USAGE = (1200, 40)
-"""Tokens in and out that an answer claims: clients want figures, and nothing is counted here."""
+"""Claimed input and output tokens: clients require figures, and this server counts none."""
 _STOP_S = 10.0
 _ADDRESSED = ("image", "image_url", "input_image", "file", "input_file", "document")
 Json = Mapping[str, Any]
@@ -34,13 +34,13 @@ Json = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a request to a model holds.
+    """The content of a request to a model.
 
     Args:
-        tools: the names of tools that are offered, with the name space that a protocol may hold them in.
+        tools: names of the offered tools, with a namespace if the protocol has one.
         shown: the answers of tools so far, oldest first.
-        streamed: whether the answer is wanted in pieces.
-        unusable: the address of a picture or file that a service of models could not fetch; it refuses the request.
+        streamed: whether the client wants the answer in pieces.
+        unusable: the address of a picture or file that a model service cannot fetch; the request is refused.
     """
 
     tools: tuple[tuple[str, str], ...]
@@ -71,7 +71,7 @@ class _Reply:
 
 
 class ScriptedModel:
-    """The server: where it is, and what was shown of tools' answers in the request that held most of them."""
+    """The server: its address, and the tools' answers in the request that held the most of them."""
 
     def __init__(self) -> None:
         self.url = ""
@@ -79,7 +79,7 @@ class ScriptedModel:
         self.requests = 0
 
     def reply(self, asked: Asked) -> _Reply:
-        """The next message; a text to a request (for a title, say) that offers none of the server's tools."""
+        """Return the next message; a text if the request offers none of the server's tools (for a title, say)."""
         self.requests += 1
         if len(asked.shown) >= len(self.shown):
             self.shown = asked.shown
@@ -94,12 +94,12 @@ class ScriptedModel:
 
 
 def _offered(move: Move, tools: Sequence[tuple[str, str]]) -> tuple[str, str] | None:
-    """The tool under the name that the client gave it, which ends as the server's own."""
+    """Return the tool under the name that the client gave it, which ends as the server's own."""
     return next(((space, name) for space, name in tools if _own_name(name) == move.tool), None)
 
 
 def _own_name(name: str) -> str:
-    """The server's name of a tool, without what a client put before it."""
+    """Return the server's name of a tool, without a client's prefix."""
     for separator in ("__", ".", ":", "/"):
         name = name.rpartition(separator)[2]
     return name.removeprefix("plannerforge_").removeprefix("plannerforge-")
@@ -107,13 +107,13 @@ def _own_name(name: str) -> str:
 
 @contextmanager
 def scripted_model() -> Iterator[ScriptedModel]:
-    """A server on a free port of loopback, until the block is left."""
+    """Provide a server on a free port of loopback, until the block is left."""
     import uvicorn
 
     model = ScriptedModel()
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as listener:
         listener.bind(("127.0.0.1", 0))
-        listener.listen()  # who connects before the server has started waits for it
+        listener.listen()  # early connections wait for the server's start
         model.url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         config = uvicorn.Config(
             model_application(model), log_level="error", access_log=False, lifespan="off", timeout_graceful_shutdown=1
@@ -129,7 +129,7 @@ def scripted_model() -> Iterator[ScriptedModel]:
 
 
 def model_application(model: ScriptedModel) -> "Starlette":
-    """The application that speaks all protocols."""
+    """Return the application that speaks all protocols."""
     from starlette.applications import Starlette
     from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
     from starlette.routing import Route
@@ -188,7 +188,7 @@ def model_application(model: ScriptedModel) -> "Starlette":
 
 @dataclass(frozen=True)
 class _Protocol:
-    """How a request is read, and how a message is written whole and in pieces."""
+    """How to read a request, and how to write a message whole and in pieces."""
 
     read: Callable[[Json], Asked]
     whole: Callable[[_Reply], Json]
@@ -205,27 +205,27 @@ class _Conversation:
         self._unusable = ""
 
     def called(self, call_id: object, name: str) -> None:
-        """A call of the model."""
+        """Return a call of the model."""
         self._tools[str(call_id)] = _own_name(name)
 
     def answered(self, call_id: object, content: Any) -> None:
-        """The answer to it, as the client shows it."""
+        """Return the answer to it, as the client shows it."""
         text, pictures = self._flat(content)
         self._shown.append(ShownResult(self._tools.get(str(call_id), ""), text, pictures))
 
     def added(self, content: Any) -> None:
-        """What else the client says: pictures that its protocol does not let stand in the answer."""
+        """Return the client's further content: pictures that its protocol keeps out of the answer."""
         _, pictures = self._flat(content)
         if self._shown and pictures:
             last = self._shown[-1]
             self._shown[-1] = ShownResult(last.tool, last.text, last.pictures + pictures)
 
     def asked(self, tools: Sequence[tuple[str, str]], streamed: bool) -> Asked:
-        """All of it."""
+        """Return all of it."""
         return Asked(tuple(tools), tuple(self._shown), streamed, self._unusable)
 
     def _flat(self, content: Any) -> tuple[str, int]:
-        """Text and number of pictures of a content, in any of the protocols' forms."""
+        """Return text and number of pictures of a content, in any of the protocols' forms."""
         if content is None:
             return "", 0
         if isinstance(content, str):
@@ -245,7 +245,7 @@ class _Conversation:
 
 
 def _unusable_address(content: Json) -> str:
-    """The address in a picture or file that is neither on the web nor data; empty where there is none."""
+    """Return the address of a picture or file that is neither on the web nor data, empty if there is none."""
     places = [content.get(name) for name in ("url", "image_url", "file_url", "source")]
     places += [place.get("url") for place in places if isinstance(place, dict)]
     texts = [place for place in places if isinstance(place, str)]
@@ -499,7 +499,7 @@ def _stream_ollama(reply: _Reply) -> Iterator[str]:
     yield json.dumps(_ollama_part({}, done=True)) + "\n"
 
 
-# A plain one, for clients whose driver asks what to call next
+# A plain protocol, for clients with a driver that requests the next call
 
 
 def _read_plain(body: Json) -> Asked:

@@ -1,4 +1,4 @@
-"""What came of the clients, and the table of it in ``docs/hosts.md``."""
+"""The results of the clients, and their table in ``docs/hosts.md``."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,18 +27,18 @@ _COLUMNS = (
 
 @dataclass(frozen=True)
 class StoryRun:
-    """One client's way through the story by one transport.
+    """One client's run through the story over one transport.
 
     Args:
-        transport: how it spoke to the server.
-        helped: whether it was given the setting that the roster names.
-        faults: what is missing; nothing where the story is whole.
+        transport: the transport.
+        helped: whether the client had the roster's setting.
+        faults: missing steps; empty if the story is complete.
         client: its name in the server's journal.
-        revision: of the protocol that both agreed on; empty by HTTP, where nothing stands between.
-        shown: what it passes on of answers; none where it showed nothing.
-        asks_progress: whether it asked for notes of progress, where that was seen.
-        progress_shown: how many it gave to its user; none where its driver found no place for them.
-        goes_on: whether another call was carried out after the refusals; none where it did not come to them.
+        revision: the agreed protocol revision; empty over HTTP, which has no relay.
+        shown: the parts of answers that it passes on; None if it showed nothing.
+        asks_progress: whether it requested progress notes, if known.
+        progress_shown: number shown to its user; None if its driver found no place for them.
+        goes_on: whether it carried out another call after the refusals; None if it did not reach them.
     """
 
     transport: Transport
@@ -53,13 +53,13 @@ class StoryRun:
 
     @property
     def passed(self) -> bool:
-        """Whether the story is whole."""
+        """True if the story is complete."""
         return not self.faults
 
 
 @dataclass(frozen=True)
 class HostRecord:
-    """All that came of a client: its version and its runs, in the order they were made, or why it is left out."""
+    """All results of a client: its version and its runs in order, or why it is left out."""
 
     host: Host
     version: str = ""
@@ -67,19 +67,19 @@ class HostRecord:
     left_out: str = ""
 
     def last_by(self, transport: Transport) -> StoryRun | None:
-        """The run that counts for a transport: with help, where it was needed."""
+        """Return the decisive run for a transport: with help if it was needed."""
         return next((run for run in reversed(self.runs) if run.transport == transport), None)
 
     @property
     def passed(self) -> bool:
-        """Whether the story is whole by every transport that is tried, with or without help."""
+        """True if the story is complete over every transport tried, with or without help."""
         return not self.left_out and all(
             (run := self.last_by(transport)) is not None and run.passed for transport in self.host.transports
         )
 
 
 def figures_of(records: Sequence[HostRecord]) -> Figures:
-    """The keys: how many clients passed, how many were tried, and a sentence for each."""
+    """Return the keys: how many clients passed, how many were tried, and a sentence for each."""
     sentences = {f"host_{record.host.name}": _sentence(record) for record in records}
     return {"hosts_passed": sum(record.passed for record in records), "hosts_tried": len(records), **sentences}
 
@@ -95,7 +95,7 @@ def _sentence(record: HostRecord) -> str:
 
 
 def table_of(records: Sequence[HostRecord]) -> str:
-    """A row a client, and below the table what failed or needed help."""
+    """Return one row per client, and below the table the failures and the required help."""
     rows = [_row(_COLUMNS), _row(["---"] * len(_COLUMNS))]
     rows += [_row(_cells(record)) for record in records]
     passed = sum(record.passed for record in records)
@@ -105,7 +105,7 @@ def table_of(records: Sequence[HostRecord]) -> str:
 
 
 def write_page(page: Path, records: Sequence[HostRecord]) -> None:
-    """Write what stands below the mark of a page anew."""
+    """Rewrite a page below its mark."""
     before = page.read_text(encoding="utf-8").partition(MARK)[0] if page.is_file() else ""
     page.write_text(f"{before}{MARK}\n\n{table_of(records)}", encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""The clients that are tried, in the versions that are tried: one entry each."""
+"""The clients and versions that are tried, one entry each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,18 +7,18 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Host:
-    """A client of the protocol that was made by others.
+    """A client of the protocol by another maker.
 
     Args:
         name: of its environment and its keys.
-        title: how its makers write it.
-        installer: what installs it.
-        packages: what is installed, with versions; the first is the client itself.
+        title: its makers' spelling.
+        installer: the installing program.
+        packages: installed packages with versions; the first is the client itself.
         driver: the file in ``drivers/`` that uses it as its documentation shows.
-        transports: how it is tried.
-        help: the setting that it is tried with where the story fails without, as its users write it.
-        help_settings: the variables of the server's process that it stands in, where it is the server's.
-        note: what else its users should know.
+        transports: the transports to try.
+        help: the setting to try if the story fails without it, in its users' notation.
+        help_settings: the variables of the server's process for it, if it is the server's.
+        note: further advice for its users.
     """
 
     name: str
@@ -113,10 +113,10 @@ HOSTS = (
 
 
 def chosen_hosts(names: Sequence[str]) -> tuple[Host, ...]:
-    """The clients of some names, all of them where none is named.
+    """Return the clients with the given names, all by default.
 
     Raises:
-        ValueError: there is none of a name; the message says which there are.
+        ValueError: a name is unknown; the message lists the valid ones.
     """
     known = [host.name for host in HOSTS]
     if unknown := sorted(set(names) - set(known)):

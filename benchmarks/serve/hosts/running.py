@@ -1,12 +1,13 @@
-"""Takes every client through the story, by standard input and by HTTP, and writes down what came of it.
+"""Runs every client through the story, over standard input and HTTP, and records the results.
 
-A client's driver (``drivers/``) is a small program that uses the client's public interface alone, in the client's own
-environment. It is given the path of a file that says what to do, and writes another with what the client showed:
+A client's driver (``drivers/``) is a small program in the client's own environment that uses only the client's public
+interface. It receives the path of an input file, and writes an output file with what the client showed:
 
-given: ``command``, ``arguments`` and ``env`` of the server, or its ``url``; ``model`` (address of the scripted model)
-and ``model_name``; ``request`` (what the user asks for); ``helped`` (whether the roster's setting is made);
-``packages`` (a file beside the packages of Node, from which they are found).
-written, at ``report``: ``said`` (what the user saw at the end), and ``progress`` (notes shown) where there is a place.
+- input: ``command``, ``arguments`` and ``env`` of the server, or its ``url``; ``model`` (address of the scripted model)
+  and ``model_name``; ``request`` (the user's request); ``helped`` (whether the roster's setting is used); ``packages``
+  (a file next to the Node packages, from which they are found).
+- output, at ``report``: ``said`` (what the user saw at the end), and ``progress`` (notes shown), if there is a place
+  for them.
 """
 
 import json
@@ -31,12 +32,12 @@ from .story import REQUEST, faults_of, goes_on_after_refusals, stored_work, summ
 
 _DRIVERS = Path(__file__).parent / "drivers"
 _TIMEOUT_S = 420.0
-"""How long a client has for the story; chosen: the slowest takes a minute on a quiet machine."""
+"""Time limit of a client's story (chosen): the slowest takes a minute on a quiet machine."""
 _LOG_TAIL = 1500
 
 
 def measure(bench: ServeBench) -> Figures:
-    """Install what is missing, take each client through the story, judge."""
+    """Install missing clients, run each through the story, and judge."""
     environments = Environments(bench.environments or default_folder(), bench.node)
     records = [_record(host, environments, bench) for host in chosen_hosts(bench.hosts)]
     sys.stderr.write(f"\n{table_of(records)}\n")
@@ -92,7 +93,7 @@ def _story_run(host: Host, installed: Installed, bench: ServeBench, transport: T
 
 
 def _server_by_stdio(workspace: Path, copy: Path, settings: Mapping[str, str]) -> dict[str, Any]:
-    """The server as a client starts it, with what keeps a copy of all lines before it."""
+    """Return the server's command for a client, behind a relay that copies all lines."""
     server = [sys.executable, "-P", "-m", "plannerforge", "serve", "--workspace", str(workspace)]
     paths = {"PYTHONPATH": os.environ["PYTHONPATH"]} if os.environ.get("PYTHONPATH") else {}
     variables = {**QUIET, **paths, **settings}
@@ -100,7 +101,7 @@ def _server_by_stdio(workspace: Path, copy: Path, settings: Mapping[str, str]) -
 
 
 def _driven(host: Host, installed: Installed, folder: Path, given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """What a driver reports; ``failure`` says how it ended where it did not end well."""
+    """Return a driver's report; ``failure`` says how it ended if it failed."""
     task, report = folder / "task.json", folder / "report.json"
     given = {"url": "", "report": str(report), "packages": str(installed.folder / "node_modules" / "x"), **given}
     task.write_text(json.dumps(given), encoding="utf-8")
@@ -123,7 +124,7 @@ def _driven(host: Host, installed: Installed, folder: Path, given: Mapping[str, 
         except subprocess.TimeoutExpired:
             failure = f"not done in {_TIMEOUT_S:g} s"
         finally:
-            with suppress(ProcessLookupError):  # what the client left running ends with it
+            with suppress(ProcessLookupError):  # processes that the client left running end with it
                 os.killpg(driver.pid, signal.SIGKILL)
             driver.wait()
     if failure:

@@ -1,9 +1,9 @@
-"""The story that every client takes through the server, told call by call, and what must lie in the workspace then.
+"""The story that every client follows call by call, and the required content of the workspace after each call.
 
-A model that is a script tells it (``model.py``): each call is made of what the client showed of the answers before, as
-a model would make it. Two calls are wrong on purpose, one after the other: they show what a client does with refusals.
+A scripted model tells it (``model.py``): each call uses what the client showed of earlier answers, as a model would.
+Two successive calls are wrong on purpose, to show how a client handles refusals.
 
-What counts is what the server wrote down, never what a client says: its journal of calls, and the artifacts.
+Only the server's records count, never a client's statements: the journal of calls, and the artifacts.
 """
 
 import json
@@ -19,11 +19,11 @@ REQUEST = (
     "Find a scenario with at least two cars, make one of its cars drive aggressively, run Frenetix with its presets "
     "Default and Safety-Conservative on it, compare the two and draw the scenario."
 )
-"""What the user asks for."""
+"""The user's request."""
 CLOSING = "Both runs are compared and the picture is drawn"
-"""Of the model's last message; who sees it was taken to the end."""
+"""A part of the model's last message, which proves that the story reached its end."""
 STEPS = ("find_scenarios", "modify_scenario", "run_planner", "compare_results", "render")
-"""The tools that must have been carried out, in this order."""
+"""The required tools, in this order."""
 _CONFIGS = ("frenetix:Default", "frenetix:Safety-Conservative")
 _NO_SCENARIO, _NO_VEHICLE = "DEU_Nowhere-1_1_T-1", "999999"
 _SCENARIO = re.compile(r"\b[A-Z]{3}_[A-Za-z]\w*-\d+_\d+_T-\d+")
@@ -32,17 +32,17 @@ _BATCH, _JOB = re.compile(r"\bbatch_[0-9a-f]{8,}"), re.compile(r"\bjob_[0-9a-f]{
 _PNG, _PNG_AS_TEXT = b"\x89PNG\r\n\x1a\n", "iVBORw0KGgo"
 _WRONG_EDITS = 2
 _UNKNOWN = "unknown"
-"""The client's name in a journal where it gave none."""
+"""The client's name in a journal if it gave none."""
 
 
 @dataclass(frozen=True)
 class ShownResult:
-    """What a client showed its model, or its user, of the answer to one call.
+    """What a client showed its model or user of the answer to one call.
 
     Args:
         tool: the server's name of the tool.
-        text: all that is text, structured content and links included, as it was shown.
-        pictures: how many pictures were shown as pictures.
+        text: all text as shown, including structured content and links.
+        pictures: number of pictures shown as pictures.
     """
 
     tool: str
@@ -52,7 +52,7 @@ class ShownResult:
 
 @dataclass(frozen=True)
 class Move:
-    """What the model says next: a call, or the last message where there is no tool in it."""
+    """The model's next message: a call, or the last message if it has no tool."""
 
     tool: str = ""
     arguments: Mapping[str, Any] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class Move:
 
 
 def next_move(shown: Sequence[ShownResult]) -> Move:
-    """The next message of the model, after what it was shown so far."""
+    """Return the model's next message after what it was shown so far."""
     told = _with_waits(shown)
     moves = (_find, _describe, _in_no_scenario, _with_no_vehicle, _modify, _run, _compare, _draw)
     if len(told) == len(moves):
@@ -74,7 +74,7 @@ def next_move(shown: Sequence[ShownResult]) -> Move:
 
 
 def _with_waits(shown: Sequence[ShownResult]) -> list[ShownResult]:
-    """The results, where what was told of a job belongs to the call that began it."""
+    """Return the results, with reports on a job assigned to the call that started it."""
     told: list[ShownResult] = []
     for result in shown:
         if result.tool == "get_job" and told:
@@ -127,7 +127,7 @@ def _scenario(result: ShownResult) -> str:
 
 
 def _edited(told: Sequence[ShownResult]) -> str:
-    """The id in the answer to the edit that is not the base's."""
+    """Return the id in the answer to the edit that is not the base's."""
     made = [found for found in _SCENARIO.findall(told[4].text) if found != _scenario(told[0])]
     if not made:
         raise LookupError("id of an edited scenario")
@@ -146,7 +146,7 @@ def _first(pattern: re.Pattern[str], result: ShownResult, what: str) -> str:
 
 
 def _unfinished(result: ShownResult) -> str:
-    """The job that is to be waited for; empty where the runs are done."""
+    """Return the job to wait for, empty if the runs are done."""
     return "" if _BATCH.search(result.text) else _first(_JOB, result, "id of a job")
 
 
@@ -160,7 +160,7 @@ Answers = Literal["text", "structure", "both", "nothing"]
 
 @dataclass(frozen=True)
 class ShownSummary:
-    """What a client passes on: which form of an answer, pictures, links, and the words of a refusal."""
+    """What a client passes on: the form of an answer, pictures, links, and the text of a refusal."""
 
     answers: Answers
     pictures: Pictures
@@ -169,7 +169,7 @@ class ShownSummary:
 
 
 def summary_of(shown: Sequence[ShownResult]) -> ShownSummary:
-    """What a client passed on of the answers of one story; pictures are told from the drawing alone."""
+    """Return what a client passed on of one story's answers; only the drawing shows pictures."""
     edits = [result.text for result in shown if result.tool == "modify_scenario"]
     text = any("the edit is done" in told for told in edits)
     structure = any("base_id" in told for told in edits)
@@ -183,7 +183,7 @@ def summary_of(shown: Sequence[ShownResult]) -> ShownSummary:
 
 @dataclass(frozen=True)
 class JournalledCall:
-    """A line of the server's journal: who called what, what came out; ``error`` is empty where it was carried out."""
+    """A line of the server's journal: caller, call and result; ``error`` is empty if the call succeeded."""
 
     client: str
     tool: str
@@ -193,13 +193,13 @@ class JournalledCall:
 
 @dataclass(frozen=True)
 class StoredWork:
-    """What lies in a workspace after a story.
+    """The content of a workspace after a story.
 
     Args:
         calls: the journal, oldest first.
-        bases: edited scenario → the one that it was made of.
+        bases: edited scenario → its source.
         runs: run → scenario and configuration.
-        pictures: the files of pictures that are ones.
+        pictures: valid picture files.
     """
 
     calls: tuple[JournalledCall, ...]
@@ -209,7 +209,7 @@ class StoredWork:
 
 
 def stored_work(root: Path) -> StoredWork:
-    """Read what a server that has ended left in its workspace; a part that is not there is empty."""
+    """Read what an ended server left in its workspace; a missing part is empty."""
     journal = root / "journal" / "calls.jsonl"
     lines = journal.read_text(encoding="utf-8").splitlines() if journal.is_file() else []
     calls = tuple(_call(json.loads(line)) for line in lines)
@@ -235,12 +235,12 @@ def _call(line: Mapping[str, Any]) -> JournalledCall:
 
 
 def faults_of(work: StoredWork, said: str, own_name: str = "") -> list[str]:
-    """What is missing for the story to be whole, in words; nothing where it is.
+    """Describe what a complete story lacks, empty if it is complete.
 
     Args:
-        work: what the server wrote down.
+        work: the server's records.
         said: all that the client showed its user at the end.
-        own_name: what the client calls itself, where that was seen apart from the journal.
+        own_name: the client's own name, if known apart from the journal.
     """
     done = [call for call in work.calls if not call.error]
     missing = [tool for tool in STEPS if tool not in {call.tool for call in done}]
@@ -273,7 +273,7 @@ def _refusal_faults(calls: Sequence[JournalledCall]) -> list[str]:
 
 
 def goes_on_after_refusals(calls: Sequence[JournalledCall]) -> bool | None:
-    """Whether a call was carried out after both wrong edits; None where they were not made."""
+    """Return whether a call succeeded after both wrong edits, or None if they were not made."""
     refused = [place for place, call in enumerate(calls) if call.error and call.tool == "modify_scenario"]
     return None if len(refused) < _WRONG_EDITS else any(not call.error for call in calls[refused[-1] :])
 

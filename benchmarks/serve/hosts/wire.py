@@ -1,8 +1,8 @@
-"""Stands between a client and the server by standard input, hands every line on, and keeps a copy of each.
+"""A relay between a client and the server over standard input that keeps a copy of each line.
 
-Run as a program of its own, ``python -P wire.py COPY SERVER ARGUMENT…``: the client starts it in the server's place.
-What is read of the copy afterwards (:func:`wire_facts`) is what neither the client nor the journal tells: the revision
-that both agreed on, what the client calls itself, whether it asked for progress.
+Run it as a separate program, ``python -P wire.py COPY SERVER ARGUMENT…``; the client starts it in place of the server.
+:func:`wire_facts` reads from the copy what neither the client nor the journal reports: the agreed revision, the
+client's name, and whether it requested progress.
 """
 
 import json
@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import IO, Any
 
 _META = "io.modelcontextprotocol/"
-"""What the keys of the revision without sessions begin with."""
+"""Prefix of the keys in the revision without sessions."""
 
 
 @dataclass(frozen=True)
 class WireFacts:
-    """What was seen of a client: revision, name with version, whether it asked for progress, notes that it was sent."""
+    """Observations of a client: revision, name with version, whether it requested progress, notes sent to it."""
 
     revision: str = ""
     client: str = ""
@@ -30,7 +30,7 @@ class WireFacts:
 
 
 def wire_facts(copy: Path) -> WireFacts:
-    """What a copy shows; empty where there is none. Of several sessions the last one counts."""
+    """Return the content of a copy, empty if there is none. The last of several sessions counts."""
     facts = WireFacts()
     for sender, message in _messages(copy):
         parameters, result = message.get("params") or {}, message.get("result") or {}

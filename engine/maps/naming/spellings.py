@@ -290,6 +290,11 @@ def distinctive(words: Iterable[str]) -> frozenset[str]:
     return frozenset(words) - _KINDS - _DIRECTIONS - _PARTICLES - {"and", "saint"}
 
 
+def without_kinds(words: frozenset[str]) -> frozenset[str]:
+    """Return words without those that say which kind of road it is, and without particles."""
+    return words - _KINDS - _PARTICLES
+
+
 def kinds_of_road(name: str) -> frozenset[str]:
     """Return the kinds of road in any reading of a name (``street``, ``boulevard``)."""
     return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)

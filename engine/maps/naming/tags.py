@@ -45,7 +45,7 @@ _NAME_KEY = re.compile(
     r"(?::(?:[a-z]{2,3}(?:[-_][A-Za-z0-9]+)*|left|right|forward|backward|[\d.-]+))?"
 )
 """A name's tag with a number, a language (BCP 47), a side or years; not ``name:prefix``, ``name:etymology``, ..."""
-_REF_KEYS = ("ref", "int_ref", "nat_ref", "reg_ref", "loc_ref", "old_ref")
+_REF_KEYS = ("ref", "int_ref", "nat_ref", "reg_ref", "loc_ref")
 """OSM's tags for numbers of roads; each may have several between semicolons."""
 _BOTH = re.compile(r"\s+[-–—/]\s+|\s*/\s*(?=\D)")
 """The separator in names of places that have two (``Bolzano - Bozen``)."""

@@ -2,11 +2,14 @@
 
 import math
 from collections import Counter
+from collections.abc import Mapping
 from functools import cached_property
 
 from ....schemas.generation import PlaceArea
 from ..naming.shown import areas_shown
-from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, ground_distance_m, length_m
+from ..osm import HALF_TURN_DEG, OsmMap, OsmNode, OsmWay, ground_distance_m, length_m
+from ..road_classes import LINKS
+from ..road_tags.limits import signed_kmh
 from .nearness import Surroundings
 
 BUILT_UP_ROADS = frozenset({"residential", "living_street"})
@@ -15,6 +18,9 @@ SETTLEMENTS = frozenset({"city", "town", "village", "suburb", "borough", "quarte
 """OSM's values of ``place`` for built-up settlements and their parts."""
 _CORE_SHARE = 0.5
 """Share of a settlement's radius within which a road is in it (measured: ``site_roads/road_reader.py``)."""
+_POSTED_WITHIN_M = 300.0
+"""Distance from a road within which other roads' posted limits say whether it is in a town (measured, as above)."""
+_OFF_STREET = frozenset({"motorway", *LINKS, "service", "track"})
 TOWN_JUNCTIONS_PER_KM = 5.0
 """A map with more junctions per kilometre of road is that of a town (chosen)."""
 
@@ -58,6 +64,41 @@ class BuiltUp:
             ground_distance_m(node.position, (area.latitude, area.longitude)) <= _CORE_SHARE * area.radius_m
             for area in self._settlements
         )
+
+    def posted_kmh_around(self, way: OsmWay, middle: OsmNode) -> float | None:
+        """Return the median of the limits that are posted on the roads that meet a road, or on those near its middle.
+
+        Near its middle, two roads or more need a posted limit. Motorways, links and drives do not count.
+        """
+        meeting = sorted(
+            kmh for key in way.node_ids for other, kmh in self._posted_at.get(key, ()) if other != way.way_id
+        )
+        if meeting:
+            return meeting[len(meeting) // 2]
+        places, limits = self._posted
+        near = sorted(limits[index] for index in places.lines_within(self.metres(middle), _POSTED_WITHIN_M))
+        return near[len(near) // 2] if len(near) > 1 else None
+
+    @cached_property
+    def _posted_ways(self) -> tuple[tuple[OsmWay, float], ...]:
+        """The roads with a posted limit, in km/h."""
+        roads = (way for way in self._osm.roads() if way.road_class not in _OFF_STREET)
+        return tuple((way, kmh) for way in roads if (kmh := signed_kmh(way.tags)) is not None)
+
+    @cached_property
+    def _posted_at(self) -> Mapping[int, list[tuple[int, float]]]:
+        """For each node, the roads there with their posted limits."""
+        at: dict[int, list[tuple[int, float]]] = {}
+        for way, kmh in self._posted_ways:
+            for key in dict.fromkeys(way.node_ids):
+                at.setdefault(key, []).append((way.way_id, kmh))
+        return at
+
+    @cached_property
+    def _posted(self) -> tuple[Surroundings, list[float]]:
+        """The middles of the roads with a posted limit, and the limits."""
+        middles = [self.metres(self._osm.nodes[way.node_ids[len(way.node_ids) // 2]]) for way, _ in self._posted_ways]
+        return Surroundings([[middle] for middle in middles]), [kmh for _, kmh in self._posted_ways]
 
     @cached_property
     def _settlements(self) -> tuple[PlaceArea, ...]:

@@ -176,10 +176,13 @@ class SiteFinder:
         return list(self._found[kind])
 
     def find_by_links(self, kind: SiteType) -> list[Site]:
-        """Return junctions of a kind that ``find`` leaves out: a street reaches another one over a link with its name.
+        """Return sites of a kind that ``find`` leaves out because links belong to them.
 
-        The network decides whether a signalised one gets lights.
+        At a junction, a street reaches another one over a link with its name; the network decides whether a signalised
+        one gets lights. The ring of a roundabout may be made of links, or links with a street's name may enter it.
         """
+        if kind == "roundabout" and self._road_m > LEAST_ROAD_M:
+            return [replace(site, by_links=True) for site in _merged(self._rings(with_links=True))]
         if kind not in ("intersection", "signalised_intersection", "urban") or self._road_m <= LEAST_ROAD_M:
             return []
         crossings = self._with_named_links
@@ -271,18 +274,20 @@ class SiteFinder:
 
     def _roundabouts(self) -> list[_Spot]:
         """Return closed rings of the roads in a site's cut, without links."""
-        tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
-        rings = Rings(self.osm, self.osm.roads(self._without_links) if tagged else ())
+        return self._rings(with_links=False)
+
+    def _rings(self, *, with_links: bool) -> list[_Spot]:
+        """Return closed rings of roads, or of roads and links."""
+        classes = self._without_links | frozenset(LINKS) if with_links else self._without_links
+        tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS and way.road_class in classes]
+        rings = Rings(self.osm, self.osm.roads(classes) if tagged else ())
+        arms = self._with_links if with_links else self._streets
         spots = []
-        for way in (way for way in tagged if way.road_class in self._without_links):
+        for way in tagged:
             if ring := rings.around(way):
                 middle = OsmNode(0, *_middle([self.osm.nodes[key].position for key in ring]), {})
-                spots.append(_Spot("roundabout", middle, way.way_id, partial(self._arms, way)))
+                spots.append(_Spot("roundabout", middle, way.way_id, partial(_ways_along, arms, ring)))
         return spots
-
-    def _arms(self, ring: OsmWay) -> Iterator[OsmWay]:
-        for key in ring.node_ids:
-            yield from islice(self._streets.ways_at(key), MOST_NAMED)
 
     def _signalised(self) -> list[_Spot]:
         """Return junctions with a traffic signal within reach; a signal alone may be a pedestrian crossing."""
@@ -486,6 +491,12 @@ _SPOTS: Mapping[SiteType, Callable[[SiteFinder], list[_Spot]]] = {
     "urban": SiteFinder._urban,
 }
 """The search for candidates of each kind; module-level, because in a finder it would form a reference cycle."""
+
+
+def _ways_along(crossings: _Crossings, nodes: Sequence[int]) -> Iterator[OsmWay]:
+    """Yield the first roads at each node of a ring."""
+    for key in nodes:
+        yield from islice(crossings.ways_at(key), MOST_NAMED)
 
 
 def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:

@@ -154,7 +154,7 @@ def test_leaving_the_road_is_no_collision() -> None:
     assert risk.value(record()) == 3
 
 
-def test_collisions_of_which_no_step_was_kept_say_nothing() -> None:
+def test_collisions_without_stored_steps_say_nothing() -> None:
     assert collision_causes(RunSet((RunSource(record=record(outcome="collision")),))) is None
     assert collision_causes(RunSet((RunSource(record=record()),))) is None
 

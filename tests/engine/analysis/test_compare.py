@@ -63,7 +63,7 @@ def test_few_pairs_are_said_plainly() -> None:
     assert "metric" not in found.comparisons[0].verdict
 
 
-def test_a_single_pair_is_a_pair_and_none_is_none() -> None:
+def test_pairs_of_one_and_of_zero_scenarios() -> None:
     one = compared(runs(["goal_reached"]), runs(["goal_reached"], SAFE)).comparisons[0]
     assert one.headline_code == "one_pair_same"
     assert one.verdict.startswith("same outcome: both reach the goal")
@@ -89,7 +89,7 @@ def test_enough_flips_are_significant_after_holm() -> None:
 
 
 @pytest.mark.parametrize(("flips", "alone"), [(6, True), (9, False), (3, False)])
-def test_an_interval_without_zero_beside_chance_is_said_to_be_of_the_test_alone(flips: int, alone: bool) -> None:
+def test_an_interval_without_zero_but_no_significance_is_attributed_to_the_test(flips: int, alone: bool) -> None:
     kept = ["goal_reached"] * 8
     before = runs([*(["collision"] * flips), *kept], gaps=[1.0 + n / 10 for n in range(flips + 8)])  # type: ignore[list-item]
     after = runs([*(["goal_reached"] * flips), *kept], SAFE, gaps=[1.1 + n / 9 for n in range(flips + 8)])  # type: ignore[list-item]

@@ -203,7 +203,7 @@ def test_a_parameter_that_is_no_weight_of_the_cost_is_not_called_idle(tmp_path: 
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}
 
 
-def test_a_weight_whose_term_has_another_name_is_not_called_idle(tmp_path: Path) -> None:
+def test_a_weight_with_a_differently_named_term_is_not_called_idle(tmp_path: Path) -> None:
     run = source(record(), tmp_path, velocity_offset=9.0, prediction=1.0)
     declared = DEFAULT.model_copy(update={"terms": {"lateral_jerk": "prediction"}})
     assert "idle_weights" not in {one.name for one in find_all(RunSet((run,), (declared,)))}

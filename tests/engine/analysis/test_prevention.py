@@ -293,7 +293,7 @@ def test_trucks_prevent_less_than_cars() -> None:
     assert latest["car"] - latest["truck"] == pytest.approx((200 / 5.0 - 200 / CAR.full_mps2) / 20.0, abs=0.25)
 
 
-def test_beside_a_bend_another_does_not_jump_along_the_way() -> None:
+def test_a_road_user_next_to_a_bend_does_not_jump_along_the_path() -> None:
     """The ego drives a right-angle bend of 10 m; the other moves straight past the middle of the bend, 8 m aside."""
     angle = np.linspace(0.0, math.pi / 2, 60)
     bend = np.column_stack([10.0 * np.sin(angle), 10.0 - 10.0 * np.cos(angle)])

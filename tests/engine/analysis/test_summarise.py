@@ -42,7 +42,7 @@ def test_runs_without_steps_are_told_only_where_costs_are_asked_for() -> None:
     assert analysed(*five_runs(), detail="costs").note_figures["stepless_runs"] == 4
 
 
-def test_goals_that_are_refused_stand_beside_the_rate_by_the_papers_rule() -> None:
+def test_refused_goals_are_shown_next_to_the_rate_by_the_papers_rule() -> None:
     outcomes = ["goal_reached", "goal_refused", "collision", "invalid"]
     found = analysed(*(source(record(f"DEU_Town-{n}_1_T-1", one)) for n, one in enumerate(outcomes)))  # type: ignore[arg-type]
     assert (found.success.count, found.success.of) == (1, 3)
@@ -158,7 +158,7 @@ def test_conditions_choose_runs(condition: str, kept: int) -> None:
         ("duration_s=long", InvalidRequest, "duration_s>=1"),
     ],
 )
-def test_conditions_that_cannot_be_meant_name_what_can(condition: str, error: type[Exception], named: str) -> None:
+def test_invalid_conditions_name_the_valid_ones(condition: str, error: type[Exception], named: str) -> None:
     with pytest.raises(error) as raised:
         analysed(*five_runs(), where=(condition,))
     assert named in str(raised.value)
@@ -261,7 +261,7 @@ def test_a_brief_answer_of_one_run_is_short_and_says_nothing_twice(tmp_path: Pat
     assert said.count("Minimum distance 2 m") == 1
 
 
-def test_a_metric_that_there_is_not_is_none_with_the_reason(tmp_path: Path) -> None:
+def test_a_missing_metric_is_none_with_the_reason(tmp_path: Path) -> None:
     alone = metrics(
         minimum_distance_m=None, minimum_time_to_collision_s=None, minimum_time_headway_s=None, risk_score=None
     )

@@ -54,7 +54,7 @@ def test_speeds_are_counted_in_bands_that_begin_with_their_bound(three: sqlite3.
     assert "ego_speed" not in counted(three, "all", frozenset())
 
 
-def test_a_facet_by_itself_names_what_none_has_with_0(three: sqlite3.Connection) -> None:
+def test_a_single_facet_lists_unused_values_with_0(three: sqlite3.Connection) -> None:
     assert counted(three, "tags") == {"tags": dict.fromkeys(TAGS, 0) | {"urban": 2, "critical": 1}}
     assert counted(three, "features") == {"features": dict.fromkeys(FEATURES, 0) | {"ramp": 1}}
     kinds = {"car": 2, "bus": 1, "truck": 1}
@@ -62,7 +62,7 @@ def test_a_facet_by_itself_names_what_none_has_with_0(three: sqlite3.Connection)
     assert counted(three, "places") == {"countries": {"DEU": 2, "ESP": 1}, "places": {"DEU Bonn": 2, "ESP Vigo": 1}}
 
 
-def test_among_all_facets_what_none_has_stands_in_a_note(three: sqlite3.Connection) -> None:
+def test_unused_values_of_all_facets_are_in_a_note(three: sqlite3.Connection) -> None:
     found = notes(three, "all")
     assert found["tags"] == f"unused: {', '.join(tag for tag in TAGS if tag not in ('urban', 'critical'))}"
     assert found["obstacles"] == f"scenarios with any; {len(OBSTACLE_TYPES) - 3} types unused"

@@ -61,7 +61,7 @@ async def test_two_imports_at_once_of_one_content_give_one_scenario(workspace: W
     assert listed(workspace) == [ID]
 
 
-async def test_a_file_that_is_gone_when_it_is_to_be_stored_does_not_keep_out_the_others(
+async def test_a_file_that_vanishes_before_storage_does_not_block_the_others(
     workspace: Workspace, tmp_path: Path
 ) -> None:
     gone, good = read(tmp_path / "gone.xml", 1), read(tmp_path / "good.xml", 2)

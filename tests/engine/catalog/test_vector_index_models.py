@@ -59,7 +59,7 @@ def test_the_packaged_model_reads_other_languages() -> None:
 
 
 @pytest.mark.parametrize("name", [PACKAGED_MODEL, ENGLISH_MODEL])
-def test_a_vector_does_not_depend_on_the_texts_beside_it(name: str) -> None:
+def test_a_vector_does_not_depend_on_other_texts(name: str) -> None:
     embed = EmbeddingModel.of(name).embed
     assert np.array_equal(embed(TEXTS)[1], embed(TEXTS[1:2])[0])
 

@@ -97,7 +97,7 @@ def test_unknown_words_whose_meaning_is_near_still_rank(three: sqlite3.Connectio
     )
 
 
-def test_conditions_match_beside_a_text_that_is_nowhere(three: sqlite3.Connection) -> None:
+def test_conditions_match_although_a_text_occurs_nowhere(three: sqlite3.Connection) -> None:
     found = answer(three, text="zebrafish", country="ESP")
     assert ids(found) == [BUILT]
     assert "'zebrafish' is in no title, tag, place or description; the text matches nothing." in found.notes
@@ -125,7 +125,7 @@ def test_the_origin_of_a_scenario_is_a_condition(
     assert found.matches[0].satisfied == (evidence,)
 
 
-def test_an_origin_that_none_has_names_those_there_are(three: sqlite3.Connection) -> None:
+def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> None:
     found = answer(three, origin="recorded", country="DEU")
     assert found.emptied_by is not None
     assert "existing: origins simulated" in found.emptied_by.note

@@ -260,7 +260,7 @@ def test_states_that_are_cut_out_of_bytes_are_those_that_a_parser_takes(tmp_path
     ],
     ids=["text behind", "text before", "spaced", "twice", "another element", "reference", "broken"],
 )
-def test_an_obstacle_whose_states_differ_is_left_to_the_parser(tmp_path: Path, old: bytes, new: bytes) -> None:
+def test_an_obstacle_with_differing_states_is_left_to_the_parser(tmp_path: Path, old: bytes, new: bytes) -> None:
     split = SplitDocument.of(town_road().write(tmp_path / "town.xml").read_bytes())
     assert split is not None
     (chunk, *_) = (chunk for chunk in split.chunks if cut_states(chunk) is not None)

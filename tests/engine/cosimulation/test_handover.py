@@ -58,7 +58,7 @@ def test_a_vehicle_recorded_for_a_while_only_is_driven_to_the_end(apply: Apply) 
     assert applied.tracks()[36].last_step == 150
 
 
-def test_a_vehicle_recorded_beside_its_lane_is_not_taken_for_one_of_the_road_there(apply: Apply) -> None:
+def test_a_vehicle_recorded_off_its_lane_is_not_matched_to_the_adjacent_road(apply: Apply) -> None:
     overtaking = driving(36, (20, 6.8), 10.0, 151)
     applied = apply(
         {"op": "set_behaviour", "vehicles": ["36"], "preset": "balanced"}, builder=town_road().with_vehicles(overtaking)
@@ -69,7 +69,7 @@ def test_a_vehicle_recorded_beside_its_lane_is_not_taken_for_one_of_the_road_the
     assert track.positions[60][1] < 5
 
 
-def test_a_vehicle_recorded_askew_beside_its_lane_is_led_into_it_without_a_leap(apply: Apply) -> None:
+def test_a_vehicle_recorded_at_an_angle_off_its_lane_is_led_in_smoothly(apply: Apply) -> None:
     straight = driving(36, (20, 6.2), 17.0, 151)
     askew = replace(straight, poses=((20.0, 6.2, 0.24, 17.0), *straight.poses[1:]))
     applied = apply(
@@ -103,7 +103,7 @@ def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(br
     assert abs(speeds[1] - speeds[0]) <= 1.0
 
 
-def test_bus_whose_front_turns_too_tightly_swings_out_instead() -> None:
+def test_a_bus_in_a_too_tight_turn_swings_out() -> None:
     start = Track(
         obstacle_id=36,
         kind="bus",

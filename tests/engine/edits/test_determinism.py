@@ -49,7 +49,7 @@ def test_only_new_edits_are_reported_of_a_list_that_goes_on(apply: Apply) -> Non
     assert [(report.index, report.op) for report in applied.outcome.edits] == [(0, "add_vehicle"), (1, "set_goal")]
 
 
-def test_driven_vehicles_do_not_depend_on_a_goal_beside(apply: Apply) -> None:
+def test_driven_vehicles_do_not_depend_on_a_goal_off_their_route(apply: Apply) -> None:
     alone, both = apply(*COMPOSITE[:3]).xml, apply(*COMPOSITE).xml
     one, two = elements(alone), elements(both)
     assert all(one[key] == two[key] for key in ("31", "33", "35", "101"))

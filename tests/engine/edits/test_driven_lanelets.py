@@ -41,7 +41,7 @@ def route_of(scene: Scene, step: EditStep, track: TakenOverTrack) -> VehicleRout
 @pytest.mark.parametrize(
     ("over_m", "expected"), [(-0.2, (1,)), (0.02, (1,)), (0.4, (1,)), (0.6, (1, 2)), (4.0, (1, 2))]
 )
-def test_a_lanelet_of_which_the_bumper_is_over_the_line_is_not_driven(
+def test_a_lanelet_reached_only_by_the_bumper_is_not_driven(
     tmp_path: Path, over_m: float, expected: tuple[int, ...]
 ) -> None:
     scene = scene_of(crossing(), tmp_path)
@@ -80,7 +80,7 @@ def test_one_that_is_still_steering_over_to_its_target_is_on_its_way_and_had_roo
     assert route.reason == "the scenario ends at 10.0 s on the way to lanelet 2"
 
 
-def test_a_lanelet_that_is_passed_while_the_body_is_still_beside_it_is_not_reached(tmp_path: Path) -> None:
+def test_a_lanelet_passed_with_the_body_still_next_to_it_is_not_reached(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((-60, 0), (0, 0)), successors=(3,), left=(2, True)),
         Lane(2, line((-60, 3.5), (0, 3.5)), successors=(4,), right=(1, True)),

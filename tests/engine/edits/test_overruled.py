@@ -70,9 +70,7 @@ def test_an_edit_that_was_carried_out_before_another_one_took_over_is_done(apply
         (behaving(preset="eco"), behaving(preset="aggressive") | {"vehicles": ["35"]}),
     ],
 )
-def test_a_behaviour_of_which_something_is_left_is_done(
-    apply: Apply, first: dict[str, Any], second: dict[str, Any]
-) -> None:
+def test_a_partly_applied_behaviour_is_done(apply: Apply, first: dict[str, Any], second: dict[str, Any]) -> None:
     assert all(edit.done for edit in apply(first, second, builder=FREE).outcome.edits)
 
 

@@ -199,7 +199,7 @@ def test_no_oncoming_lane_is_refused(apply: Apply) -> None:
     assert caught.value.valid
 
 
-def test_a_place_beside_a_vehicle_that_was_just_added(apply: Apply) -> None:
+def test_a_place_next_to_a_newly_added_vehicle(apply: Apply) -> None:
     behind = CAR | {"at": "vehicle:new:0", "offset_m": -20}
     tracks = apply(CAR | {"at": "13", "position": "60m"}, behind, builder=SHORT).tracks()
     assert tracks[102].positions[0] == pytest.approx((220.0, -60.0), abs=0.01)

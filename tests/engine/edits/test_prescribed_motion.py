@@ -92,7 +92,7 @@ def test_an_edit_is_done_if_what_it_is_about_happened_for_one_of_its_vehicles() 
     assert told.verdict == "not reached"
 
 
-def test_a_cut_in_from_another_lane_than_the_next_names_the_vehicles_beside(apply: Apply) -> None:
+def test_a_cut_in_from_a_farther_lane_names_the_vehicles_alongside(apply: Apply) -> None:
     both = BESIDE.with_vehicles(*BESIDE.vehicles, driving(31, (70, 0), 10.0, 101))
     with pytest.raises(NotPossible) as refusal:
         apply({"op": "cut_in", "vehicles": ["31"]}, builder=both)

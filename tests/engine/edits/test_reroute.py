@@ -137,7 +137,7 @@ def test_a_bend_at_the_far_end_of_a_lanelet_leaves_all_of_it_to_brake(apply: App
     assert applied.outcome.touched[0].feasible
 
 
-def test_a_lane_change_whose_last_place_is_passed_before_it_can_be_made_is_refused(apply: Apply) -> None:
+def test_a_lane_change_is_refused_if_its_last_place_is_passed_too_early(apply: Apply) -> None:
     past = town_road().with_vehicles(driving(36, (199, 0), 10.0, 41))
     with pytest.raises(NotPossible, match=r"lanelet 1, .* 2, ends 0 m ahead of its front"):
         apply({"op": "reroute", "vehicles": ["36"], "to": ["2"]}, builder=past)

@@ -50,7 +50,7 @@ def put(folder: Path, name: str, kind: str, users: tuple[str, ...] = (), tags: t
         ("pedestrian", "busLane", ()),
     ],
 )
-def test_a_lanelet_may_be_used_by_users_that_are_named_or_meant(
+def test_a_lanelet_admits_its_named_and_implied_users(
     tmp_path: Path, name: str, kind: str, users: tuple[str, ...]
 ) -> None:
     assert put(tmp_path, name, kind, users).outcome.edits[0].done

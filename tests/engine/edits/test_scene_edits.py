@@ -37,7 +37,7 @@ def test_a_time_gap_says_where_a_vehicle_enters(apply: Apply) -> None:
     assert room_m == pytest.approx(20.0, abs=0.1)
 
 
-def test_a_parked_vehicle_stands_beside_the_lane(apply: Apply) -> None:
+def test_a_parked_vehicle_is_off_the_lane(apply: Apply) -> None:
     applied = apply({"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "0.8", "side": "right"})
     (key,) = applied.outcome.edits[0].vehicles
     (parked,) = [one for one in read_scenario(applied.xml).scenario.static_obstacles if one.obstacle_id == key]

@@ -64,7 +64,7 @@ def test_a_vehicle_follows_while_its_lanelet_is_still_in_the_ego_s_lane(apply: A
     assert meant(apply, "follow", builder=builder) == (36,)
 
 
-def test_a_vehicle_overtaking_beside_the_lane_does_not_follow(apply: Apply) -> None:
+def test_a_vehicle_overtaking_in_the_next_lane_is_not_a_follower(apply: Apply) -> None:
     lanes = (Lane(1, line((0, 0), (300, 0)), left=(2, False)), Lane(2, line((300, 3.5), (0, 3.5)), left=(1, False)))
     others = (driving(36, (25, 3.6), 12.0, 11), driving(37, (10, 0), 10.0, 11))
     assert meant(apply, "follow", builder=ScenarioBuilder(lanes, others)) == (37,)

@@ -69,7 +69,7 @@ MERGING = (Lane(4, line((-80, -60), (0, 0)), successors=(1,)), Lane(5, line((-10
 
 
 @pytest.mark.parametrize("word", ["lead", "follow"])
-def test_a_description_names_the_lead_and_follow_vehicles_beside_the_ego_s_lane(
+def test_a_description_names_leader_and_follower_in_the_lanes_next_to_the_ego(
     apply: Apply, tmp_path: Path, word: str
 ) -> None:
     """On another branch than the ego's way, or on a lane that joins it."""
@@ -99,7 +99,7 @@ def test_a_description_names_the_lead_and_follow_vehicles_beside_the_ego_s_lane(
         ((AHEAD, {"op": "remove_vehicle", "vehicles": ["new:0"]}), ["lead"], (31,)),
     ],
 )
-def test_added_vehicles_are_meant_and_removed_ones_are_not(
+def test_words_refer_to_added_vehicles_but_not_to_removed_ones(
     apply: Apply, before: Edits, words: list[str], expected: tuple[int, ...]
 ) -> None:
     assert meant(apply, *before, words=words) == expected
@@ -153,7 +153,7 @@ def test_a_vehicle_enters_no_faster_than_it_can_brake_for_one_that_was_added(app
     ("word", "reason", "valid"),
     [("nearest:0", "selects no vehicle", "nearest:1"), ("nearest:6", "requests more vehicles than are", "nearest:5")],
 )
-def test_a_number_of_vehicles_that_cannot_be_meant_is_refused(apply: Apply, word: str, reason: str, valid: str) -> None:
+def test_an_invalid_number_of_vehicles_is_refused(apply: Apply, word: str, reason: str, valid: str) -> None:
     with pytest.raises(InvalidRequest, match=reason) as caught:
         meant(apply, words=[word])
     assert caught.value.valid[0] == valid

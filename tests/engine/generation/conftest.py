@@ -1,4 +1,4 @@
-"""What the tests of generation share."""
+"""Shared fixtures of the generation tests."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from plannerforge.engine.generation.site_network import forget_sites
 
 @pytest.fixture
 def unknown_sites() -> Iterator[None]:
-    """The networks are built anew, and the next test knows none of them: for tests that have them built otherwise."""
+    """Clears known sites before and after, for tests that build networks differently."""
     forget_sites()
     yield
     forget_sites()

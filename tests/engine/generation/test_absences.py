@@ -44,7 +44,7 @@ def test_where_all_are_there_nothing_is_told() -> None:
     assert told([*cars(6), *TRUCKS]) == set()
 
 
-def test_those_that_found_no_room_and_those_that_were_left_out_add_up_to_what_is_missing() -> None:
+def test_absences_without_room_and_omissions_add_up_to_the_missing_vehicles() -> None:
     gone = [DroppedVehicle(standing("x"), "overlap"), DroppedVehicle(standing("y"), "not_drivable")]
     assert told([*cars(3), *TRUCKS], *gone) == {
         ("left_out", "overlap", "car", 1),

@@ -233,9 +233,7 @@ def test_signs_show_the_posted_limits_although_traffic_slows_for_bends(tmp_path:
     assert min(driven) < 30 / 3.6 - 1
 
 
-def test_a_request_that_is_to_be_given_up_soon_tries_no_further_site(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_request_near_its_time_limit_tries_no_further_site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[object] = []
 
     def refuses(*given: object) -> None:

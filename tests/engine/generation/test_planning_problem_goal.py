@@ -122,7 +122,7 @@ def test_the_ego_of_a_goal_behind_the_site_leaves_it_and_drives_long() -> None:
     assert (second.ego.vehicle_id, second.focus_left, second.takes_most) == ("short", True, False)
 
 
-def test_an_ego_that_passes_the_very_spot_comes_before_one_that_passes_another_junction() -> None:
+def test_an_ego_through_the_exact_spot_is_preferred_to_another_junction() -> None:
     cars = [replace(car(), vehicle_id="beside"), shortened("on the spot", 100)]
     spec, focus = asked("through", 18.0), cast("SiteFocus", WholeRoad())
     chosen = choose_task(spec, cars, road(), focus, 0.1)

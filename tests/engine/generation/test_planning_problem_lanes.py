@@ -100,7 +100,7 @@ def test_a_jog_that_was_driven_slowly_cannot_be_followed_fast() -> None:
     assert not follows_smooth_lanes(held_up(), 130, roads, lookup, least_mps=8.0)
 
 
-def test_a_task_whose_lanes_cannot_be_followed_at_an_even_pace_says_so() -> None:
+def test_a_task_reports_lanes_that_cannot_be_followed_at_constant_speed() -> None:
     roads, focus = network_of_streets(street(1, road_with_jog(3.0, 3.0))), cast("SiteFocus", WholeRoad())
     through, steps = (
         choose_task(TaskSpec(AskedGoal.of(goal), AskedEgo(), 18.0), [held_up()], roads, focus, 0.1)

@@ -48,7 +48,7 @@ def test_a_junction_with_a_signal_on_one_arm_gets_lights_and_the_answer_says_so(
     assert any("lights were created" in note for note in built.notes)
 
 
-def test_lights_that_begin_earlier_in_their_cycles_do_so_in_the_net_and_in_the_lanelets(tmp_path: Path) -> None:
+def test_lights_keep_their_phase_offset_in_network_and_lanelets(tmp_path: Path) -> None:
     osm = crossing_with_a_signal_on_one_arm()
     (site,) = SiteFinder(osm).find("signalised_intersection")
     built = prepare_site(request_at(site), osm, site, tmp_path, silent)

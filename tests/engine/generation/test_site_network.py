@@ -127,7 +127,7 @@ def spoil(monkeypatch: pytest.MonkeyPatch, change: Callable[[RoadNetwork], RoadN
     monkeypatch.setattr(site_network, "build_network", built)
 
 
-def test_a_site_whose_network_breaks_a_rule_is_refused_with_the_rule(
+def test_a_site_with_a_network_that_breaks_a_rule_is_refused_with_the_rule(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def swap(network: RoadNetwork) -> RoadNetwork:
@@ -167,7 +167,7 @@ def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monk
     assert "intersection" not in error.valid
 
 
-def test_lost_sites_take_none_of_the_tries_and_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_sites_use_no_attempts_and_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked_at: list[Site] = []
     fitting = generator.fitting_sites
 
@@ -228,7 +228,7 @@ def test_a_site_without_another_gets_all_the_rounds(tmp_path: Path, monkeypatch:
     assert rounds == list(range(generator.MOST_ROUNDS))
 
 
-def test_a_site_without_traffic_besides_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_site_with_only_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(generator, "without_spares", lambda ranked, demand: ranked[:1])
     error = refused(tmp_path, duration_s=6.0)
     assert error.message == "no vehicle but the ego found room on the roads of this site"

@@ -110,15 +110,23 @@ def test_streets_that_never_meet_are_told_so_with_those_that_hold_the_type_alone
     assert [remedy.changes[0].values for remedy in caught.value.remedies] == [{"place": "North Road, Town"}]
 
 
-def test_a_ring_whose_turns_are_too_tight_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
+def test_a_ring_with_too_tight_turns_is_drawn_with_tighter_corners(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
-    right = [(2.7, -0.0), (2.6, 0.9), (2.2, 1.7), (1.5, 2.3), (0.7, 2.7), (-0.2, 2.7), (-1.1, 2.5), (-1.8, 2.0)]
-    left = [(-2.4, 1.3), (-2.6, 0.5), (-2.7, 0.1), (-2.6, -0.4), (-2.3, -1.2), (-1.8, -1.9), (-1.1, -2.4), (-0.3, -2.6)]
-    ring = [*right, *left, (0.6, -2.5), (1.4, -2.2), (2.0, -1.7), (2.5, -0.9), (2.7, -0.0)]
-    sketch.road(ring, "residential", "Ring", junction="roundabout", oneway="yes", lanes="1")
-    sketch.road([(0.7, 2.7), (0.9, 4.9), (1.6, 95.3)], "residential", "North Road", lanes="1")
-    sketch.road([(0.3, -93.3), (0.9, -4.4), (0.6, -2.5)], "residential", "South Road", lanes="1")
-    sketch.road([(-85.4, 0.4), (-41.6, 0.3), (-7.3, 0.3), (-2.7, 0.1)], "residential", "West Road", lanes="1")
+    north = [(3.0, 4.5), (1.1, 5.3), (-0.8, 5.5), (-3.2, 4.7), (-5.1, 2.9), (-6.0, 0.4), (-5.6, -2.6), (-4.5, -4.3)]
+    south = [(-2.7, -5.7), (-0.7, -6.1), (2.0, -5.7), (4.3, -3.9), (5.2, -2.0), (5.5, 0.0), (4.7, 2.5), (3.0, 4.5)]
+    sketch.road([*north, *south], "secondary", "Ring", junction="roundabout")
+    for number, line in enumerate(
+        [
+            [(31.8, -38.2), (18.6, -33.2), (7.7, -20.6), (5.3, -12.2), (4.3, -3.9)],
+            [(3.0, 4.5), (71.1, 129.1), (110.0, 261.3)],
+            [(-0.7, -6.1), (2.7, -19.4), (13.1, -37.7), (36.1, -63.9)],
+            [(-6.0, 0.4), (-10.5, -1.7), (-26.2, -27.4), (-32.3, -76.4)],
+            [(-5.6, -2.6), (-33.1, -44.6), (-53.6, -66.7), (-64.7, -69.5)],
+            [(-57.4, -81.0), (-30.3, -50.1), (-2.7, -5.7)],
+            [(105.6, 263.8), (67.1, 132.6), (-0.8, 5.5)],
+        ]
+    ):
+        sketch.road(line, "secondary", f"Arm {number}", oneway="yes")
     osm = drawn(tmp_path, sketch)
     request = request_in(tmp_path, scenario_type="roundabout")
     (site,) = fitting_sites(osm, request)

@@ -1,11 +1,21 @@
 """Of the sites of a map, those are chosen that show what a request names."""
 
+import math
 from pathlib import Path
 
-from plannerforge.engine.generation.sites import fitting_sites
+import numpy as np
+import pytest
+
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.generation.site_network import prepare_site
+from plannerforge.engine.generation.sites import fitting_sites, middle_of
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.maps.osm import OsmMap, read_osm
-from plannerforge.schemas.generation import GenerationRequest
+from plannerforge.engine.traffic.motions import GeneratedVehicle
+from plannerforge.engine.vehicles.classes import vehicle_classes
+from plannerforge.engine.vehicles.motion import Motion
+from plannerforge.schemas.errors import NotPossible
+from plannerforge.schemas.generation import AskedGoal, GenerationRequest
 
 
 def drawn(folder: Path, sketch: Sketch) -> OsmMap:
@@ -18,7 +28,7 @@ def request(folder: Path, **asked: object) -> GenerationRequest:
     return GenerationRequest.model_validate({**known, "attribution": "", "folder": "", **asked})
 
 
-def test_a_ramp_of_the_requested_road_comes_before_one_whose_link_leads_to_it(tmp_path: Path) -> None:
+def test_a_ramp_of_the_requested_road_is_preferred_to_one_that_leads_to_it(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-800, 0), (0, 0), (800, 0)], "motorway", "", ref="A 1", oneway="yes")
     sketch.road([(0, 0), (300, -400), (300, -1000)], "motorway_link", "", oneway="yes")
@@ -32,13 +42,58 @@ def test_a_ramp_of_the_requested_road_comes_before_one_whose_link_leads_to_it(tm
     assert not any(abs(site.latitude - 50.0) < 1e-3 for site in sites)
 
 
-def test_sites_nearest_to_the_middle_of_the_requested_box_come_first(tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", range(6))
+def test_a_site_in_a_corner_of_the_requested_box_comes_last(tmp_path: Path, seed: int) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
-    sketch.road([(0, 0), (1000, 0), (2000, 0), (3000, 0)], "secondary", "Main Road")
-    for number, east in enumerate((1000, 2000)):
-        sketch.road([(east, 0), (east, 300)], "residential", f"Side Road {number}")
+    for east, north in ((0, 0), (500, 100), (950, 950)):
+        sketch.road([(east - 100, north), (east, north), (east + 90, north)], "secondary", f"Main Road {east}")
+        sketch.road([(east, north), (east, north + 100)], "residential", f"Side Road {east}")
     osm = drawn(tmp_path, sketch)
-    east_half = request(tmp_path, scenario_type="intersection", bbox=(49.99, 8.0, 50.01, 8.06))
-    west_half = request(tmp_path, scenario_type="intersection", bbox=(49.99, 7.98, 50.01, 8.04))
-    assert [site.streets[-1] for site in fitting_sites(osm, east_half)] == ["Side Road 1", "Side Road 0"]
-    assert [site.streets[-1] for site in fitting_sites(osm, west_half)] == ["Side Road 0", "Side Road 1"]
+    square = (50.0 - 0.009, 8.0 - 0.014, 50.0 + 0.009, 8.0 + 0.014)
+    sites = fitting_sites(osm, request(tmp_path, scenario_type="intersection", bbox=square, seed=seed))
+    assert len(sites) == 3
+    assert "Main Road 950" in sites[-1].streets
+
+
+def test_a_ring_of_links_is_found_if_no_other_is(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    corners = [(20 * math.cos(k * math.pi / 6), 20 * math.sin(k * math.pi / 6)) for k in range(13)]
+    sketch.road(corners, "secondary_link", "", junction="roundabout")
+    sketch.road([corners[0], (300, 0)], "secondary", "East Road")
+    sketch.road([corners[6], (-300, 0)], "secondary_link", "West Road")
+    osm = drawn(tmp_path, sketch)
+    (site,) = fitting_sites(osm, request(tmp_path, scenario_type="roundabout", streets=(("West Road",),)))
+    assert site.by_links
+    assert site.streets[0] == "West Road"
+
+
+def test_a_type_that_cannot_have_the_goal_is_proposed_without_it(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-800, 0), (0, 0), (800, 0)], "motorway", "", ref="A 1", oneway="yes")
+    osm = drawn(tmp_path, sketch)
+    goal = AskedGoal.of("through:exit")
+    with pytest.raises(NotPossible) as refusal:
+        fitting_sites(osm, request(tmp_path, scenario_type="ramp", streets=(("A 1",),), goal=goal))
+    assert refusal.value.remedies[0].changes[0].values == {"scenario_type": "highway", "goal": None}
+
+
+def test_an_ego_that_starts_or_ends_near_the_named_junction_does_not_pass_it(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-200, 0), (0, 0), (50, 0), (250, 0)], "secondary", "Main Road")
+    sketch.road([(0, 0), (0, 150)], "residential", "First Road")
+    sketch.road([(50, 0), (50, 150)], "residential", "Second Road")
+    osm = drawn(tmp_path, sketch)
+    asked = request(tmp_path, scenario_type="intersection", streets=(("Main Road",), ("First Road",)))
+    (site,) = fitting_sites(osm, asked)
+    built = prepare_site(asked, osm, site, tmp_path, silent)
+    first = middle_of(site, built.net)
+
+    def passes(begin_m: float, end_m: float) -> bool:
+        along = np.linspace(begin_m, end_m, 81)
+        still = np.zeros(81)
+        motion = Motion(first + np.stack([along, still - 1.6], axis=1), still, still + 10.0, still)
+        return built.focus.is_on_spot(GeneratedVehicle("1", vehicle_classes()["car"], motion, True), 80)
+
+    assert passes(-60.0, 30.0)
+    assert not passes(25.0, 110.0)
+    assert not passes(-110.0, -25.0)

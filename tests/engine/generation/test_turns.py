@@ -122,7 +122,7 @@ def test_an_ego_turns_back_round_a_ring(tmp_path: Path) -> None:
     assert abs(turned_deg(tmp_path)) > 150.0
 
 
-def test_a_goal_ahead_in_the_lane_of_the_start_needs_no_change_of_lane_one_beside_does() -> None:
+def test_only_a_goal_in_another_lane_needs_a_lane_change() -> None:
     ends = [(0.0, 0.0, 50.0), (0.0, 50.0, 100.0), (3.5, 0.0, 50.0), (3.5, 50.0, 100.0)]
     lines = [np.array([(start, y), ((start + end) / 2, y), (end, y)]) for y, start, end in ends]
     network = network_of_streets(

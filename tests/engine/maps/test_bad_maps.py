@@ -73,7 +73,7 @@ def crowded(count: int) -> Iterator[str]:
     yield f"{way('primary')}</osm>"
 
 
-def test_many_nodes_beside_the_roads_are_read(tmp_path: Path) -> None:
+def test_many_nodes_off_the_roads_are_read(tmp_path: Path) -> None:
     assert read(tmp_path, crowded(100_000)).road_km == 0.19
 
 

@@ -126,7 +126,7 @@ def test_a_network_that_lies_nowhere_is_refused_with_what_to_do(tmp_path: Path) 
         ("+proj=utm", "+proj=nothing"),
     ],
 )
-def test_a_network_whose_values_none_has_is_refused_by_name(tmp_path: Path, old: str, new: str) -> None:
+def test_a_network_with_impossible_values_is_refused_by_name(tmp_path: Path, old: str, new: str) -> None:
     path = tmp_path / "some.net.xml"
     path.write_text(f"<net>{LOCATION}{STREET}</net>".replace(old, new))
     with pytest.raises(UnsafeInput, match=r"some\.net\.xml is not readable as a SUMO network"):

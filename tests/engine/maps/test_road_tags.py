@@ -240,7 +240,7 @@ def test_no_road_in_a_town_has_the_limit_of_a_country_road(tmp_path: Path) -> No
     assert any("median" in note for note in told)
 
 
-def test_a_road_in_the_core_of_a_marked_settlement_is_in_town_even_without_houses_along_it(tmp_path: Path) -> None:
+def test_a_road_in_a_marked_settlement_core_is_in_town_even_without_houses(tmp_path: Path) -> None:
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-500, 0), (0, 0), (500, 0)], "secondary", "Main Road")
     sketch.road([(4000, 0), (4500, 0), (5000, 0)], "secondary", "Far Road")
@@ -292,7 +292,7 @@ def test_the_net_has_lanes_users_and_turns_of_the_tags(tmp_path: Path) -> None:
         ({"oneway": "yes", "lanes": "2"}, False),
     ],
 )
-def test_a_placement_beside_the_nodes_is_drawn_or_told(tags: dict[str, str], is_told: bool, tmp_path: Path) -> None:
+def test_a_placement_off_the_nodes_is_drawn_or_reported(tags: dict[str, str], is_told: bool, tmp_path: Path) -> None:
     written, told = cut(read_osm(crossing(tmp_path / "map.osm", {"west": tags})), tmp_path)
     assert any("placement" in note for note in told) is is_told
     assert any("placement" in way.tags for way in written.ways) is ("placement" in tags and not is_told)
@@ -307,3 +307,18 @@ def test_a_road_against_its_nodes_is_written_along_them(tmp_path: Path) -> None:
     assert after.node_ids == before.node_ids[::-1]
     assert (after.tags["oneway"], after.tags["turn:lanes:forward"]) == ("yes", "left|through")
     assert after.tags["sidewalk"] == "right"
+
+
+@pytest.mark.parametrize(("posted", "urban"), [("40", True), ("100", False)])
+def test_posted_limits_of_meeting_roads_tell_whether_a_road_is_in_a_town(
+    tmp_path: Path, posted: str, urban: bool
+) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(5000, 0), (5200, 0), (5400, 0)], "secondary", "Main Road")
+    sketch.road([(5200, 0), (5200, 400)], "secondary", "Side Road", maxspeed=posted)
+    sketch.road([(9000, 0), (9100, 0)], "residential", "Far Road")
+    sketch.write(tmp_path / "map.osm")
+    osm = read_osm(tmp_path / "map.osm")
+    reader = RoadReader(BuiltUp(osm), GERMANY, lefthand=False)
+    main = next(way for way in osm.ways if way.tags["name"] == "Main Road")
+    assert reader.is_urban(main, [osm.nodes[key] for key in main.node_ids]) is urban

@@ -212,7 +212,7 @@ def test_a_signal_behind_a_junction_or_far_before_it_is_not(tmp_path: Path, x: f
     assert "signalised_intersection" not in finder(tmp_path, one_way_with_signal(x, oneway="yes")).kinds()
 
 
-def test_a_signal_beside_a_junction_counts_where_traffic_comes_from_there(tmp_path: Path) -> None:
+def test_a_signal_near_a_junction_counts_if_traffic_comes_from_there(tmp_path: Path) -> None:
     assert finder(tmp_path, one_way_with_signal(20.0)).kinds()["signalised_intersection"] == 1
 
 
@@ -235,7 +235,7 @@ def test_a_site_is_narrowed_to_its_junctions_on_a_street(tmp_path: Path) -> None
     assert found.narrowed(site, lambda part: "Main Road" in part.streets) == site
 
 
-def test_a_site_none_of_whose_junctions_is_meant_lies_beside(tmp_path: Path) -> None:
+def test_a_site_without_a_requested_junction_is_next_to_the_place(tmp_path: Path) -> None:
     found = finder(tmp_path, staggered())
     (site,) = found.find("intersection")
     narrow = found.narrowed(site, lambda part: {"First Road", "Second Road"} <= set(part.streets))

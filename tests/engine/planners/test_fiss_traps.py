@@ -117,7 +117,7 @@ def test_a_path_that_crosses_the_wrap_in_a_curve_is_driven() -> None:
     assert run.final.outcome == "goal_reached"
 
 
-def test_a_standing_ego_beside_its_path_does_not_slide_to_it() -> None:
+def test_a_standing_ego_off_its_path_does_not_slide_to_it() -> None:
     problem = problem_for(goal_state((80, 120), rectangle_at(30.0, 0.0)), speed_mps=0.0, position=(0.0, 0.5))
     run = drive(scenario_on(straight_road(300.0)), problem, configuration("fiss"), planner=Fiss())
     assert run.final.outcome == "goal_reached"

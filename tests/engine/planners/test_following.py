@@ -112,7 +112,7 @@ def test_the_first_steering_angle_is_free_only_where_it_is_not_known() -> None:
     assert known.trajectory.steering_rad[0] == 0.0
 
 
-def test_a_vehicle_beside_its_plan_comes_back_to_it() -> None:
+def test_a_vehicle_off_its_plan_returns_to_it() -> None:
     plan = turning(np.zeros(30), 10.0)
     ego = EgoState(0, plan.positions[0] + [0.0, 0.3], 0.0, 10.0, steering_rad=0.0)
     answer = follow(plan, ego, BMW_320I, STEP_S)

@@ -53,7 +53,7 @@ def test_a_collision_at_the_start_is_the_problems_fault() -> None:
     assert not run.plans
 
 
-def test_an_ego_beside_the_road_is_the_problems_fault() -> None:
+def test_an_ego_off_the_road_is_the_problems_fault() -> None:
     run = drive(scenario_on(straight_road()), problem_for(FAR_GOAL, position=(0.0, 30.0)))
     assert run.final.outcome == "invalid"
     assert "no lanelet" in run.final.reason

@@ -76,7 +76,7 @@ AT_40 = rectangle_at(40.0, 0.0)
         (lambda: cruise(goal_state((60, 70), AT_40, speed=(2.0, 4.0)), stop_m=40.0), "goal_missed", "was in the goal"),
     ],
 )
-def test_arriving_early_late_beside_or_never_are_different_outcomes(
+def test_early_late_missed_and_no_arrival_are_different_outcomes(
     run: Callable[[], DrivenRun], outcome: Outcome, said: str
 ) -> None:
     final = run().final

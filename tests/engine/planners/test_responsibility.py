@@ -197,7 +197,7 @@ def test_the_cost_of_one_obstacle_lies_between_0_and_1(speed: float, x: float, y
     assert 0.0 <= value <= 1.0
 
 
-def test_far_obstacles_and_none_cost_nothing() -> None:
+def test_far_or_missing_obstacles_cost_nothing() -> None:
     assert cost((5.0 * TIME, 0.0), other((100.0, 0.0), (0.0, 0.0))) == 0.0
     assert cost((5.0 * TIME, 0.0)) == 0.0
 

@@ -42,7 +42,7 @@ def test_the_speed_is_reached_and_kept() -> None:
     assert way_m == pytest.approx(np.trapezoid(faster.speeds_mps, dx=0.1), abs=0.05)
 
 
-def test_an_ego_beside_its_route_is_led_back_to_it() -> None:
+def test_an_ego_off_its_route_is_led_back_to_it() -> None:
     task, observation = task_on_road(configuration("idm"), 10.0)
     beside = dataclasses.replace(observation.ego, position=np.array([0.0, 1.2]), heading_rad=0.1)
     motion = RouteFollower(task).trajectory(beside, 10.0, horizon_s=5.0)

@@ -76,7 +76,7 @@ def test_a_lane_change_is_drivable_and_ends_on_the_goal_lane() -> None:
     assert maximum_curvature(path.points, sigma_m=1.0) < 0.05
 
 
-def test_a_goal_beside_the_centre_line_bends_the_path() -> None:
+def test_a_goal_off_the_centre_line_bends_the_path() -> None:
     network = straight_road(300.0)
     beside = rectangle_at(80.0, 1.2, size=(6.0, 0.6))
     region = problem_for(goal_state((1, 2), beside))

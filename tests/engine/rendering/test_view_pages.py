@@ -225,7 +225,7 @@ def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
     assert board.value("document.activeElement.innerText") == "goal reached ▲"
 
 
-def test_board_opens_a_run_beside_that_of_the_first_column(board: Page) -> None:
+def test_board_opens_a_run_next_to_that_of_the_first_column(board: Page) -> None:
     board.value("document.querySelectorAll('.cell')[1].focus()")
     board.value(
         "[...document.querySelectorAll('.side button')].find(one => one.innerText.startsWith('Next to')).click()"

@@ -98,7 +98,7 @@ def test_a_vehicle_that_comes_later_says_when(tmp_path: Path) -> None:
     assert vehicle.from_s == pytest.approx(2.0)
 
 
-def test_lanelets_say_where_they_lead_and_what_lies_beside(town: Path) -> None:
+def test_lanelets_state_their_successors_and_neighbours(town: Path) -> None:
     lanelets = {lanelet.lanelet_id: lanelet for lanelet in described(town, "lanelets").lanelets}
     assert set(lanelets[1].successors) == {"straight 11", "right 12"}
     assert lanelets[1].left == 2
@@ -157,7 +157,7 @@ def test_without_an_ego_vehicles_are_still_listed(tmp_path: Path) -> None:
     assert len(found.vehicles) == 5
 
 
-def test_an_ego_beside_the_road_is_on_no_lanelet(tmp_path: Path) -> None:
+def test_an_ego_off_the_road_is_on_no_lanelet(tmp_path: Path) -> None:
     path = replace(town_road(), problems=(Problem(start=(40.0, -60.0, 0.0, 0.0)),)).write(tmp_path / "beside.xml")
     ego = described(path).ego
     assert ego is not None

@@ -27,7 +27,7 @@ def request(folder: Path, net: str) -> ReadFactsRequest:
     return ReadFactsRequest(path=path, net=net_beside(path))
 
 
-def test_a_network_beside_a_scenario_is_taken(tmp_path: Path) -> None:
+def test_a_network_file_next_to_a_scenario_is_used(tmp_path: Path) -> None:
     assert read_facts(request(tmp_path, NET), silent).scenario_id == "ZAM_Builder-1_1_T-1"
 
 

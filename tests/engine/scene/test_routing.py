@@ -95,7 +95,7 @@ def test_a_road_that_bends_without_a_junction_is_neither_a_turn_nor_straight_on(
     assert not {"ego_goes_straight", "ego_turns_left"} & features
 
 
-def test_a_way_that_comes_back_beside_its_start_turns_back(tmp_path: Path) -> None:
+def test_a_route_that_returns_next_to_its_start_turns_back(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), successors=(2, 6)),
         Lane(2, arc((100, 8), 8, -math.pi / 2, math.pi / 2 - 0.01), predecessors=(1,), successors=(3,)),

@@ -27,7 +27,7 @@ def test_of_those_that_overlap_the_one_that_overlaps_most_goes() -> None:
     assert names(drop_infeasible(row, {})[0]) == {"a", "c", "d"}
 
 
-def test_a_class_that_was_asked_for_stays_and_the_car_beside_it_goes() -> None:
+def test_a_requested_class_stays_and_the_car_next_to_it_goes() -> None:
     row = [standing("bus", 0, "bus"), standing("one", 7), standing("other", 30)]
     assert names(drop_infeasible(row, {"bus": 1})[0]) == {"bus", "other"}
 

@@ -179,7 +179,7 @@ def test_a_car_is_written_as_before_there_were_classes(tmp_path: Path) -> None:
     assert read_recorded(path).loaded.ego_class(100) == "car"
 
 
-def test_a_file_whose_ego_cannot_be_is_refused_with_what_it_can_be(tmp_path: Path) -> None:
+def test_a_file_with_an_impossible_ego_is_refused_with_the_valid_classes(tmp_path: Path) -> None:
     path = written(tmp_path, "bus")
     path.write_text(path.read_text(encoding="utf-8").replace('"bus"', '"tank"'), encoding="utf-8")
     with pytest.raises(UnsafeInput, match="tank") as caught:

@@ -142,7 +142,7 @@ def test_the_same_workspace_gives_the_same_bytes_and_digests_that_others_can_che
         assert {name: hashlib.sha256(opened.read(name)).hexdigest() for name in lines} == lines
 
 
-def test_an_artifact_whose_file_is_gone_is_left_out_and_told(tmp_path: Path) -> None:
+def test_an_artifact_with_a_missing_file_is_left_out_and_reported(tmp_path: Path) -> None:
     first = filled(tmp_path / "first")
     first.file("run", RUN, "steps.json").unlink()
     made = export_workspace(first, tmp_path / "work.zip")
@@ -250,7 +250,7 @@ def test_a_damaged_archive_stores_nothing(damage: str, archive: Path, tmp_path: 
     assert contents(second.root) == before
 
 
-def test_an_archive_that_was_cut_or_is_none_is_refused(archive: Path, tmp_path: Path) -> None:
+def test_a_truncated_or_invalid_archive_is_refused(archive: Path, tmp_path: Path) -> None:
     content = archive.read_bytes()
     broken = bytearray(content)
     broken[len(content) // 3] ^= 0xFF

@@ -62,7 +62,7 @@ def test_what_takes_room_is_told_by_part(workspace: Workspace) -> None:
     assert not uses["database"].is_cache
 
 
-def test_batch_whose_runs_are_gone_is_named(workspace: Workspace) -> None:
+def test_a_batch_with_missing_runs_is_named(workspace: Workspace) -> None:
     recipe = Recipe(tool="run_planner", arguments={"number": 3})
     batch = BatchRecord(
         batch_id=f"batch_{recipe.digest}",

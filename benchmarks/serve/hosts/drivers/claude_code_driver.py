@@ -1,4 +1,4 @@
-"""Claude Code without its window, as its manual shows it; its API is the loopback's."""
+"""Claude Code without its window, as its manual shows it, with its API on loopback."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""FastMCP's client: a program that calls tools by itself; what to call next it asks the plain story."""
+"""FastMCP's client: a program that calls tools itself and takes its next call from the plain story."""
 
 import asyncio
 import json
@@ -15,7 +15,7 @@ TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
 def next_move(tools: list[str], shown: list[Any]) -> Any:
-    """What the story does next, after what was shown."""
+    """Return the story's next step after what was shown."""
     body = json.dumps({"tools": tools, "shown": shown}).encode()
     request = urllib.request.Request(f"{TASK['model']}/story", body, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request) as answer:

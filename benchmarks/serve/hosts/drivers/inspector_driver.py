@@ -1,4 +1,4 @@
-"""The MCP Inspector's command line, a process for each call; what to call next it asks the plain story."""
+"""The MCP Inspector's command line, a process for each call. It takes its next call from the plain story."""
 
 import json
 import subprocess
@@ -12,7 +12,7 @@ CONFIG = Path("mcp.json")
 
 
 def next_move(tools: list[str], shown: list[Any]) -> Any:
-    """What the story does next, after what was shown."""
+    """Return the story's next step after what was shown."""
     body = json.dumps({"tools": tools, "shown": shown}).encode()
     request = urllib.request.Request(f"{TASK['model']}/story", body, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request) as answer:

@@ -1,4 +1,4 @@
-"""ollmcp in a terminal of its own: what a user would type is typed, what stands on the screen is read."""
+"""ollmcp in its own terminal: the driver types a user's input and reads the screen."""
 
 import json
 import os
@@ -22,7 +22,7 @@ if child == 0:
 
 
 def read_until(words: str, seconds: float) -> str:
-    """What the screen shows until some words stand on it, or the time is over."""
+    """Return the screen's text until it shows some words, or the time is over."""
     shown, end = "", time.monotonic() + seconds
     while time.monotonic() < end:
         if select.select([terminal], [], [], 1.0)[0]:
@@ -31,7 +31,7 @@ def read_until(words: str, seconds: float) -> str:
             except OSError:
                 break
             sys.stdout.write(part)
-            if "\x1b[6n" in part:  # it asks where the cursor is, as a terminal knows
+            if "\x1b[6n" in part:  # it queries the cursor's position, which a terminal knows
                 os.write(terminal, b"\x1b[1;1R")
             shown += part
             if re.search(words, " ".join(STEPS.sub(" ", shown).split())):

@@ -1,4 +1,4 @@
-"""OpenAI's Agents SDK with an MCP server, as its page shows it; the model speaks OpenAI's responses."""
+"""OpenAI's Agents SDK with an MCP server, as its page shows it; the model uses OpenAI's responses API."""
 
 import asyncio
 import json

@@ -1,6 +1,6 @@
 """smolagents' tools of an MCP server, called as a code agent's program calls them.
 
-What to call next it asks the plain story.
+It takes its next call from the plain story.
 """
 
 import json
@@ -16,7 +16,7 @@ TASK = json.loads(Path(sys.argv[1]).read_text())
 
 
 def next_move(tools: list[str], shown: list[Any]) -> Any:
-    """What the story does next, after what was shown."""
+    """Return the story's next step after what was shown."""
     body = json.dumps({"tools": tools, "shown": shown}).encode()
     request = urllib.request.Request(f"{TASK['model']}/story", body, {"Content-Type": "application/json"})
     with urllib.request.urlopen(request) as answer:
@@ -24,7 +24,7 @@ def next_move(tools: list[str], shown: list[Any]) -> Any:
 
 
 def as_content(value: object) -> object:
-    """What the program that called a tool holds: a text, a structure, or a picture."""
+    """Return what the calling program holds: a text, a structure, or a picture."""
     return {"type": "image"} if type(value).__module__.startswith(("PIL.", "smolagents.")) else value
 
 

@@ -58,7 +58,7 @@ def test_all_names_of_a_tag_count_but_no_facts_about_names() -> None:
     assert refs_of({"ref": "A 22;SS 12", "int_ref": "E 45"}) == ["A 22", "SS 12", "E 45"]
 
 
-def test_a_place_whose_outline_the_extract_cuts_is_shown() -> None:
+def test_a_place_cut_by_the_extract_is_shown() -> None:
     nodes = {1: OsmNode(1, 48.0, 16.0, {}), 2: OsmNode(2, 48.001, 16.0, {})}
     cut = OsmWay(3, (1, 2), {"place": "suburb", "name": "пос. Метизный"})
     osm = OsmMap(nodes, [cut], (), None)
@@ -66,7 +66,7 @@ def test_a_place_whose_outline_the_extract_cuts_is_shown() -> None:
     assert [area.name for area in areas_shown(osm)] == ["пос. Метизный"]
 
 
-def test_a_place_of_whose_outline_the_extract_holds_one_corner_is_shown(tmp_path: Path) -> None:
+def test_a_place_with_one_corner_in_the_extract_is_shown(tmp_path: Path) -> None:
     corners = "".join(f'<nd ref="{number}"/>' for number in (1, 8, 9, 1))
     road = '<way id="5"><nd ref="1"/><nd ref="2"/><tag k="highway" v="residential"/></way>'
     outline = f'<way id="6">{corners}<tag k="place" v="suburb"/><tag k="name" v="Байковский хутор"/></way>'

@@ -72,6 +72,20 @@ def test_other_roads_are_not_mistaken(one: str, other: str) -> None:
     assert not same_street(one, other)
 
 
+@pytest.mark.parametrize(
+    "words", ["Новороссийская / Северная", "Северная & Новороссийская", "Северная / Новороссийская"]
+)
+def test_a_direction_may_be_the_whole_name_of_a_street_of_a_crossing(words: str) -> None:
+    entry = a_map("Новороссийская улица", "Северная улица", "Новая улица")
+    assert {name for street in roads(entry, words) for name in street} == {"Новороссийская улица", "Северная улица"}
+
+
+def test_no_street_of_a_crossing_is_dropped() -> None:
+    entry = a_map("Новороссийская улица", "Новая улица")
+    with pytest.raises(UnknownName):
+        roads(entry, "Новороссийская / Северная")
+
+
 def test_an_exact_name_is_not_a_road_of_another_kind_and_stays_its_abbreviation() -> None:
     assert roads(a_map("6. Cadde", "6. Sokak"), "6. Cadde") == [("6. Cadde",)]
     assert roads(a_map("Main Street", "Main St"), "Main Street") == [("Main Street", "Main St")]
@@ -276,7 +290,7 @@ SYDNEY = a_map("Park Street", country="AUS", map_id="map_s", place="Sydney", pla
         ("Selska / Ilica, Zagreb", ("“Selska cesta, Zagreb”", "“Zagreb”")),
     ],
 )
-def test_if_the_town_is_at_hand_what_is_proposed_is_in_it_and_can_be_found(words: str, near: tuple[str, ...]) -> None:
+def test_proposals_in_a_known_town_are_in_it_and_can_be_found(words: str, near: tuple[str, ...]) -> None:
     maps = [BROSSARD, ZAGREB, SYDNEY]
     with pytest.raises(UnknownName) as refusal:
         find_maps(maps, place=words)
@@ -292,7 +306,7 @@ def test_streets_of_another_town_are_not_proposed_for_a_town_that_is_not_at_hand
     assert refusal.value.valid == ("“Brossard”", "“Sydney”")
 
 
-def test_a_comma_between_streets_is_a_crossing_if_no_town_at_hand_is_called_so() -> None:
+def test_a_comma_between_streets_is_a_crossing_unless_a_known_town_has_the_name() -> None:
     assert find_maps([BROSSARD], place="Rue Oxford, Rue Sydney")[0].streets == (("Rue Oxford",), ("Rue Sydney",))
     assert find_maps([BROSSARD, SYDNEY], place="Rue Oxford / Rue Sydney")[0].entry is BROSSARD
 

@@ -27,7 +27,7 @@ def test_an_old_answer_counts_only_where_age_does_not(tmp_path: Path) -> None:
     assert cache.find("old", however_old=True) is not None
 
 
-def test_a_damaged_answer_is_none_and_removed(tmp_path: Path) -> None:
+def test_a_damaged_answer_is_ignored_and_removed(tmp_path: Path) -> None:
     cache = AnswerCache(tmp_path, 1, 30)
     cache.keep(kept("cut"))
     (file,) = tmp_path.iterdir()

@@ -22,8 +22,7 @@ def test_numbers_may_be_text_as_nominatim_writes_them() -> None:
 
 
 @pytest.mark.parametrize(
-    "changed",
-    [{"lat": True}, {"lon": False}, {"boundingbox": ["54.5", True, "5.1", "5.3"]}, {"importance": True}],
+    "changed", [{"lat": True}, {"lon": False}, {"boundingbox": ["54.5", True, "5.1", "5.3"]}, {"importance": True}]
 )
 def test_a_boolean_is_not_a_number_of_a_finding(changed: dict[str, Any]) -> None:
     with pytest.raises(NotReadable):
