@@ -110,9 +110,9 @@ def at_start_of(*goals: object, **changes: object) -> DrivenRun:
             "initial_collision",
             "obstacle 9",
         ),
-        (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, 30.0)), "ego_off_road", "on no lanelet"),
+        (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, 30.0)), "ego_off_road", "not on a lanelet"),
         (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, -2.5)), "ego_off_road", "off the road"),
-        (lambda: at_start_of(goal_state((35, 45), rectangle_at(40.0, 60.0))), "goal_unreachable", "no lanelet"),
+        (lambda: at_start_of(goal_state((35, 45), rectangle_at(40.0, 60.0))), "goal_unreachable", "lanelet"),
         (lambda: at_start_of(goal_state((20, 21), rectangle_at(300.0, 0.0))), "goal_out_of_time", "294.0 m away"),
         (
             lambda: at_start_of(goal_state((10, 12), rectangle_at(12.0, 0.0), speed=(25.0, 30.0))),
