@@ -60,7 +60,7 @@ class Answer:
     next_step: str = ""
 
     def to_text(self) -> str:
-        """Return the parts in their order."""
+        """Return the parts in order, one line each."""
         warnings = (f"Warning: {warning}" for warning in self.warnings)
         following = [f"Next: {self.next_step}"] if self.next_step else []
         return "\n".join([self.headline, *self.decided, *self.figures, *self.listed, *warnings, *following])

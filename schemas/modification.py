@@ -506,9 +506,9 @@ def _route_text(route: VehicleRoute) -> str:
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
-    """Return the sentences within a total length. A long one keeps its beginning and its end.
+    """Return the sentences, shortened to a total length if necessary; a long one loses its middle.
 
-    The end says why an edit is not done.
+    Its end is kept because it says why an edit is not done.
     """
     share = characters // max(len(sentences), 1)
     if sum(map(len, sentences)) <= characters:

@@ -367,7 +367,7 @@ class RuleShare(Model):
     run_ids: tuple[str, ...]
 
     def in_words(self) -> str:
-        """Return ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst (run_…)``."""
+        """Return text like ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst (run_…)``."""
         rate = self.violated.in_words()
         if self.worst is None:
             return f"{self.rule} {self.name}: kept in all runs, broken in {rate}"

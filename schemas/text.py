@@ -190,7 +190,7 @@ def p_figure(p: float | None) -> str:
 
 
 def p_in_words(p: float | None) -> str:
-    """Return ``p=0.031`` or ``p<1e-12``."""
+    """Return text such as ``p=0.031`` or ``p<1e-12``."""
     shown = p_figure(p)
     return "no test" if p is None else f"p{shown}" if shown.startswith("<") else f"p={shown}"
 

@@ -653,7 +653,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
 
 
 def _flipped(test: SuccessTest) -> str:
-    """Return ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
+    """Return text such as ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
     if test.only_after == test.only_before == 0:
         return f"0 of {test.pairs} pairs flipped"
     if test.only_after == 0:

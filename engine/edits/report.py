@@ -79,7 +79,7 @@ def outcome_of(
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
     """Return one report per edit of this request; those of earlier requests are not repeated.
 
-    An edit is not done if later edits leave nothing of it.
+    An edit counts as not done if later edits leave nothing of it.
     """
     reports = []
     for index in range(request.earlier, len(request.edits)):

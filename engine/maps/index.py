@@ -583,10 +583,10 @@ def _sound(text: str) -> str:
 
 
 def _match(entry: MapEntry, place: str, country: str | None, closeness: Closeness) -> MapMatch | None:
-    """Return the map with the requested streets if it shows every part.
+    """Return the map with the requested streets if it covers every part of the place, or None.
 
-    A part that the map lacks is accepted next to a street if another part is the map's name, or if the map knows no
-    place and the caller gives its country.
+    A part that the map lacks is accepted if another part is a street on the map, and the map is also identified: by a
+    part that refers to it or, if it has no place names, by the caller's country.
     """
     facts = entry.facts
     reading = _read_whole(place, facts)

@@ -34,7 +34,7 @@ _USUAL: Mapping[str, tuple[object, ...]] = {
 
 
 def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score the last generated scenarios; if no map shows the place, a refusal is correct."""
+    """Score the last generated scenarios; if no map covers the place, a refusal is correct."""
     if request.expect == "refuse" or (request.expect == "ok" and request.map_file is None):
         return refused(request, attempt, "generate_scenarios")
     made = last_of(attempt.calls, "generate_scenarios")

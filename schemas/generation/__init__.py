@@ -281,8 +281,8 @@ class CoverageRequest(Model):
     """The progress of a coverage plan, and a request for its next ``most`` rows.
 
     ``strength`` is the number of factors in a combination. ``barred`` are combinations of any size that no map has.
-    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` counts how often everything was
-    already covered, for rows beyond that.
+    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` is how often
+    everything has already been covered; further rows are varied by it.
     """
 
     factors: tuple[PlanFactor, ...]
@@ -492,7 +492,7 @@ class GenerateScenariosArguments(Arguments):
 
 
 class ScenarioSummary(Model):
-    """One generated scenario in the answer, requested next to realised."""
+    """One generated scenario in the answer, with requested and realised values side by side."""
 
     scenario_id: str
     reused: bool = Field(description="whether the same request had created it already")

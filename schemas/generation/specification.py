@@ -97,7 +97,7 @@ COMPASS_DEG: Mapping[str, float] = MappingProxyType(
 class RoadFlow(Model):
     """Vehicles counted per hour on a road, in one compass direction if given, or from one road or direction to another.
 
-    ``road`` and ``to`` are a street's name or an OSM way's id or, for a flow between two ends, a direction.
+    ``road`` and ``to`` are street names or OSM way ids; if ``to`` is given, either can also be a direction.
     """
 
     road: str

@@ -270,7 +270,7 @@ class RequestedPlan:
         return self.groups("place", "country", "scenario_type" if by_type else "turn")
 
     def groups(self, *names: str) -> Iterator[dict[int, int]]:
-        """Return all combinations of levels of the given factors, or one empty group without such a factor."""
+        """Yield all combinations of levels of the given factors, or one empty group if the plan has none of them."""
         saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
         for levels in product(*(range(len(self.factors[index].levels)) for index in saying)):
             yield dict(zip(saying, levels, strict=True))
@@ -285,7 +285,7 @@ class RequestedPlan:
 
 
 def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
-    """Yield turns that an ego cannot make at sites of a type on any map."""
+    """Yield the turns that an ego cannot make at sites of the given type on any map, each with the reason."""
     indices = {factor.name: index for index, factor in enumerate(plan.factors)}
     if "turn" not in indices:
         return

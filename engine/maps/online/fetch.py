@@ -405,7 +405,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """Return the name for a map of the place: that of the settlement that it is or belongs to."""
+    """Return a name for the map of a place: its settlement's, or its own if it is a settlement or has no known one."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 

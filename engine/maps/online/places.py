@@ -1,4 +1,4 @@
-"""Resolves the name of a place: asks Nominatim, and decides which of its findings the user means.
+"""Resolves the name of a place: asks Nominatim, and decides which of its results the user means.
 
 Nominatim knows settlements, roads and sights, but no crossings: these are found where the courses of their roads meet.
 """
