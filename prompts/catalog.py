@@ -16,7 +16,7 @@ from .composition import CONDITIONS, DEFAULT_CONDITION, TASKS, Task, WorkspaceFa
 _LONGEST = 1000
 """The maximum length of an argument in a prompt, in characters (chosen)."""
 _MOST_IDS = 1000
-"""How many of the newest artifacts of a kind complete an id (chosen)."""
+"""How many of the newest artifacts of a kind are offered as completions of an id (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def prompt_text(name: str, given: dict[str, str], facts: WorkspaceFacts) -> GetP
 
 
 def completions(name: str, argument: str, typed: str, workspace: Workspace) -> list[str]:
-    """Return the values of a prompt's argument that complete the typed text, in any case; empty for free text.
+    """Return the values of a prompt's argument that complete the typed text, ignoring case; empty for free text.
 
     Raises:
         UnknownName: no such prompt or argument.

@@ -1,7 +1,8 @@
 """Compose the prompts for the paper's tasks from the parts in ``parts/`` and the vocabularies of the schemas.
 
-The five conditions are those of the paper (Methodology, Prompting Techniques): the task alone (``baseline``), with
-context (``cp``), and that with demonstrations (``icl``) and reasoning steps (``cot``).
+The five conditions are those of the paper (Methodology, Prompting Techniques): the task alone (``baseline``), the task
+with context (``cp``), and the latter with demonstrations (``icl``), with reasoning steps (``cot``), or with the two
+together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -97,7 +98,7 @@ def _words(facts: WorkspaceFacts) -> dict[str, str]:
 
 
 def _places(names: Sequence[str]) -> str:
-    """Return names of places in one line; they come from files, so each is cut and kept to its line."""
+    """Return names of places in one line; they come from files, so each is shortened and kept on one line."""
     if not names:
         return "see describe_catalog"
     shown = [cited(name, _LONGEST_PLACE) for name in names[:_MOST_PLACES]]

@@ -43,19 +43,19 @@ def page_uri(kind: PageKind) -> str:
 
 
 def view_uri(ids: Sequence[str]) -> str | None:
-    """Return the URI of a view's data; None without ids, or with too many."""
+    """Return the URI of a view's data; None if there are no ids, or too many."""
     return f"{SCHEME}view/{'+'.join(ids)}" if 1 <= len(ids) <= _MOST_NAMED else None
 
 
 def viewed_ids(uri: str) -> list[str]:
-    """Return the ids of the data behind a URI; empty if it is not that of a view."""
+    """Return the ids in the URI of a view's data; empty if the URI is not that of a view."""
     plain = uri.replace("%2B", "+")  # encoded as clients fill in a template
     match = re.fullmatch(rf"{re.escape(SCHEME)}view/([\w.\-]+(?:\+[\w.\-]+){{0,{_MOST_NAMED - 1}}})", plain)
     return match[1].split("+") if match else []
 
 
 def completed_views(typed: str, workspace: Workspace) -> list[str]:
-    """Return the ids for a view that complete the last one typed, in any case; newest first."""
+    """Return the ids for a view that complete the last id typed, ignoring case; newest first."""
     before, plus, last = typed.rpartition("+")
     stored = [artifact for kind in VIEWED_KINDS for artifact in workspace.newest(kind=kind, limit=_MOST_COMPLETED)]
     newest = sorted(stored, key=lambda artifact: -artifact.sequence)
@@ -64,7 +64,7 @@ def completed_views(typed: str, workspace: Workspace) -> list[str]:
 
 
 def pages() -> Apps:
-    """Return the extension with both pages, which are built when a host reads them."""
+    """Return the extension with its two pages, which are built when a host reads them."""
     apps = Apps()
     for kind, title in _TITLES.items():
         apps.add_resource(

@@ -27,7 +27,7 @@ MOST_BYTES = 16 * 1024**2
 MOST_LISTED = 20
 """How many of the newest artifacts are listed."""
 _MOST_IDS = 1_000
-"""How many of the newest artifacts or jobs of a kind complete an id (chosen)."""
+"""How many of the newest artifacts or jobs of a kind are offered as completions of an id (chosen)."""
 _JSON, _XML, _YAML = "application/json", "application/xml", "application/yaml"
 _TEMPLATES: Final = (
     ("scenario/{id}/xml", "scenario", "Scenario", "CommonRoad XML of a scenario", _XML),
@@ -118,7 +118,7 @@ def listed_resources(workspace: Workspace) -> list[Resource]:
 
 
 def _preset_link(planner: str, name: str) -> Resource:
-    """Return the link of a preset without the size of its YAML, which would take longer than the whole list."""
+    """Return the link to a preset without the size of its YAML, which would take longer than the whole list."""
     return Resource(
         uri=f"{SCHEME}preset/{planner}/{name}",
         name=f"{planner}:{name}",
@@ -129,7 +129,7 @@ def _preset_link(planner: str, name: str) -> Resource:
 
 
 def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
-    """Return the link of an artifact: its file if that says everything, otherwise its record."""
+    """Return the link to an artifact: its file if that says everything, otherwise its record."""
     part = _MAIN_PARTS.get(artifact.kind, "record")
     if part == "record":
         size, mime_type = len(_record(artifact).encode()), _JSON
@@ -148,7 +148,7 @@ def artifact_link(artifact: Artifact, workspace: Workspace) -> Resource:
 
 
 def job_link(job_id: str) -> Resource:
-    """Return the link of a job's state, which supports subscriptions."""
+    """Return the link to a job's state, which supports subscriptions."""
     return Resource(
         uri=f"{SCHEME}job/{job_id}",
         name=job_id,
@@ -159,7 +159,7 @@ def job_link(job_id: str) -> Resource:
 
 
 def picture_link(path: Path, mime_type: str) -> Resource:
-    """Return the link of a picture or animation."""
+    """Return the link to a picture or animation."""
     return Resource(
         uri=f"{SCHEME}picture/{path.name}",
         name=path.name,
@@ -172,10 +172,10 @@ def picture_link(path: Path, mime_type: str) -> Resource:
 def resource_completions(
     template: str, argument: str, typed: str, given: dict[str, str], workspace: Workspace
 ) -> list[str]:
-    """Return the values of a template's argument that complete the typed text, in any case, newest first.
+    """Return the values of a template's argument that complete the typed text, ignoring case, newest first.
 
     Args:
-        given: the template's other arguments, as far as they are known.
+        given: those of the template's other arguments that are known.
 
     Raises:
         UnknownName: there is no such template, or it has no such argument.

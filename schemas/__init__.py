@@ -1,1 +1,1 @@
-"""Pydantic models of every input and output, the errors and the small grammar: the lowest layer."""
+"""The lowest layer: Pydantic models of all inputs and outputs, the errors, and the grammar of arguments."""

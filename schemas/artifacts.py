@@ -70,7 +70,7 @@ class BatchSummary(Model):
     lost: int = 0
 
     def in_words(self) -> str:
-        """Return ``lane prediction, recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
+        """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
         shown = [f"{one.config_name} {one.success.in_words()}" for one in self.configs[:_MOST_CONFIGS]]
         left_out = len(self.configs) - len(shown)
         more = [f"{counted(left_out, 'configuration')} more"] if left_out else []
@@ -157,11 +157,11 @@ SAME_BOUND_M = 0.1
 
 
 class RoadGeometry(Model):
-    """Distances between lane bounds in a written file and those of the lanelets, in both directions, as read back."""
+    """Distances between the lane bounds read back from a written file and those of the lanelets, in both directions."""
 
     points: int = Field(description="points of the compared bounds")
     within_share: float = Field(description="share of them that are closer than 0.1 m, from 0 to 1")
-    """Of the points that are at most ``SAME_BOUND_M`` away."""
+    """The share of the points that are at most ``SAME_BOUND_M`` away."""
     max_m: float = Field(description="the largest distance")
 
     def in_words(self) -> str:
@@ -280,7 +280,7 @@ class ImportFilesArguments(Arguments):
 
 
 class ImportedItem(Model):
-    """An imported file; ``reused`` if the same content was already there."""
+    """An imported file; ``reused`` if the same content was already stored."""
 
     file: str = Field(description="path of the file")
     kind: Literal["scenario", "map", "config"] = Field(description="the kind it was imported as")
@@ -297,7 +297,7 @@ class RefusedItem(Model):
 
 
 class ImportFilesResult(Result):
-    """The imported and refused files, so far if a long import still runs."""
+    """The imported and refused files, so far if a long import is still running."""
 
     added: int = Field(description="files added")
     reused: int = Field(description="files with content that was already there")

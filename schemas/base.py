@@ -19,7 +19,7 @@ LONGEST_PATH = 4000
 
 
 class Model(BaseModel):
-    """A frozen value that refuses unknown fields and numbers that are not finite.
+    """A frozen model that rejects unknown fields and numbers that are not finite.
 
     Its validator is built at first use, because a starting server uses few models.
     """
@@ -33,7 +33,7 @@ class Arguments(Model):
     """The arguments of a tool: flat (primitives, enumerations, lists of primitives or of one flat object)."""
 
     longest_texts: ClassVar[Mapping[str, int]] = {}
-    """The maximum length of the texts of arguments, in characters, if they are not names or ids (which have 200)."""
+    """The maximum lengths of text arguments that are not names or ids (which may have 200), in characters."""
     usual_values: ClassVar[Mapping[str, Any]] = {}
     """The values that a refusal suggests for required arguments."""
 
@@ -67,7 +67,7 @@ class Answer:
 
 
 def first_of(lines: Sequence[str], most: int, rest: str) -> list[str]:
-    """Return the first ``most`` lines and, if there are more, their number with ``rest``, the call that shows them."""
+    """Return the first ``most`` lines; if there are more, add their number and ``rest``, the call that shows them."""
     more = len(lines) - most
     return [*lines[:most], *([f"… {more} more: {rest}"] if more > 0 else [])]
 
@@ -147,7 +147,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
 
 
 def choices_of(detail: ErrorDetails) -> list[str]:
-    """Return the valid values of a field, as the error lists them; empty if it lists none."""
+    """Return the valid values of a field, as listed in the error; empty if the error lists none."""
     context = detail.get("ctx", {})
     return re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
 

@@ -16,7 +16,7 @@ Method = Literal["funnel", "semantic", "hybrid", "rrf", "bm25"]
 Stage = Literal["location", "tags", "road_net", "obstacles", "velocity"]
 PACKAGED_MODEL, ENGLISH_MODEL = "packaged", "all-MiniLM-L6-v2"
 PACKAGED_MODELS = (PACKAGED_MODEL, ENGLISH_MODEL)
-"""The models that install with the package: two combined, which read 16 languages, and the English one of them."""
+"""The models installed with the package: two models combined, which read 16 languages, and the English one alone."""
 EMBEDDINGS_EXTRA = "plannerforge-mcp[embeddings]"
 """The pip packages that all other models need: sentence-transformers with PyTorch."""
 """The embedding model that installs with the package."""
@@ -43,7 +43,7 @@ class CountryMaps(Model):
 
 
 class FacetCounts(Model):
-    """Names of one kind with the number of scenarios, or for maps and planners with what the note says."""
+    """Names of one kind with the number of scenarios; for maps and planners, ``note`` says what is counted."""
 
     facet: str = Field(description="name of the facet")
     counts: dict[str, int] = Field(description="how many scenarios have each value")
@@ -125,7 +125,7 @@ _LISTS = ("tags", "features", "road_net", "obstacles")
 
 
 class FoundScenario(Model):
-    """A scenario of the answer, with its evidence; with ``unmet`` conditions it is a fallback, never a match."""
+    """A scenario in the answer, with the evidence for it; one with ``unmet`` conditions is a fallback, not a match."""
 
     scenario_id: str
     summary: str = Field(description="the scenario in one line")
@@ -153,7 +153,7 @@ class Coverage(Model):
 
 
 class Relaxation(Model):
-    """Conditions to drop, and how many scenarios satisfy all others."""
+    """Conditions to drop, and how many scenarios satisfy all the other conditions."""
 
     drop: tuple[str, ...] = Field(description="conditions to leave out")
     matches: int = Field(description="scenarios that satisfy all others")
@@ -161,7 +161,7 @@ class Relaxation(Model):
 
 
 class Emptied(Model):
-    """Why nothing is left: the stage, its conditions that no candidate satisfied, and existing values."""
+    """Why no scenario is left: the stage, its conditions that no candidate satisfied, and existing values."""
 
     stage: Stage = Field(description="the stage that left no scenario")
     conditions: tuple[str, ...] = Field(description="its conditions that no candidate satisfies")
@@ -222,7 +222,7 @@ class FindScenariosResult(Result):
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:
-        """Return how many a stage left, with its conditions if nothing is left in the end."""
+        """Return how many scenarios a stage left, with its conditions if none is left in the end."""
         conditions = f" [{', '.join(stage.conditions)}]" if not self.total else ""
         return f"{stage.left} after {stage.stage}{conditions}"
 
@@ -248,9 +248,9 @@ def _line(scenario: FoundScenario, requested: Collection[str]) -> str:
 
 
 class RankRequest(Model):
-    """The scenarios to rank by similarity to a text, and the paths of catalogue and index.
+    """The scenarios to rank by similarity to a text, and the paths of the catalogue and the index.
 
-    ``candidates`` of None ranks all scenarios, an empty tuple ranks no scenario.
+    If ``candidates`` is None, all scenarios are ranked; if it is empty, none is.
     """
 
     database: Path
@@ -279,7 +279,7 @@ class BuildIndexResponse(Model):
 
 
 class RankResponse(Model):
-    """Scenario ids with their scores, best first, and whether the index was built for this or had been damaged.
+    """Scenario ids with their scores, best first, and whether the index was built for this request or had been damaged.
 
     A text with no score above ``least_likeness`` is unrelated to all descriptions.
     """

@@ -88,13 +88,13 @@ class Selector:
     negated: bool = False
 
     def __str__(self) -> str:
-        """Return the selector as a call writes it."""
+        """Return the selector as written in a call."""
         body = self.argument if self.kind == "id" else f"{self.kind}:{self.argument}" if self.argument else self.kind
         return f"!{body}" if self.negated else body
 
 
 def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> float:
-    """Return a number in the base unit, in which a bare number is taken to be.
+    """Return a quantity as a number in the base unit, which a bare number is assumed to have.
 
     ``step_s`` allows ``steps`` if the base unit is seconds.
 
@@ -174,13 +174,13 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
 
 
 def _with_unit(quantity: str, other: str) -> str:
-    """Return the quantity as written, with the other's unit if it has none."""
+    """Return the quantity as written, with the unit of ``other`` if it has none."""
     unit = re.search(rf"(?<![A-Za-z]){_UNIT}$", other.strip())
     return quantity if unit is None or re.search(r"[A-Za-z]$", quantity.strip()) else quantity + unit[0]
 
 
 def scope_first(text: str) -> str:
-    """Return a condition with its scope after its name instead of after its value: ``speed_limit=50km/h@map``."""
+    """Return a condition such as ``speed_limit=50km/h@map`` with its scope after its name, not its value."""
     found = re.fullmatch(rf"(\s*!?\s*{_NAME})\s*((?:>=|<=|==|=|>|<)[^@]+?)(@[a-z]+)\s*", text)
     return text if found is None else f"{found[1]}{found[3]}{found[2]}"
 

@@ -7,7 +7,7 @@ from pydantic import Field
 from .base import Answer, Arguments, Result
 
 JobState = Literal["running", "done", "failed", "cancelled", "interrupted"]
-"""``interrupted`` means that its server stopped before it was done."""
+"""``interrupted`` means that the job's server stopped before the job was done."""
 
 
 _SHOWN_RESULTS = 5

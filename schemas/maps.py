@@ -27,7 +27,7 @@ class MapServices(Model):
     """The services for places and roads, the rules for requests, and the cache.
 
     ``user_agent`` identifies the program, as the services' policies require. ``delay_s`` is the minimum time between
-    two requests to one host, over all processes of the workspace. ``timeout_s`` limits one request. ``cache`` is the
+    two requests to one host, across all processes of the workspace. ``timeout_s`` limits one request. ``cache`` is the
     folder of cached answers, and those older than ``cache_days`` are requested again. ``most_km2`` limits the area of
     one download.
     """
@@ -74,7 +74,7 @@ class NamedPlace(Model):
 
     @property
     def is_settlement(self) -> bool:
-        """Return whether it is a settlement, a part of one or a region."""
+        """Return whether the place is a settlement, a part of a settlement, or a region."""
         return self.kind in SETTLEMENTS
 
 

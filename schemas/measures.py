@@ -68,7 +68,7 @@ class Measure:
 
     @property
     def stored(self) -> bool:
-        """Return whether it is stored with every run."""
+        """Return whether the measure is stored with every run."""
         return self.name in RunMetrics.model_fields
 
 
@@ -92,7 +92,7 @@ class MeasuredValue(Model):
 
     @property
     def partner(self) -> str:
-        """Return text such as ``car 39 ahead``; empty without another road user."""
+        """Return text such as ``car 39 ahead``; empty if there is no other road user."""
         return (
             ""
             if self.obstacle_id is None
@@ -139,7 +139,7 @@ class RunMetrics(Model):
     maximum_jerk_mps3: float
     """The largest absolute change of the longitudinal acceleration between steps, starting with the initial state."""
     mean_squared_jerk: float
-    """The mean of its square over the steps, in m²/s⁶."""
+    """The mean squared jerk over the steps, in m²/s⁶."""
     maximum_planar_jerk_mps3: float | None = Field(
         None, description="of the acceleration's vector, lateral part included"
     )
@@ -609,7 +609,7 @@ _BY_NAME = {measure.name: measure for measure in MEASURES}
 
 
 def measure_named(name: str) -> Measure | None:
-    """Return the measure of a name; None if absent."""
+    """Return the measure with this name, or None if there is no such measure."""
     return _BY_NAME.get(name)
 
 

@@ -89,7 +89,8 @@ EDITS: Final[dict[EditOperation, EditKind]] = {
     "crop": EditKind("S", ("time_s", "duration_s", "at", "rectangle_m")),
     "mirror": EditKind("S", ()),
 }
-"""All operations. Arguments of another operation are refused. The engine's function of an edit has the same name."""
+"""All operations. Arguments that belong to another operation are refused. The engine's function for an edit has the
+same name."""
 
 
 class Edit(Arguments):
@@ -156,12 +157,12 @@ class Edit(Arguments):
 
     @property
     def names_added(self) -> bool:
-        """Return whether it refers to a vehicle that another edit adds (``new:K``)."""
+        """Return whether the edit refers to a vehicle that another edit adds (``new:K``)."""
         words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
         return any(re.search(r"\bnew:\d", word) for word in words)
 
     def numbered_after(self, earlier: int) -> "Edit":
-        """Return the edit with each ``new:K`` renumbered for its place behind ``earlier`` edits."""
+        """Return the edit with each ``new:K`` renumbered for a position after ``earlier`` edits."""
 
         def counted(text: str) -> str:
             return re.sub(r"\bnew:(\d+)", lambda number: f"new:{int(number[1]) + earlier}", text)
@@ -260,12 +261,12 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ordinarily driving ego; None if no road user is near, or none is met within 60 s.
+    """The most critical figures of an ordinarily driving ego; None if no road user is near or would be met within 60 s.
 
-    ``risk_score`` runs from 0 collision over 1 extreme, 2 high, 3 medium and 4 low to 5 negligible (From Words to
-    Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision, otherwise the
-    shortest time to collision. ``left_out`` lists those that are not counted because they hit the ego from behind on
-    their recording.
+    ``risk_score`` ranges from 0 (collision) through 1 (extreme), 2 (high), 3 (medium) and 4 (low) to 5 (negligible)
+    (From Words to Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision,
+    otherwise the shortest time to collision. ``left_out`` lists those that are not counted because they hit the ego
+    from behind while following their recording.
     """
 
     minimum_distance_m: float | None = Field(description="smallest distance to another road user")
@@ -281,7 +282,8 @@ class TouchedVehicle(Model):
 
     ``reason`` states which vehicle it would have hit, and when, if no edit selects it. ``handover_*`` are the jumps
     between the recorded state at the hand-over and the first new step, beyond those explained by speed. ``moved_m`` is
-    the largest distance from its recorded position at the same time. Both are None for vehicles without a recording.
+    the largest distance from its recorded position at the same time. The jumps and ``moved_m`` are None for vehicles
+    without a recording.
     """
 
     vehicle_id: int
@@ -303,7 +305,7 @@ class TouchedVehicle(Model):
 class ModificationRequest(Model):
     """The worker's request: the base file, the planning problem (None: the first), all edits, and the output path.
 
-    ``earlier`` counts the edits of the scenario that is edited further. They are applied, but not reported.
+    ``earlier`` counts the edits that the scenario already had. They are applied, but not reported.
     """
 
     xml: Path
@@ -429,7 +431,7 @@ class ModifyScenarioResult(Result):
             yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)}: {rest}"
 
     def _others(self) -> list[str]:
-        """Return which vehicles react in addition, and why, and how many keep their recording."""
+        """Return which other vehicles react, and why, and how many keep their recording."""
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
@@ -445,7 +447,7 @@ class ModifyScenarioResult(Result):
         return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
 
     def _moved(self) -> list[str]:
-        """Return the largest displacements of the edited vehicles, the farthest first."""
+        """Return the largest displacements of the edited vehicles, largest first."""
         moved = sorted(
             (vehicle for vehicle in self.touched if vehicle.cause == "edited" and vehicle.moved_m is not None),
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),

@@ -73,7 +73,7 @@ class PlannerSettings(Model):
 
     @property
     def stated_values(self) -> dict[str, float]:
-        """The settings by name as a file or call writes them, without those that the ego's class decides."""
+        """The settings by name, as written in a file or call, without those that the ego's class determines."""
         left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
         return self.model_dump(exclude_none=True, exclude=left_out)
 
@@ -151,7 +151,7 @@ class RunResponse(Model):
 
 
 class ReplayRequest(Model):
-    """A stored run to replay: how, the path of its steps, and the path for its plans."""
+    """A stored run to replay: how to replay it, the path of its steps, and the path to write its plans to."""
 
     run: RunRequest
     steps_path: str
@@ -377,7 +377,7 @@ class ConfigurationSummary(Model):
 
 
 class RunPlannerResult(Result):
-    """The finished runs, with ``job_id`` while others still run, and ``batch_id`` once a grid is complete."""
+    """The finished runs, with ``job_id`` while others are still running, and ``batch_id`` once a grid is complete."""
 
     state: Literal["done", "running", "failed", "cancelled", "interrupted"]
     total: int = Field(description="runs requested")
@@ -452,7 +452,7 @@ class RunPlannerResult(Result):
 
 
 def _rate_line(item: ConfigurationSummary) -> str:
-    """Return ``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, not counted: 2``.
+    """Return text such as ``frenetix:Default (cfg_…): goal 3 of 4; collision 1; invalid, not counted: 2``.
 
     If the benchmark refused a motion that reached the goal, the paper's rate follows in brackets.
     """

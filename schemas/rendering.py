@@ -38,7 +38,7 @@ scenario."""
 
 @dataclass(frozen=True)
 class ReportPicture:
-    """A picture in the report: its part, in the order of the table, and its caption."""
+    """A picture in the report: the part that it belongs to, and its caption."""
 
     part: ReportPart
     caption: str
@@ -73,8 +73,9 @@ class RenderArguments(Arguments):
 class RenderRequest(Model):
     """The request of the drawing operation: files, records and the folder for the pictures.
 
-    ``scenarios`` are in drawing order, ``runs`` may be empty, and ``folder`` exists. ``study`` is the search of a
-    search chart. ``lineage`` is that of edited scenarios, which count as one in every rate.
+    ``scenarios`` are in drawing order, ``runs`` may be empty, and ``folder`` exists. ``study`` is the search that a
+    search chart shows. ``lineage`` lists edited scenarios with their originals; each original and its edits count as
+    one in every rate.
     """
 
     kind: PictureKind
@@ -100,7 +101,7 @@ class RenderedImage(Model):
 
 
 PICTURE_FORMAT = 2
-"""The version of the images of a request. Raise it if a request gives other images."""
+"""The version of drawn images. Raise it if the same request would give different images."""
 
 
 class Rendered(Model):
@@ -178,7 +179,7 @@ class ViewPane(Model):
 
 
 class ViewRequest(Model):
-    """The request of the operation for views, and the JSON file that it writes.
+    """The request to the operation for views, and the path of the JSON file that it writes.
 
     A player has one or two ``panes``. A board has ``runs``, their ``scenarios``, their ``batches`` if any, and the
     ``lineage`` of edited scenarios, which count as one in every rate. With ``whole``, a board includes the data of its

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     MetricName = str
 else:
     MetricName = Literal[tuple(RunMetrics.model_fields)]
-"""The name of a metric: a field of ``RunMetrics``. Type checkers know it as a string only."""
+"""The name of a metric: a field of ``RunMetrics``. Type checkers treat it as a plain string."""
 
 
 class ConfigWeights(Model):
@@ -70,7 +70,7 @@ class Rate(Model):
     scenarios: int | None = None
 
     def in_words(self) -> str:
-        """Return ``6/8 = 75 % (95 %: 41–93 %)``, with the number of original scenarios if it differs from ``of``."""
+        """Return text such as ``6/8 = 75 % (95 %: 41–93 %)``, with the number of original scenarios if not ``of``."""
         if self.share is None or self.low is None or self.high is None:
             return f"{self.count}/{self.of}"
         span = f"95 %: {100 * self.low:.0f}–{100 * self.high:.0f} %"
@@ -157,7 +157,7 @@ class Correlation(Model):
 
     @property
     def stands(self) -> bool:
-        """Return whether it differs from 0 after Holm's adjustment and when the other features are controlled for."""
+        """Return whether it differs from 0 after Holm's adjustment, also with the other features controlled for."""
         left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < SIGNIFICANCE_LEVEL)
         return self.p_holm < SIGNIFICANCE_LEVEL and left
 
@@ -172,10 +172,10 @@ class Correlation(Model):
 
 
 class TriedChange(Model):
-    """The result of trying a suggested change: failed runs and a sample of passed runs, each run again with it.
+    """The result of trying a suggested change: failed runs and a sample of passed runs, each repeated with the change.
 
-    ``p`` is the one-sided p value of so many flips to success among all flips if both directions were equally likely.
-    ``config_id`` is the configuration with the change.
+    ``p`` is the one-sided p value of this many flips to success among all flips, if the two directions were equally
+    likely. ``config_id`` is the configuration with the change.
     """
 
     config_id: str
@@ -201,7 +201,7 @@ class TriedChange(Model):
 
 
 _CLEAR_P = 0.0625
-"""Four of four flips in one direction by chance (chosen): a trial has few runs, and advice is not proof."""
+"""The chance of four out of four flips in one direction (chosen): a trial has few runs, and advice is not proof."""
 
 
 class Suggestion(Model):
@@ -326,7 +326,7 @@ class TrivialGoals(Model):
     success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
-        """Return the number of each kind, with the rate without them."""
+        """Return the number of goals of each kind, and the rate without them."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         if self.looked_at < self.goals:
             kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"
@@ -354,7 +354,7 @@ class BeyondVehicle(Model):
 class RuleShare(Model):
     """How many runs of a configuration broke a traffic rule, among those to which it applied.
 
-    ``worst`` is the largest excess. ``run_ids`` holds the runs that broke it, the worst first, at most eight.
+    ``worst`` is the largest excess. ``run_ids`` holds the runs that broke it, worst first, at most eight.
     """
 
     rule: str = Field(description="stable name of the rule")
@@ -367,7 +367,7 @@ class RuleShare(Model):
     run_ids: tuple[str, ...]
 
     def in_words(self) -> str:
-        """Return text like ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst (run_…)``."""
+        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst …``."""
         rate = self.violated.in_words()
         if self.worst is None:
             return f"{self.rule} {self.name}: kept in all runs, broken in {rate}"
@@ -397,9 +397,10 @@ class RunRow(Model):
 
 
 class TimelineStep(Model):
-    """One time step of a run: the ego's motion, its largest cost term, and the gap to the other.
+    """One time step of a run: the ego's motion, its largest cost term, and the gap to an obstacle.
 
-    ``gap_m`` is measured between the rectangles of the ego and of the obstacle: the one hit, or else the nearest.
+    ``gap_m`` is measured between the rectangles of the ego and the obstacle: the one that was hit, or else the nearest
+    one.
     """
 
     time_s: float = Field(description="time of the scenario")
@@ -459,7 +460,7 @@ class UndefinedMetric(Model):
 class AnalyzeResultsResult(Result):
     """The figures of a set of runs. Sections that ``detail`` did not select are empty.
 
-    ``review`` exists for one run only.
+    ``review`` is present only for a single run.
     """
 
     results: tuple[str, ...] = Field(description="ids analysed")
@@ -584,7 +585,7 @@ def _noted(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _rest_of_metrics(result: AnalyzeResultsResult, above: frozenset[str]) -> list[str]:
-    """Return one line of the metrics that no other line states, and of undefined ones with the reason."""
+    """Return one line with the metrics that no other line states, and the undefined ones with the reason."""
     parts = [
         f"{metric_words(item.name)} {with_unit(measured(item.median), item.unit)}"
         for item in result.metrics
@@ -770,7 +771,7 @@ def _rules(result: AnalyzeResultsResult) -> list[str]:
 
 
 def _correlations(result: AnalyzeResultsResult) -> list[str]:
-    """Return all correlations with ``detail=findings``, otherwise those that stand."""
+    """Return all correlations with ``detail=findings``, otherwise those for which ``stands`` is true."""
     shown = [item for item in result.correlations if result.detail == "findings" or item.stands]
     lines = [
         f"- success × {item.feature}: ρ={item.rho:+.2f}, {p_in_words(item.p)}, Holm {p_figure(item.p_holm)} "

@@ -1,4 +1,4 @@
-"""What a look at a run adds to its record: who hit whom, whose fault, pace, comfort, broken rules.
+"""What a look at a run adds to its record: who hit whom, who was at fault, pace, comfort and broken rules.
 
 ``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
@@ -28,13 +28,13 @@ ContactKind = Literal[
 BodySide = Literal["front", "rear", "left", "right"]
 """A side of a road user, as its driver sees it."""
 RelativeHeading = Literal["same", "oncoming", "crossing"]
-"""The heading of another, seen from the ego: within 45° of its heading, within 45° of the opposite, or between."""
+"""The heading of another road user relative to the ego's: within 45° of it, within 45° of the opposite, or between."""
 SeenCourse = Literal["same", "oncoming", "crossing", "standing"]
-"""The course of another, seen from the ego; ``standing``: it does not move, and its heading differs from the ego's."""
+"""The course of another road user, seen from the ego; ``standing``: it does not move and has a different heading."""
 
 
 DriverModelName = Literal["full_braking", "r157_careful", "fsm", "rss", "keep_lane"]
-"""Reference drivers that are driver models, and planners of the same name."""
+"""Reference drivers that are driver models; for each, there is also a planner of the same name."""
 ReferenceDriverName = Literal[DriverModelName, "evading"]
 """Drivers in the ego's place: full braking, UN R157's careful and fuzzy drivers, RSS, keeping lane and speed, and
 steering aside by a lane's width (``docs/reference_drivers.md``)."""
@@ -264,10 +264,10 @@ class PaceMoment(Model):
 LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
 """What a collision is attributed to.
 
-- ``ego``: something that the ego did before without a reason
-- ``recording``: another that follows a recording, and would otherwise have braked
-- ``prediction``: the prediction had the other elsewhere
-- ``planning``: the prediction had the other there, and the collision is attributable
+- ``ego``: something that the ego did earlier without a reason
+- ``recording``: another road user that follows its recording, and would otherwise have braked
+- ``prediction``: the prediction placed the other road user elsewhere
+- ``planning``: the prediction placed the other road user correctly, and the collision is attributable
 - ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
   starts"""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
@@ -284,7 +284,7 @@ class EgoFault(Model):
     moment: PaceMoment | None = None
 
     def in_words(self) -> str:
-        """Return ``the ego, which stood from 4.0 s to 9.0 s with a clear path and no light or sign to wait for``."""
+        """Return text such as ``the ego, which stood from 4.0 s to 9.0 s with a clear path and no light …``."""
         if self.moment is not None:
             return f"the ego, which {self.moment.in_words()}"
         texts: dict[OwnFault, str] = {
@@ -302,13 +302,14 @@ class Contact(Model):
 
     - ``ego_side``, ``other_side``: the sides that touched
     - ``closing_mps``: magnitude of the difference of the velocities
-    - ``ego_stood_since_s``: since when the ego stood, if it did
-    - ``braked_since_s``: since when the ego had braked by more than 1 m/s² without a break; None if it did not brake
-    - ``came_in_s``: for a cut-in, when the one ahead entered the path of the one behind
+    - ``ego_stood_since_s``: since when the ego had been standing, if it was
+    - ``braked_since_s``: since when the ego had been braking at more than 1 m/s² without interruption; None if it was
+      not
+    - ``came_in_s``: for a cut-in, when the vehicle ahead entered the path of the one behind
     - ``also_touched``: others that overlap the ego at the same step
     - ``prevention``: None if the tracks do not contain the road user that was hit
-    - ``predicted_gap_m``: the gap at the collision if the other had moved as the run's predictor said 1 s before; None
-      if it was not there then, or if it is not known whether it was predicted
+    - ``predicted_gap_m``: the gap at the collision if the other had moved as predicted 1 s earlier; None if it was not
+      present then, or if it is not known whether it was predicted
     - ``laid_to``: the cause; None if that gap or the prevention is needed and not known
     - ``fault``: what the ego did, if the cause is the ego
     """
@@ -338,7 +339,7 @@ class Contact(Model):
 
     @property
     def unforeseen(self) -> bool:
-        """Return whether the two would have stayed apart if the other had moved as predicted 1 s before."""
+        """Return whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
@@ -396,9 +397,9 @@ class Contact(Model):
 
 
 class Encounter(Model):
-    """The ego and another road user at one time; ``side`` is the side of the ego on which it is.
+    """The ego and another road user at one time; ``side`` is the side of the ego on which the other is.
 
-    ``time_to_collision_s`` assumes that both keep course and speed, and is None if they would not meet.
+    ``time_to_collision_s`` assumes that the two keep their course and speed, and is None if they would not meet.
     """
 
     time_s: float = Field(description="time of the encounter")
@@ -468,7 +469,7 @@ class RunReview(Model):
     pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
 
     def pace_in_words(self) -> str:
-        """Return what the ego did without an external cause; empty if it did nothing of the kind."""
+        """Return what the ego did without an external cause; empty if there is nothing of that kind."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
         return f"Without external cause, the ego {'; '.join(own)}." if own else ""
 

@@ -49,7 +49,7 @@ Refusal = Literal["goal_not_met", "off_lanelets", "not_drivable"]
 """Why CommonRoad's benchmark refuses a motion that reached its goal.
 
 - ``goal_not_met``: no state meets the goal as the benchmark reads it
-- ``off_lanelets``: a part of the body is outside the lanelets, for example behind the map's end or in a gap
+- ``off_lanelets``: a part of the body is outside the lanelets, for example beyond the end of the map or in a gap
 - ``not_drivable``: no acceleration and steering lead from one state to the next
 """
 AT_GOAL: tuple[Outcome, ...] = ("goal_reached", "goal_refused")
@@ -107,7 +107,7 @@ class RunSteps(Model):
     - ``costs``: weighted cost term → one value per planning step
     - ``plan_steps``: the time steps at which the planner planned
     - ``rejected``: constraint → candidates that it rejected, one value per planning step. If the last attempt gave no
-      trajectory, it is no planning step and adds one more value.
+      trajectory, it does not count as a planning step and adds one more value.
     - ``steering_rad``: steering angles of a vehicle that followed its plans; empty if the planner's states were used as
       they are
     - ``others``: obstacles that reactive traffic moved instead of their recordings; the rest followed their recordings
@@ -168,7 +168,7 @@ class RunTiming(Model):
     """Measured times. They are stored next to the record and are not part of the reproducible payload.
 
     ``steps`` counts planning steps, including one without a trajectory, and ``planning_ms`` holds the time of each.
-    ``core_step_median_ms`` is the part of a step in the planner's core, or None without a core.
+    ``core_step_median_ms`` is the part of a step in the planner's core, or None if it has no core.
     """
 
     wall_s: float
@@ -309,7 +309,7 @@ def ending(outcome: Outcome, reason: str, review: RunReview | None = None, *, co
 
 
 class Lineage(Model):
-    """The origin of an edited scenario: its ancestors, the nearest first, and its edits in order, one line each."""
+    """The origin of an edited scenario: its ancestors, nearest first, and its edits in order, one line each."""
 
     scenario_id: str
     ancestors: tuple[str, ...]
@@ -326,7 +326,7 @@ class ScenarioSource(Model):
 
     - ``obstacles``: counts by type
     - ``density_per_km``: recorded vehicles per kilometre of lanelets
-    - ``road``: the kind of road from the file's tags, such as ``highway``; empty without such a tag
+    - ``road``: the kind of road from the file's tags, such as ``highway``; empty if there is no such tag
     - ``limit_kmh``: the highest speed limit on the ego's lanelets; None if no limit is posted
     """
 

@@ -159,7 +159,7 @@ class ScenarioFacts(Model):
     def entries(self) -> "tuple[ScenarioFacts, ...]":
         """Return one entry per planning problem with only its ego: the first under the id, others as ``ID#problem``.
 
-        With the egos of all others in each entry, a catalogue would grow with the square of their number.
+        If every entry contained all egos, a catalogue would grow with the square of their number.
         """
         first = self if len(self.egos) < 2 else self.model_copy(update={"egos": self.egos[:1]})
         return (first, *(self._seen_from(ego) for ego in self.egos[1:]))
@@ -202,7 +202,7 @@ class ScenarioRecord(Model):
 class ReadFactsRequest(Model):
     """The file to read facts from, an accompanying SUMO network if it is imported too, and their maximum size.
 
-    ``keep`` caches the parsed file on disk for later calls. Of many files, few are used again.
+    ``keep`` caches the parsed file on disk for later calls. Few files of a large import are used again.
     """
 
     path: Path
@@ -394,7 +394,7 @@ class Description(Model):
 
 
 class DescribedGeneration(Model):
-    """Site, traffic and checks of a generated scenario when it was generated: requested next to realised.
+    """Site, traffic and checks of a generated scenario when it was generated, with requested and realised values.
 
     ``notes`` (including repairs), ``network_warnings`` and ``netconvert_warnings`` are listed only if ``detail``
     requests them, but are always counted. ``feasible_share`` of the recorded tracks is in [0, 1].

@@ -16,7 +16,7 @@ from .runs import MOST_DEBUG_POINTS, MOST_DEBUG_POLYGONS, MOST_DEBUG_VALUES, Bou
 PROTOCOL = 1
 """The version of these messages. It changes if a program for an older version would no longer work."""
 MOST_SHOWN_CANDIDATES, MOST_CANDIDATE_POINTS = 16, 200
-"""The maximum number of other candidates that a plan may show, and of points of each: as many as the player draws."""
+"""The maximum number of other candidates that a plan may show, and of points per candidate, as drawn by the player."""
 MOST_STATES = 10_000
 """The maximum number of states of a plan: 1,000 s in steps of 0.1 s, which is longer than any recording."""
 _Step = Annotated[int, Field(ge=0)]
@@ -77,7 +77,7 @@ class LaneletMessage(Model):
 
 
 class GoalMessage(Model):
-    """A goal state. Reaching one of them ends the run as a success. A null field accepts any value."""
+    """A goal state. Reaching any goal state ends the run as a success. A null field accepts any value."""
 
     first_step: int
     last_step: int
@@ -144,7 +144,7 @@ class EgoMessage(Model):
 
 
 class PredictedMessage(Model):
-    """The predicted positions of another road user, one entry per step, the present first.
+    """The predicted positions of another road user, one entry per step, starting with the present.
 
     ``heading_rad`` and ``covariance_m2`` (xx, xy and yy of the position) have a single entry if it is valid for all
     steps, which keeps messages with many road users short. ``length_m`` and ``width_m`` include the prediction's safety
@@ -186,7 +186,7 @@ class RouteMessage(Model):
     """The ego's position relative to its reference path.
 
     ``offset_m`` is positive to the left of the path. ``to_goal_m`` is measured along the path to the first goal,
-    negative behind it, and null for a goal without a position.
+    negative beyond it, and null for a goal without a position.
     """
 
     station_m: float
@@ -222,7 +222,7 @@ class DebugMessage(Model):
 class PlanMessage(Model):
     """The program's answer to ``step``.
 
-    ``trajectory`` has one state per time step, the present first, and covers at least 1 s. Null means that no
+    ``trajectory`` has one state per time step, starting with the present, and covers at least 1 s. Null means that no
     trajectory is drivable, which ends the run as infeasible; ``rejected`` then says why.
     """
 

@@ -1,7 +1,7 @@
 """Make text from outside (a caller's, a file's, a name on a disk) safe for answers, errors, logs and journals.
 
 Such text is data. It may contain line breaks that forge lines of an answer, characters that reverse its direction, or a
-megabyte. Use one of these to repeat it:
+megabyte. Use one of these functions to repeat such text:
 
 - :func:`cited`: text of a file, a map service, an archive or a program. It appears in ``“…”``, a mark that nothing else
   in an answer uses and that the text cannot close (docs/threat_model.md).
@@ -58,8 +58,8 @@ def one_line(text: str, longest: int = LONGEST_TEXT) -> str:
 def cited(text: object, longest: int = LONGEST_TEXT) -> str:
     """Return text from outside as an answer prints it: marked, on one line, at most ``longest`` characters.
 
-    Direction and control characters are removed, and a mark inside becomes single quotes. A list or mapping gives its
-    size.
+    Direction and control characters are removed, and a mark inside becomes single quotes. A list or mapping is replaced
+    by its size.
     """
     if isinstance(text, dict | list | tuple | set):
         return _size(text)
@@ -117,7 +117,7 @@ def uncited(text: str) -> str:
 
 
 def quoted(value: Any, longest: int = LONGEST_TEXT) -> str:
-    """Return a value of a call as an error repeats it: text in quotation marks, or the size of a list or mapping."""
+    """Return a value in a call as repeated in an error: text in quotation marks, or the size of a list or mapping."""
     if isinstance(value, dict | list | tuple | set):
         return _size(value)
     if isinstance(value, int) and value.bit_length() > _PRINTED_BITS:
@@ -149,7 +149,7 @@ def is_utf8(text: str) -> bool:
 
 
 def counted(count: int, noun: str) -> str:
-    """Return a number with its noun, ``16 buses``; obstacle types of two words are split."""
+    """Return a number with its noun, such as ``16 buses``; obstacle types of two words are split."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
     if count == 1:
         return f"1 {words}"
@@ -159,7 +159,7 @@ def counted(count: int, noun: str) -> str:
 
 
 _LONGEST_NUMBER = 1e7
-"""Smaller figures are written out."""
+"""Figures below this are written out in full."""
 _ROUNDING = 1e-9
 """Smaller values are rounding errors."""
 RESOLUTION = 5e-4
@@ -169,7 +169,7 @@ _SMALLEST_P = 1e-12
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number with ``digits`` significant digits: integers if larger, 0 below 1e-9, a dash for None."""
+    """Return a number to ``digits`` significant digits; larger ones as integers, 0 below 1e-9, and a dash for None."""
     if value is None:
         return "–"
     if abs(value) < _ROUNDING:
@@ -196,7 +196,7 @@ def p_in_words(p: float | None) -> str:
 
 
 def in_any_case(value: Any, words: Iterable[str]) -> Any:
-    """Return the word that equals a text up to case and spaces, otherwise the value itself for others to refuse."""
+    """Return the word that equals a text apart from case and spaces, otherwise the value, to be refused later."""
     if not isinstance(value, str):
         return value
     return next((word for word in words if word.lower() == value.strip().lower()), value)

@@ -109,9 +109,9 @@ CIRCUMSTANCES: Final[dict[str, str]] = {
     "snow": "the file's weather",
     "hail": "the file's weather",
 }
-"""The time and weather of a scenario of this program, from its file or the request that generated it.
+"""The time and weather of a scenario, from its file or from the request that generated it.
 
-CommonRoad's schema has no tags for them. Use them as ``tags`` in a catalogue that contains some."""
+CommonRoad's schema has no tags for them. Use them as ``tags`` in a catalogue that contains such scenarios."""
 MEASURES: Final[dict[str, str]] = {
     "ttc": "seconds until an ego that keeps path and initial speed meets the recorded traffic",
     "horizon": "seconds to the last time step of any recording or goal",
@@ -133,11 +133,12 @@ EGO_CLASSES: Final = (
 )
 """The possible classes of an ego: the motor vehicles among the classes of traffic (``engine/vehicles/models.py``)."""
 LEAST_FRICTION, MOST_FRICTION = 0.05, 1.0
-"""Valid coefficients of friction between tyres and road: the lowest above 0 and the highest of Bosch's Automotive
+"""Valid coefficients of friction between tyres and road: the lowest value above 0 and the highest in Bosch's Automotive
 Handbook, "Coefficients of static friction for pneumatic tires on various surfaces": tyres on 2 mm of water at 90 km/h,
 and worn tyres on a dry road at 50 km/h."""
 ROAD_FRICTIONS: Final[dict[str, float]] = {"dry": 0.85, "wet": 0.65, "heavy_rain": 0.55, "snow": 0.2, "ice": 0.1}
 """Coefficients of friction of roads: new tyres at 50 km/h in the same table (0.2 mm of water is wet, 1 mm is
-heavy rain); snow is the least of R. K. Noon, "Engineering Analysis of Vehicular Accidents" (1994): 0.20 to 0.25."""
+heavy rain); snow is the lowest value in R. K. Noon, "Engineering Analysis of Vehicular Accidents" (1994): 0.20 to
+0.25."""
 WEATHER_ROADS: Final[dict[str, str]] = {"light_rain": "wet", "heavy_rain": "heavy_rain", "snow": "snow"}
-"""The state of roads in a weather, with CommonRoad's word. Fog changes no road, and no figure is known for hail."""
+"""The state of roads in each kind of weather. Fog does not change it, and no figure is known for hail."""

@@ -7,7 +7,7 @@ from .call import ToolCall
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, call: ToolCall) -> ListArtifactsResult:
-    """List artifacts or jobs, the newest first."""
+    """List artifacts or jobs, newest first."""
     return await artifacts.list_artifacts(arguments, call)
 
 

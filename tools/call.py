@@ -1,4 +1,4 @@
-"""One call of a tool: the workflow's resources, and what the client's host can show of the answer."""
+"""One call to a tool: the workflow's resources, and what the client's host can show of the answer."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from ..workflows.context import WorkflowContext
 
 
 class ToolCall(WorkflowContext):
-    """One call of a tool.
+    """One call to a tool.
 
     Attributes:
         most_image_bytes: limit for all pictures of the answer together; larger ones are only linked.

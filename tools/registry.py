@@ -30,13 +30,13 @@ class ToolSpec:
         unlisted: arguments left out of the schema that clients see.
         making: arguments that make an otherwise read-only tool create something.
         refused: arguments that a call must not set here.
-        open_world: may use services on the network.
+        open_world: may use online services.
         trial: arguments that make a call a dry run, so that a refusal can test its suggestion; empty if no call creates
             anything, None if there is no dry run.
         view: page that shows its answers, in hosts that show pages.
         looks: calls that list valid values; a refusal suggests the first that the client may make, if it has no better
             remedy.
-        proposed: whether a refusal may suggest a call of it; False if only the caller should decide, because the call
+        proposed: whether a refusal may suggest a call to it; False if only the caller should decide, because the call
             cannot be undone.
     """
 

@@ -20,7 +20,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, call: ToolCall) 
 
 
 async def find_scenarios(arguments: FindScenariosArguments, call: ToolCall) -> FindScenariosResult:
-    """Return the scenarios that meet the conditions, the best first."""
+    """Return the scenarios that meet the conditions, best first."""
     return await catalog.find_scenarios(arguments, call)
 
 

@@ -113,7 +113,7 @@ def _by_config(runs: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
 
 
 def _config_names(runs: Iterable[RunRecord]) -> dict[str, str]:
-    """Return the names of configurations by id, with the ids of those that share a name."""
+    """Return the names of configurations by id; names that several configurations share get the id added."""
     names = {run.config_id: run.config_name for run in runs}
     often = Counter(names.values())
     return {config_id: name if often[name] == 1 else f"{name} {config_id}" for config_id, name in names.items()}
@@ -184,7 +184,7 @@ async def cancel_job(arguments: CancelJobArguments, context: WorkflowContext) ->
 
 
 def _job_id(word: str, context: WorkflowContext) -> str:
-    """Return the id of a job; ``latest`` is the client's own, otherwise the workspace's newest, with a remark."""
+    """Return the id of a job; ``latest`` is the client's latest job, or else the workspace's newest, with a remark."""
     if word != "latest":
         return context.jobs.store.get(word).job_id
     own = _own_latest(context)
@@ -209,10 +209,11 @@ def _own_latest(context: WorkflowContext) -> str | None:
 
 
 def _own_job_id(word: str, context: WorkflowContext) -> str:
-    """Return the id of a job that the client may stop: any job without tokens, otherwise one of its token.
+    """Return the id of a job that the client may stop: any job if there are no tokens, otherwise one of its token's
+    jobs.
 
     Raises:
-        NotPossible: another token started it; the refusal lists running ones of this token.
+        NotPossible: another token started it; the refusal lists running jobs of this token.
         UnknownName: there is no such job.
     """
     owner = context.services.owner

@@ -1,4 +1,4 @@
-"""The content of the catalogue, and searches of it."""
+"""The content of the catalogue, and searches in it."""
 
 import hashlib
 from collections import Counter
@@ -89,7 +89,7 @@ def _other_facets(
 
 
 def _maps_within(word: str | None, context: WorkflowContext) -> tuple[MapFacts, ...]:
-    """Return the maps of a country or place, or of the places of a search, by country; all maps without a word."""
+    """Return the maps of a country or place, or of the places of a search, by country; all maps if no word is given."""
     known = [entry.facts for entry in maps_seen(context).entries]
     if word is None:
         found = known

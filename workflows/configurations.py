@@ -20,10 +20,10 @@ _SEARCHED = 1000
 
 
 def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfiguration:
-    """Return the configuration of an id, of ``PLANNER:PRESET``, or the current one.
+    """Return the configuration with an id, the one for ``PLANNER:PRESET``, or the current one.
 
     The current one is what the client configured or imported last, otherwise the workspace's newest (with a remark), or
-    ``frenetix:Default`` without any.
+    ``frenetix:Default`` if there is none.
 
     Raises:
         UnknownName: an unknown name.
@@ -73,7 +73,7 @@ def made_configurations(context: WorkflowContext, limit: int) -> list[PlannerCon
 def store_configuration(
     context: WorkflowContext, configuration: PlannerConfiguration, recipe: Recipe | None = None, name: str | None = None
 ) -> Artifact:
-    """Store a configuration with its YAML file; the same weights give the stored one.
+    """Store a configuration with its YAML file; the same weights give the stored configuration.
 
     Raises:
         ResourceFailure: the disk is full.

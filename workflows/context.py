@@ -27,7 +27,7 @@ from ..schemas.text import quoted
 
 MadeKind = ArtifactKind | Literal["job"]
 _MOST_RECENT = 1_000
-"""How much of a session is remembered (chosen). Older artifacts need their id."""
+"""How many artifacts and jobs of a session are remembered (chosen). Older artifacts need their id."""
 INDEX_FOLDER = "index"
 """The folder of the text index in the workspace."""
 
@@ -51,7 +51,7 @@ async def ask_no_one(question: Question) -> str | None:
 
 
 class Recent:
-    """What one client made or chose, the latest last: the meaning of its ``latest`` and ``current``.
+    """What one client made or chose, latest last. It determines what the client's ``latest`` and ``current`` mean.
 
     A client is a session of the protocol. Other clients of the workspace do not affect it.
     """
@@ -70,7 +70,7 @@ class Recent:
                 del self._made[next(iter(self._made))]
 
     def last(self, kinds: Collection[MadeKind]) -> list[tuple[MadeKind, str]]:
-        """Return what the client made or chose of some kinds, the latest first."""
+        """Return what the client made or chose of some kinds, latest first."""
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
@@ -184,7 +184,7 @@ class WorkflowContext:
 
         Raises:
             InvalidRequest: no path is given.
-            OutsideRoots: it is elsewhere.
+            OutsideRoots: the path is elsewhere.
         """
         path = self.limits.allowed_path(text)
         if self.workspace.owns(path):
@@ -213,7 +213,7 @@ class WorkflowContext:
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, share: tuple[float, float] = (0.0, 1.0)
     ) -> Response:
-        """Run an engine operation in a warm worker; its progress fills ``share`` of the call's.
+        """Run an engine operation in a warm worker; its progress fills ``share`` of the call's progress.
 
         Raises:
             PlannerForgeError: an error of the operation, a timeout, or the death of the worker.

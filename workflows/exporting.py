@@ -1,4 +1,4 @@
-"""Write files, pictures and reports into a folder of the user.
+"""Write files, pictures and reports into the user's folder.
 
 Stored files are copied. Solution files, tables, pictures and the report are created for the export.
 """
@@ -179,7 +179,7 @@ def _table(context: WorkflowContext, export: Export, target: Path) -> RunTableRe
 async def _write_report(
     context: WorkflowContext, artifacts: Sequence[Artifact], path: Path, views: Mapping[str, Path]
 ) -> list[ExportedFile]:
-    """Write one page on scenarios and batches, in their order, with the view of each next to it.
+    """Write one page on scenarios and batches, in the given order, with the view of each next to it.
 
     Raises:
         InvalidRequest: an artifact that a report cannot show.

@@ -1,6 +1,6 @@
 """Import the user's files.
 
-Many files are a job. It continues after the call's answer, and the same call resumes after a crash.
+Many files become a job. It continues after the call's answer, and the same call resumes after a crash.
 """
 
 import logging
@@ -56,7 +56,7 @@ _PACKED_ENDINGS = (".xml.gz", ".xml.bz2")
 _MOST_FILES = 5000
 """The maximum number of files of a call (chosen), which are listed before the import starts."""
 MOST_IN_THE_CALL = 100
-"""More files are a job, because they may take longer than a client waits."""
+"""More files become a job, because they may take longer than a client waits."""
 
 
 @dataclass
@@ -123,7 +123,7 @@ async def import_files(arguments: ImportFilesArguments, context: WorkflowContext
 
 
 def _with_running(tally: _Tally) -> ImportFilesResult:
-    """Return the answer with the job that still reads a large extract: the last one of several."""
+    """Return the answer with the job that is still reading a large extract, or the last of several such jobs."""
     if not tally.jobs:
         return tally.result()
     job = tally.jobs[-1]
@@ -165,7 +165,7 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
     paths = [entry for entry in paths if is_utf8(str(entry)) and not context.workspace.owns(entry)]
     paths = [entry for entry in paths if os.access(entry, os.R_OK)]
     paths = [entry for entry in paths if entry.name.lower().endswith(tuple(wanted)) or root_element(entry) is not None]
-    if arguments.kind != "map":  # networks often are next to scenarios; they are imported only if maps are requested
+    if arguments.kind != "map":  # networks are often next to scenarios; they are imported only if maps are requested
         paths = [entry for entry in paths if not is_net(entry)]
     if arguments.kind != "auto":
         paths = [entry for entry in paths if _kind_of(entry, arguments.kind) == arguments.kind]
@@ -215,7 +215,7 @@ def _names_in_folder(path: Path, context: WorkflowContext) -> list[str]:
 def _skipped_kinds(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> str:
-    """Return how many files below a folder are of other kinds, by extension; empty without any."""
+    """Return how many files below a folder are of other kinds, by extension; empty if there are none."""
     path = context.allowed_path(arguments.path)
     if path.is_file():
         return ""
@@ -335,7 +335,7 @@ async def _imported_other(
 ) -> ImportedItem | Job | PlannerForgeError:
     try:
         checked = context.allowed_path(str(path))
-        if not is_binary(checked):  # one of any size is read piece by piece
+        if not is_binary(checked):  # a binary file of any size is read piece by piece
             context.limits.check_size(checked)
         if kind == "map":
             return await import_map(context, checked, arguments.name, arguments.country, wait_s=WAIT_S)

@@ -57,7 +57,7 @@ async def maps_at_hand(context: WorkflowContext) -> MapInventory:
 
 
 async def _reread_outdated(context: WorkflowContext) -> list[str]:
-    """Read maps again that an older program stored: it knew fewer names, and counted sites that cannot be built.
+    """Read maps again that an older version of the program stored, with fewer names and with impossible sites.
 
     Returns notes on maps that can no longer be read.
     """

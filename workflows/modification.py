@@ -58,7 +58,7 @@ def _with_edits(arguments: ModifyScenarioArguments, remedy: Remedy) -> Remedy:
 async def with_chosen_vehicle(
     refusal: NotPossible, arguments: ModifyScenarioArguments, context: WorkflowContext
 ) -> ModifyScenarioArguments | None:
-    """Return the arguments with the id of the vehicle that the user chose, or None without a choice."""
+    """Return the arguments with the id of the vehicle that the user chose, or None if there was no choice."""
     kind, _, selector = refusal.reason.partition(" ")
     fitting = [edit for edit in arguments.edits if any(_is_same_selector(text, selector) for text in edit.vehicles)]
     if kind != AMBIGUOUS_VEHICLE or not fitting:
@@ -160,7 +160,7 @@ def _traffic(arguments: ModifyScenarioArguments, given: Artifact) -> TrafficAfte
 
 
 def _problem(given: Artifact, requested: int | None) -> int | None:
-    """Return the planning problem of the edits: all edits since the base are repeated for one ego.
+    """Return the planning problem that the edits refer to: all edits since the base are repeated for one ego.
 
     Raises:
         NotPossible: the scenario was edited for another ego before.

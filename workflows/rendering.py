@@ -1,4 +1,4 @@
-"""Draw pictures and views in motion. What was drawn of the same artifacts before is reused."""
+"""Draw pictures and views in motion. Earlier drawings of the same artifacts are reused."""
 
 import hashlib
 import shutil
@@ -45,7 +45,7 @@ from .results import (
 FOLDER = "pictures"
 """The folder of pictures in the workspace."""
 VIEWS = "views"
-"""The folder of the data of views in the workspace."""
+"""The folder for the data of views in the workspace."""
 MOST_PANES = 2
 """How many scenarios or runs a player shows side by side (chosen)."""
 
@@ -143,7 +143,7 @@ async def draw(
     focus: int | None = None,
     study: StudyRecord | None = None,
 ) -> Rendered:
-    """Draw scenarios and runs, or a study, into the workspace's pictures, with names from their content.
+    """Draw scenarios and runs, or a study, into the workspace's pictures, named after their content.
 
     Raises:
         NotPossible: the kind needs missing data.
@@ -208,7 +208,7 @@ async def make_view(words: Sequence[str], context: WorkflowContext, *, whole: bo
         whole: whether a board includes the data of its player; otherwise the viewer requests each run.
 
     Raises:
-        InvalidRequest: artifacts that no view shows, or not together.
+        InvalidRequest: no view shows these artifacts, or none shows them together.
         UnknownName: an unknown name.
         NotPossible: the view would be too large, or it has no run.
     """
@@ -280,7 +280,7 @@ def _pane(artifact: Artifact, context: WorkflowContext) -> ViewPane:
 
 
 async def _with_plans(pane: ViewPane, path: Path, context: WorkflowContext) -> ViewPane:
-    """Return a pane with the plans of its run, or with a note why they are missing."""
+    """Return a pane with the plans of its run, or with a note on why they are missing."""
     if pane.run is None or pane.run.steps_path is None:
         return pane
     record = pane.run.record

@@ -88,7 +88,7 @@ def choose_results(words: Sequence[str], context: WorkflowContext) -> tuple[Chos
 
 @contextmanager
 def _proposing_others(others: Sequence[str]) -> Iterator[None]:
-    """If the block refuses a name, propose the other given ones, if there are any."""
+    """If the block refuses a name, propose the other given names, if there are any."""
     try:
         yield
     except UnknownName as error:
@@ -96,7 +96,7 @@ def _proposing_others(others: Sequence[str]) -> Iterator[None]:
 
 
 def result_named(word: str, context: WorkflowContext) -> Artifact:
-    """Return the run or batch of an id, or of a word for the client's latest ones (``WORDS``).
+    """Return the run or batch with an id, or the client's latest one that a word refers to (``WORDS``).
 
     Raises:
         UnknownName: an unknown name, or no such run or batch yet.
@@ -192,7 +192,7 @@ _SHORT = 7
 
 
 def with_versions(records: Iterable[RunRecord]) -> list[RunRecord]:
-    """Return the records, with the version in name and configuration id if a planner has several versions.
+    """Return the records; if a planner has several versions, its names and configuration ids include the version.
 
     ``mylane:Default`` with ``cfg_1`` becomes ``mylane:Default v2 (d4e5f6a)`` with ``cfg_1@d4e5f6a``. Grouping by
     configuration then separates the versions, and every printed name shows its version.
@@ -291,7 +291,7 @@ def _terms(planner: str) -> dict[str, str]:
 
 
 def scenario_sources(scenario_ids: Iterable[str], context: WorkflowContext) -> tuple[ScenarioSource, ...]:
-    """Return the files of scenarios, and known facts on how hard they are, each once."""
+    """Return each scenario once, with its file and the known facts about how hard it is."""
     sources = []
     for scenario_id in dict.fromkeys(scenario_ids):
         artifact = context.workspace.get(scenario_id, "scenario")
@@ -310,7 +310,7 @@ def scenario_sources(scenario_ids: Iterable[str], context: WorkflowContext) -> t
 
 
 def lineages(scenario_ids: Iterable[str], context: WorkflowContext) -> tuple[Lineage, ...]:
-    """Return the origin of the edited ones among scenarios, each once."""
+    """Return the lineage of each edited scenario among the given ones, once."""
     found = []
     for scenario_id in dict.fromkeys(scenario_ids):
         artifact = context.workspace.get(scenario_id, "scenario")

@@ -72,7 +72,7 @@ class Cell:
 
     @property
     def scenario(self) -> str:
-        """The scenario as a call writes it."""
+        """The scenario as written in a call."""
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
@@ -125,7 +125,7 @@ async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = 
 async def run_grid(
     context: WorkflowContext, cells: Sequence[Cell], on_done: Callable[[CellResult], None]
 ) -> list[CellResult]:
-    """Return all cells in their order, run with as many at once as there are workers.
+    """Return the results of all cells, in order; as many run at once as there are workers.
 
     A cell that fails (a broken file, a dead or late worker, a full disk) is lost, and the others continue. A cell that
     another batch or server is running is checked again later.

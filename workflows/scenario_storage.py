@@ -1,7 +1,7 @@
 """Store scenarios in the workspace: workers read their facts, and the catalogue stores them.
 
-A tool's new scenario is stored alone. All workers read the user's files in parallel, and these are stored in batches,
-in the order of their names.
+A tool's new scenario is stored alone. All workers read the user's files in parallel, and the results are stored in
+batches, in the order of file names.
 """
 
 import shutil
@@ -54,7 +54,7 @@ async def store_scenario(
 
 
 async def import_scenarios(context: WorkflowContext, paths: Sequence[Path], on_done: _OnDone) -> None:
-    """Import the files, and call ``on_done`` for each, in their order, with the result or refusal.
+    """Import the files, and call ``on_done`` for each, in order, with the result or refusal.
 
     A compressed file is unpacked into a temporary folder, which is deleted when the scenario is stored.
     """
@@ -101,7 +101,7 @@ async def _read(
 
 
 async def _facts(context: WorkflowContext, path: Path, net: Path | None) -> ScenarioFacts:
-    """Return the facts of a file. If a worker dies, a second one tries again, because the file may be innocent."""
+    """Return the facts of a file. If a worker dies, a second one tries again, because the file may not be the cause."""
     request = ReadFactsRequest(path=path, net=net, file_bytes=context.limits.file_bytes, keep=False)
     try:
         return await context.services.workers.run(READ_FACTS, request)

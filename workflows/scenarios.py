@@ -89,14 +89,14 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
-    """Return a file's planning problems other than the described one; None stands for the first."""
+    """Return a file's planning problems other than the described one; None means the first."""
     known = [ego.problem_id for ego in facts.egos]
     shown = known[0] if problem_id is None and known else problem_id
     return tuple(key for key in known if key != shown)
 
 
 def one_scenario(word: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
-    """Return the scenario of an id or ``ID#problem``, and the planning problem, or None without one.
+    """Return the scenario of an id or ``ID#problem``, and the planning problem, or None if none is given.
 
     Raises:
         UnknownName: there is no such scenario or planning problem.
@@ -150,7 +150,7 @@ def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScena
 
 
 def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
-    """Return the scenarios of a coverage plan so far, in its order; ``plan_latest`` is the client's last one.
+    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last one.
 
     Raises:
         UnknownName: there is no such plan.
@@ -235,7 +235,7 @@ def _all_hits(search: Artifact, context: WorkflowContext) -> tuple[str, ...]:
 
 
 def searched_within(search_id: str | None, context: WorkflowContext) -> tuple[str, ...] | None:
-    """Return the hits of the refined search, or a plan's scenarios; None searches the whole catalogue."""
+    """Return the hits of the refined search, or a plan's scenarios; None means the whole catalogue."""
     if search_id is not None and search_id.startswith("plan_"):
         return planned_scenarios(search_id, context)
     return None if search_id is None else _all_hits(context.artifact(search_id, "search"), context)

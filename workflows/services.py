@@ -43,7 +43,7 @@ class ServiceOptions:
         map_folders: folders with maps, in addition to the built-in ones.
         with_starter: put the starter scenarios into a new workspace.
         embedding_model: ranks scenarios by text.
-        online: whether and how to request maps from the network.
+        online: whether and how to request maps from online services.
         links: whether answers link their artifacts.
     """
 

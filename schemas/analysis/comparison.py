@@ -31,12 +31,12 @@ HeadlineCode = Literal[
 - ``tie``: no pair flipped
 - ``alike``: pairs flipped, and the 95 % interval of the difference is within ten points of 0
 - ``flips_too_few``: so few scenarios differ that no test can show anything
-- ``no_difference_shown``: a test was possible and shows nothing"""
+- ``no_difference_shown``: a test was possible but shows no difference"""
 MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
-"""What the metrics show that differ after Holm's adjustment and by more than their resolution.
+"""What is shown by the metrics that differ after Holm's adjustment and by more than their resolution.
 
 - ``better``, ``worse``: all metrics with a better direction agree
-- ``mixed``: both occur
+- ``mixed``: some metrics are better and others worse
 - ``changed``: only metrics without a better direction differ
 - ``none``: no metric differs
 - ``untested``: there were too few pairs"""
@@ -47,7 +47,7 @@ def _metric_name(value: object) -> object:
 
 
 UnlistedMetric = Annotated[MetricName, BeforeValidator(_metric_name), WithJsonSchema({"type": "string"})]
-"""A metric. The schema omits the names to stay small, and a refusal lists them all.
+"""The name of a metric. The schema omits the valid names to stay small; a refusal lists them all.
 
 Every name that an answer, a table or a legend prints is accepted."""
 
@@ -76,10 +76,10 @@ class Side(Model):
 
 
 class CompareRequest(Model):
-    """The request of the comparison operation: the sides in order, the baseline first; ``lineage`` of edited scenarios.
+    """The request to the comparison operation: the sides, baseline first, and the ``lineage`` of edited scenarios.
 
-    ``couples`` lists the pairs of sides to compare, as indices into ``sides``, the baseline first. Empty means every
-    side against the first one.
+    ``couples`` lists the pairs of sides to compare, as indices into ``sides``, the baseline first. Empty means that
+    every side is compared with the first.
     """
 
     sides: tuple[Side, ...]
@@ -116,7 +116,7 @@ class PairedRun(Model):
 
 
 class Flip(Model):
-    """A scenario that only one side mastered; ``why`` says who hit whom in a collision, and what prevents it."""
+    """A scenario in which only one side succeeded; ``why`` says who hit whom in a collision, and what prevents it."""
 
     scenario_id: str
     before: Outcome = Field(description="outcome of the baseline's run")
@@ -129,7 +129,7 @@ class Flip(Model):
 
 
 class WeightChange(Model):
-    """A cost weight that differs; None if a side does not have it."""
+    """A cost weight that differs between the sides; a value is None if that side does not have the weight."""
 
     weight: str = Field(description="name of the weight")
     before: float | None = Field(description="the baseline's value")
@@ -137,10 +137,10 @@ class WeightChange(Model):
 
 
 class SuccessTest(Model):
-    """The pairs by success, the paired difference of success rates with its 95 % interval, and its exact p.
+    """The pairs by success, and the paired difference in success rates with its 95 % interval and exact p value.
 
-    The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). ``needed`` is
-    the number of scenarios that would show ten points, if nothing is shown.
+    The scenario is the unit: pairs of one scenario count only by their difference (docs/statistics.md). If no
+    difference is shown, ``needed`` is the number of scenarios that would show one of ten points.
     """
 
     pairs: int = Field(description="pairs of runs")
@@ -178,7 +178,7 @@ class Stratum(Model):
 
 
 class MetricTest(Model):
-    """Wilcoxon's signed-rank test of after − before on scenario averages of pairs.
+    """Wilcoxon's signed-rank test of after − before, on pairs averaged by scenario.
 
     ``pairs`` counts the pairs and ``scenarios`` the tested averages. ``shift`` is the Hodges–Lehmann estimate with its
     95 % interval (None below six differing pairs). ``effect`` is the matched-pairs rank-biserial correlation in [−1,
@@ -215,7 +215,7 @@ class MetricTest(Model):
 
 
 class UncomparedCost(Model):
-    """The mean total cost of both sides, as medians over valid runs, and why the two are not comparable."""
+    """The mean total costs of the two sides (medians over valid runs), and why they are not comparable."""
 
     before: float = Field(description="median of the baseline's mean total cost")
     after: float = Field(description="median of the other side's")
@@ -252,7 +252,7 @@ class Comparison(Model):
 
 
 class RankedSide(Model):
-    """One of several sides, ranked by success; sides that no test distinguishes from all above share a rank.
+    """One of several sides, ranked by success.
 
     ``rank`` is 1 plus the number of sides that reach the goal significantly more often, by Holm-adjusted tests of all
     pairs of sides.
@@ -341,7 +341,7 @@ def _cost(cost: UncomparedCost | None) -> list[str]:
 
 
 def _weights(changes: tuple[WeightChange, ...]) -> list[str]:
-    """Return the changed weights in one line; for two planners, the shared ones, and the number of others."""
+    """Return the changed weights in one line; for two planners, the shared weights and the number of others."""
     one_sided = [change for change in changes if change.before is None or change.after is None]
     shown = [change for change in changes if change not in one_sided] if len(one_sided) > _SHOWN_EDITS else changes
     parts = [f"{change.weight} {_or_default(change.before)} → {_or_default(change.after)}" for change in shown]
@@ -420,7 +420,7 @@ def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[s
 
 
 def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
-    """Return the metrics of a single pair by direction; equal to three digits counts as the same."""
+    """Return the metrics of a single pair by direction; values that agree to three digits count as the same."""
     groups: dict[str, list[str]] = {"better": [], "worse": [], "changed": [], "same": [], "none": []}
     for metric in metrics:
         words, before, after = metric_words(metric.name), measured(metric.median_before), measured(metric.median_after)
@@ -440,7 +440,7 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
 
 
 def _tested(metrics: tuple[MetricTest, ...]) -> list[str]:
-    """Return the metrics that differ, the smallest p first; the others in one line."""
+    """Return the metrics that differ, smallest p first, and the others in one line."""
     differing = [metric for metric in metrics if metric.p_holm is not None and metric.p_holm < SIGNIFICANCE_LEVEL]
     shown = sorted(differing, key=lambda metric: (metric.p_holm or 0.0, metric.name))
     lines = [_metric(metric) for metric in shown]

@@ -17,8 +17,9 @@ StudyCode = Literal[
 ]
 """The result of a study.
 
-For a search: the found configuration on unseen scenarios, or that nothing was better in training, or that
-``max_trials`` left no runs for unseen scenarios. For a sensitivity analysis: whether a weight matters."""
+For a search, it states how the found configuration does on unseen scenarios, that nothing was better in training, or
+that ``max_trials`` left no runs for unseen scenarios. For a sensitivity analysis, it states whether a weight
+matters."""
 SearchMethod = Literal["tpe", "cmaes", "random"]
 """How candidates are drawn: tree-structured Parzen estimators, covariance matrix adaptation, or uniformly."""
 _SHOWN = 5
@@ -60,7 +61,8 @@ class EvaluatedTrial(Model):
 class ProposeRequest(Model):
     """The state of a search: ``enqueued`` points are tried first, and ``rounds`` holds the results round by round.
 
-    ``start`` is the point of the base, ``count`` the number of new points requested, ``objectives`` their number.
+    ``start`` is the point of the base, ``count`` the number of new points requested, ``objectives`` the number of
+    objectives.
     """
 
     method: SearchMethod
@@ -89,10 +91,10 @@ class DesignRequest(Model):
 
 
 class EffectsRequest(Model):
-    """The objective at the points of a design, in their order.
+    """The objective at each point of a design, in order.
 
     ``scores`` holds the objective of each scenario at each point, None if absent. ``units`` maps each scenario to the
-    one it counts for. Without them, the scenarios are not tested.
+    original scenario that it counts for. If ``units`` is empty, the scenarios are not tested.
     """
 
     design: DesignRequest
@@ -105,10 +107,10 @@ class Effect(Model):
     """How much a weight matters to the objective on these scenarios.
 
     ``effect`` is Morris's μ* (the mean absolute change over the weight's range) or Sobol's total index. ``margin`` is
-    half of its 95 % interval (bootstrap). ``p`` is the chance that random signs of scenarios give as much, and
-    ``p_adjusted`` accounts for the number of tested weights. ``verdict`` is ``matters`` if that is below 5 % and the
-    adjusted interval is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives the two
-    points and the scenario with the largest change, and ``run_ids`` their runs.
+    half of its 95 % interval (bootstrap). ``p`` is the chance that random signs of scenarios give at least this effect,
+    and ``p_adjusted`` accounts for the number of tested weights. ``verdict`` is ``matters`` if ``p_adjusted`` is below
+    5 % and the adjusted interval is above 0, and ``none`` if no change of the weight had an effect. ``largest`` gives
+    the two points and the scenario with the largest change, and ``run_ids`` their runs.
     """
 
     name: str = Field(description="the weight or setting")
@@ -122,7 +124,7 @@ class Effect(Model):
 
 
 class Effects(Model):
-    """The weights, the most important first."""
+    """The effects of the weights, most important first."""
 
     effects: tuple[Effect, ...]
 
@@ -134,7 +136,7 @@ class GainRequest(Model):
 
 
 class Gain(Model):
-    """The mean difference over scenarios with its 95 % interval; without spread, both ends are the mean."""
+    """The mean difference over scenarios with its 95 % interval; without spread, its two ends equal the mean."""
 
     difference: float = Field(description="mean of after − before, in the objective's unit")
     low: float = Field(description="lower end of its 95 % interval")
@@ -145,8 +147,8 @@ class Gain(Model):
 class TrialLine(Model):
     """One candidate: its configuration, mean objectives over the training scenarios, and number of runs.
 
-    ``pruned`` means that it was abandoned before all training scenarios; its values are then the base's plus the
-    difference on the scenarios that it ran. ``within`` means that it breaks no constraint.
+    ``pruned`` means that it was abandoned before it ran on all training scenarios; its values are then the base's plus
+    the difference on the scenarios that it ran. ``within`` means that it breaks no constraint.
     """
 
     number: int = Field(description="number of the trial, from 0")
@@ -168,7 +170,7 @@ class ChangeShare(Model):
 
 
 class HeldOut(Model):
-    """The single look at the unseen scenarios: base against found configuration, with compare_results' tests."""
+    """The only evaluation on unseen scenarios: base against found configuration, tested as in compare_results."""
 
     batch_id: str = Field(description="id of the batch of the held-out runs")
     scenarios: int = Field(description="held-out scenarios compared")

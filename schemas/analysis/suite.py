@@ -43,7 +43,7 @@ class SuiteConfiguration(Model):
 class Suite(Model):
     """A test suite: scenarios × configurations, and limits on the results.
 
-    A scenario is an argument of ``run_planner``, files, the result of a search, or a generated scenario.
+    Scenarios are arguments of ``run_planner``, files, the results of a search, or generated scenarios.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Suite(Model):
 
 
 class SuiteBaseline(Model):
-    """Runs of a suite to compare later runs with, kept as a file next to it."""
+    """Runs of a suite that later runs are compared with, stored in a file next to the suite."""
 
     suite: str
     configurations: Mapping[str, tuple[RunRecord, ...]] = Field(description="by name in the suite")

@@ -7,7 +7,7 @@
     │   └── NotPossible     valid, but the scenario, map or network does not allow it
     ├── UnsafeInput         a file that is malformed, hostile or too large
     ├── ResourceFailure     disk, database or memory failed                          (nothing was lost)
-    ├── ServiceFailure      a network service did not answer as it should            (nothing was created)
+    ├── ServiceFailure      an online service did not answer as it should            (nothing was created)
     ├── PlannerFailure      an external planner broke its contract                   (an error of that run alone)
     ├── WorkerFailure       native code in a worker process died
     │   └── WorkerTimeout   … or exceeded its time limit
@@ -37,7 +37,7 @@ class PlannerForgeError(Exception):
         valid: the values that would be accepted, most useful first (at most twelve are shown).
         next_step: what to call or change next; by default the usual remedy (``usual_step`` of the class).
         reason: a stable word for the kind of refusal, for code that depends on it; shown only with ``shows_reason``.
-        given: the wrong word of the call, if one of ``valid`` can replace it as written.
+        given: the wrong word in the call, if one of ``valid`` can replace it as written.
         remedies: ways to correct the call, the most useful first; the server writes the first applicable one as a call.
             By default they come from ``valid``: names that a quoted word may misspell (``names_valid``), and fields
             with values, as in ``lane=left``.
@@ -53,7 +53,7 @@ class PlannerForgeError(Exception):
     """Whether ``valid`` contains names that a quoted word may misspell."""
     shows_reason: ClassVar[bool] = False
     longest_message: ClassVar[int] = 2000
-    """The maximum length in characters (chosen: our longest message, with a dozen problems, has half as many)."""
+    """The maximum length in characters (chosen: our longest message, with a dozen problems, is half as long)."""
 
     def __init__(
         self,
@@ -168,7 +168,7 @@ class Faults:
         """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: with the class and reason of the first fault, and the valid values of each.
+            InvalidRequest: with the class and reason of the first fault, and the valid values of all faults.
         """
         if not self._found:
             return
@@ -244,7 +244,7 @@ class ResourceFailure(PlannerForgeError):
 
 
 class ServiceFailure(PlannerForgeError):
-    """A network service could not be reached or gave an invalid answer. Nothing was created from it."""
+    """An online service could not be reached or gave an invalid answer. Nothing was created from it."""
 
     code = "service_failure"
     usual_step = "call again later, or import an .osm extract of the place with import_files"
@@ -262,7 +262,7 @@ class PlannerFailure(PlannerForgeError):
 
 
 class WorkerFailure(PlannerForgeError):
-    """A worker process died during the work. The next call gets a new one."""
+    """A worker process died during the work. The next call gets a new process."""
 
     code = "worker_failure"
     usual_step = "call again: a new worker takes over"
@@ -295,7 +295,7 @@ class UnexpectedFailure(PlannerForgeError):
 
 
 def as_told(raised: Exception, what: str) -> PlannerForgeError:
-    """Return the error to report for an exception: itself, a failed disk or memory, or a defect.
+    """Return the error to report for an exception: the exception itself, a disk or memory failure, or a defect.
 
     From errors that tasks raised together, return the first that helps the caller.
 
@@ -364,7 +364,7 @@ def rebuild(
 
 
 _COMPARED = 2000
-"""How many known words are compared with one; with 200 characters each this takes under 0.1 s (chosen)."""
+"""How many known words a word is compared with (chosen: at 200 characters each, this takes under 0.1 s)."""
 
 
 def closest(word: str, known: Iterable[str], limit: int = 12) -> list[str]:

@@ -15,7 +15,7 @@ from typing import Any
 from ..text import cited_parts
 
 SHOWN_CALL = 400
-"""The maximum length of a call that a refusal writes out. Of a longer one, only the changes are written (chosen)."""
+"""The maximum length of a call that a refusal writes out in full (chosen). For a longer call, it writes the changes."""
 Place = tuple[str | int, ...]
 """The position of an object in the arguments: ``("edits", 0)`` is the first edit, ``()`` the arguments themselves."""
 
@@ -69,7 +69,7 @@ def instead(word: str, other: object, *fields: str) -> Remedy:
 
 
 def with_values(**values: Any) -> Remedy:
-    """Return the call with other values of fields; None removes a field."""
+    """Return the call with other values for fields; None removes a field."""
     return Remedy((Change(values=values),))
 
 
@@ -83,19 +83,19 @@ LANELETS_LISTED = calling("describe_scenario", "scenario_id", detail="lanelets")
 """The description that helps to correct a refused edit."""
 
 _ALIKE, _ALIKE_IDS = 0.75, 0.9
-"""The similarity (difflib's ratio) from which a word counts as a misspelling of another one (chosen).
+"""The minimum similarity (difflib's ratio) of a word to the word that it may misspell (chosen).
 
 Ids of random digits are similar by chance, so they must be almost equal."""
 _RANDOM_ID = re.compile(r"[a-z]+_[0-9a-f]{12}")
 _SHORTEST_PART = 4
-"""A word of at least this length that is part of a valid one may mean that one (chosen)."""
+"""A word of at least this length that is part of a valid word may mean that word (chosen)."""
 
 
 _ASSIGNED = re.compile(r"([a-z]\w*)=('[^']*'|\[[^\]]*\]|[\w.:+-]+)")
 
 
 def assignments(valid: Iterable[str]) -> list[Remedy]:
-    """Return the valid values that are fields with values, as in ``at=156 position='137.2m'``, as remedies."""
+    """Return, as remedies, the valid values that assign fields, such as ``at=156 position='137.2m'``."""
     found = []
     for text in valid:
         parts = _ASSIGNED.findall(text)
@@ -110,16 +110,17 @@ def _value(text: str) -> Any:
 
 
 def misspellings(message: str, valid: Iterable[str]) -> list[Remedy]:
-    """Return replacements of words that a message quotes by the valid names that they may misspell.
+    """Return replacements for the words quoted in a message: the valid names that they may misspell.
 
-    Numbers are excluded, because another number is another thing. Brackets after a valid name explain it.
+    Numbers are excluded, because a different number means a different thing. Text in brackets after a valid name
+    explains the name.
     """
     names = [re.sub(r" (?:\(|in [\[(]).*$", "", text) for text in valid]
     return [remedy for word in re.findall(r"'([^']+)'", message) for remedy in misspelt(word, names)]
 
 
 def misspelt(word: str, names: Iterable[str], *fields: str) -> list[Remedy]:
-    """Return replacements of a word, in the given fields or in all, by the names that it may misspell."""
+    """Return replacements for a word, in the given fields or in all fields: the names that it may misspell."""
     if re.fullmatch(r"[\d.]+", word):
         return []
     return [

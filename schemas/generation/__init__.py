@@ -65,7 +65,7 @@ class PlaceArea(Model):
 
 
 MAP_FACTS_VERSION = 5
-"""The version of map facts. Raise it if more is read of a map, or if sites are counted differently: workspaces then
+"""The version of map facts. Raise it if more is read from a map, or if sites are counted differently: workspaces then
 read their maps again."""
 
 
@@ -78,7 +78,7 @@ class MapSource(Model):
     - ``query``: the query sent to ``service`` (a host)
     - ``data_time``: the time of the data, as the service states it
     - ``beside``: True if the user downloaded it, so that it counts like a local map; otherwise it was downloaded for
-      one request, and only that request uses it while the network is available
+      one request, and only that request uses it while the online services are available
     """
 
     place: str
@@ -112,11 +112,11 @@ class MapFacts(Model):
     """The content of a map as read from the file, without guesses.
 
     ``country`` is None if neither the file nor the caller gives it. ``countries_near`` then lists the candidates, and
-    is empty if there is no evidence. ``sites`` counts sites by scenario type. ``road_names`` holds, for a road with
-    several names, the one of ``streets`` or ``refs`` first. ``areas`` are places that cover a part of the map.
+    is empty if there is no evidence. ``sites`` counts sites by scenario type. For a road with several names,
+    ``road_names`` has the one in ``streets`` or ``refs`` first. ``areas`` are places that cover a part of the map.
     ``source`` is the origin of a downloaded map. ``extract`` describes a country extract, which is stored in tiles.
     Scenarios are generated from parts of it, with its id in ``cut_of``. Its ``places`` are the largest ones, and its
-    index holds the streets.
+    index contains the streets.
     """
 
     map_id: str
@@ -168,7 +168,7 @@ class ConvertMapRequest(Model):
 class ConvertedMap(Model):
     """The map as XML, and what the conversion lost, in words.
 
-    ``too_large`` means that it exceeds what is read at once, so there is no file.
+    ``too_large`` means that the map is too large to read in one piece, so there is no file.
     """
 
     path: str
@@ -233,7 +233,7 @@ class IndexedExtract(Model):
 
 
 class CutExtractRequest(Model):
-    """A part of an extract to cut out as a map: the words for it, or a box, or any part with such a site.
+    """A part of an extract to cut out as a map: given by words, by a box, or as any part with a matching site.
 
     ``seed`` chooses among several matches. ``facts`` are those of the extract, with the names that the words may
     contain.
@@ -249,7 +249,7 @@ class CutExtractRequest(Model):
 
 
 class CutOfExtract(Model):
-    """A part of an extract as a map file, and its content; empty and None if the extract has no match.
+    """A part of an extract as a map file, and its content; empty and None if no part of the extract matches.
 
     ``core`` is the area with complete roads, in which to look for sites. ``label`` describes the part. ``words`` are
     those words of the request that refer to something in the map, and empty if all of them refer to the extract.
@@ -267,7 +267,7 @@ Combination = tuple[tuple[int, int], ...]
 
 
 class PlanFactor(Model):
-    """A factor that a coverage plan varies, and its levels as a call writes them."""
+    """A factor that a coverage plan varies, and its levels as written in a call."""
 
     name: str
     levels: tuple[str, ...]
@@ -295,10 +295,10 @@ class CoverageRequest(Model):
 
 
 class CoverageReport(Model):
-    """The progress of a coverage plan, and its next rows as one level per factor, by index.
+    """The progress of a coverage plan, and its next rows, each with the index of one level per factor.
 
-    ``allowed`` counts the possible combinations, ``covered`` and ``left`` those of them. ``cannot`` are those that were
-    tried often enough, and those that imply such a combination.
+    ``allowed`` counts the possible combinations, and ``covered`` and ``left`` count how many of these are covered and
+    left. ``cannot`` lists combinations that were tried often enough, and those that imply such a combination.
     """
 
     rows: tuple[tuple[int, ...], ...]
@@ -368,9 +368,9 @@ class Checks(Model):
     """The checks of the written file.
 
     ``centers_on_lanelets`` and ``feasible_share`` are shares in [0, 1] of all recorded positions and of all tracks.
-    ``network_errors`` and ``network_warnings`` are the broken rules for road networks, with the first place of each.
-    ``recorded_ego_collision_free`` is None if others were scripted after the ego was recorded. An ordinary driver in
-    its place was checked instead.
+    ``network_errors`` and ``network_warnings`` are the broken rules for road networks, with the first position of each.
+    ``recorded_ego_collision_free`` is None if others were scripted after the ego was recorded. In that case, an
+    ordinary driver in the ego's place was checked instead.
     """
 
     schema_valid: bool
@@ -407,7 +407,7 @@ class VehicleAbsence(Model):
     """Requested road users of one class that are missing or different, and why.
 
     ``fate`` says whether they were missing at the start, were left out of SUMO's recording, or were replaced.
-    ``vehicles`` are SUMO's ids of those that were there, otherwise empty.
+    ``vehicles`` lists SUMO's ids of those that were present.
     """
 
     fate: AbsenceFate = Field(description="what happened to them")
@@ -586,8 +586,8 @@ class ScenarioSummary(Model):
 class PlanRecord(Model):
     """A coverage plan: its factors, and the sites of its scenarios.
 
-    ``barred`` maps combinations that the maps do not have to the reason. ``spots`` lists for each group of sites, by
-    its words, the maps with such sites and their number.
+    ``barred`` maps combinations that the maps do not have to the reason. ``spots`` maps each group of sites, identified
+    by its words, to the maps with such sites and their number.
     """
 
     plan_id: str
@@ -608,9 +608,9 @@ class CannotBe(Model):
 class PlanSummary(Model):
     """The progress of a coverage plan.
 
-    ``asked`` is the number of scenarios, or None for as many as the combinations need. ``made`` counts the plan's
-    scenarios, including ``reused`` older ones. Of the combinations ``allowed`` by the maps, ``covered`` have a
-    scenario. ``left`` and ``cannot`` show the first of the open and of the impossible ones.
+    ``asked`` is the requested number of scenarios, or None for as many as the combinations need. ``made`` counts the
+    plan's scenarios, including ``reused`` older ones. Of the combinations ``allowed`` by the maps, ``covered`` have a
+    scenario. ``left`` and ``cannot`` list the first open and the first impossible combinations.
     """
 
     plan_id: str
@@ -630,7 +630,7 @@ class PlanSummary(Model):
     places: dict[str, int] = Field(description="scenarios by place")
 
     def lines(self) -> list[str]:
-        """Return what was generated where, what is impossible, and what is left, one line each."""
+        """Return what was generated and where, what is impossible, and what is left, one line each."""
         tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
         where = [f"{shown_name(place)} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]

@@ -42,17 +42,17 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
 
 
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
-"""Shares of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses, next to
-242.7 million cars (:data:`SHARES_SOURCE`). No count is known here for the other classes."""
+"""Shares of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses,
+compared with 242.7 million cars (:data:`SHARES_SOURCE`). No count is known here for the other classes."""
 SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
 
 
 class VehicleDemand(Model):
     """The number of vehicles of a class, in addition to the ego.
 
-    ``least`` is also the target, except for cars, which fill up the traffic. ``most`` is None without an upper bound.
-    ``share`` is a share of all vehicles in [0, 1], at least one vehicle. Without a number and a share, the class gets a
-    fifth of the traffic, as in scenarios from before shares existed. A recipe omits a share of None.
+    ``least`` is also the target, except for cars, which fill up the traffic. ``most`` is None if there is no upper
+    bound. ``share`` is a share of all vehicles in [0, 1], and gives at least one vehicle. If there is neither a number
+    nor a share, the class gets a fifth of the traffic, as before shares existed. A recipe omits a share of None.
     """
 
     vehicle_class: str
@@ -68,7 +68,7 @@ class VehicleDemand(Model):
 
 Weather = Literal["light_rain", "heavy_rain", "fog", "snow", "hail"]
 WEATHERS: tuple[Weather, ...] = get_args(Weather)
-"""CommonRoad's words for bad weather. For good weather, its schema and commonroad-io have no common word."""
+"""CommonRoad's words for bad weather. For good weather, its schema and commonroad-io have no word in common."""
 WEATHER_WORDS: Mapping[str, Weather] = MappingProxyType({"rain": "light_rain", "mist": "fog", "snowfall": "snow"})
 """Everyday words for weather and their meanings."""
 
@@ -118,7 +118,7 @@ class TrafficConditions(Model):
     - ``drivers``: the preset of all drivers, or their published calibrations, joined by ``+``
     - ``natural_mix``: all classes at their natural shares
     - ``per_lane_km``: vehicles per kilometre of lane at the start, instead of the density's; None to use the density
-    - ``flows``: counted traffic, instead of both
+    - ``flows``: counted traffic, which replaces the density and ``per_lane_km``
     - ``trips``: the roads on which more trips begin
     """
 
@@ -132,7 +132,7 @@ class TrafficConditions(Model):
 
     @property
     def hour(self) -> int | None:
-        """The hour of the day, from 0 to 23, or None without a time."""
+        """The hour of the day, from 0 to 23, or None if no time is given."""
         return int(self.time.partition(":")[0]) if self.time else None
 
     @property
@@ -148,7 +148,7 @@ class TrafficConditions(Model):
 
 
 THROUGH = "through"
-"""The goal behind the site, as far along the ego's route as the scenario's duration allows."""
+"""The goal beyond the site, as far along the ego's route as the scenario's duration allows."""
 USUAL_GOAL, USUAL_EGO, USUAL_DURATION_S = THROUGH, "first", 20
 """The defaults of all generation arguments. The recipe records them."""
 USUAL_DENSITY: Density = "low"
@@ -175,9 +175,10 @@ class LaneletGoal:
 
 @dataclass(frozen=True)
 class AskedGoal:
-    """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or behind the site.
+    """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or beyond the site.
 
-    ``turn`` is the ego's turn at the site if the goal is behind it, or None for any. ``text`` is the original text.
+    ``turn`` is the ego's turn at the site if the goal is beyond it, or None for any turn. ``text`` is the original
+    text.
     """
 
     text: str
@@ -213,14 +214,14 @@ class AskedGoal:
 
     @property
     def is_through(self) -> bool:
-        """Return whether the goal is behind the site."""
+        """Return whether the goal is beyond the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:
         return self.text
 
     def in_words(self) -> str:
-        """Return the position of the goal, as a refusal states it."""
+        """Return the position of the goal, as stated in a refusal."""
         if self.is_through:
             return "behind the site" if self.turn is None else f"behind the site with the turn {self.turn!r}"
         if self.lanelet is not None:
@@ -232,7 +233,8 @@ class AskedGoal:
 class AskedEgo:
     """The requested ego: the car with an index (None: any), or any vehicle of ``vehicle_class``.
 
-    ``other_class`` is a requested class that an ego cannot have, so a car replaces it. ``text`` is the original text.
+    ``other_class`` is a requested class that an ego cannot have, so a car is used instead. ``text`` is the original
+    text.
     """
 
     text: str = USUAL_EGO
@@ -257,7 +259,7 @@ class AskedEgo:
 
     @property
     def asked_class(self) -> str | None:
-        """The requested class, whether or not an ego can have it, or None without one."""
+        """The requested class, whether or not an ego can have it, or None if no class is requested."""
         return self.other_class or (self.vehicle_class if self.text.startswith("type:") else None)
 
     def __str__(self) -> str:
@@ -335,7 +337,7 @@ class ScenarioSpec(Model):
 
     @property
     def people(self) -> VehicleDemand | None:
-        """The number of pedestrians requested; None without any."""
+        """The number of pedestrians requested, or None if none are."""
         requested = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
         return None if requested is None or requested.most == 0 else requested
 
@@ -366,7 +368,7 @@ class GenerationRequest(ScenarioSpec):
     """Everything that defines one scenario. The same request gives the same bytes.
 
     ``index`` counts the scenarios of one call, and ``site_index`` those on this map, so no site is used twice. If a
-    site fails its checks, the one ``site_step`` further on is tried.
+    site fails its checks, the site ``site_step`` further on is tried.
 
     After ``most_sites`` sites without a scenario, the request is refused. After ``most_rounds`` rounds of traffic, the
     best scenario is used, with its faults in the notes. None means the generator's limits.

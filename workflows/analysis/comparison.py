@@ -138,10 +138,10 @@ def _star(count: int) -> _Couples:
 
 
 def _matched(sizes: Sequence[int], sides: Sequence[Side]) -> tuple[_Couples, list[Side]]:
-    """Return the pairs of matching sides of the first group and each other, and the remaining sides.
+    """Return the pairs of matching sides between the first group and each other group, and the remaining sides.
 
-    Sides match if they have the same configuration and planner version, or else the same configuration, or else if they
-    are the only remaining ones of a planner in both groups, or else the only remaining ones. A baseline with one side
+    Sides match if they have the same configuration and planner version, or else the same configuration, or else if each
+    is its group's only remaining side of the planner, or else its group's only remaining side. A baseline with one side
     matches every side of a group without a closer match.
     """
     ends = list(accumulate(sizes))

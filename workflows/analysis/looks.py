@@ -14,7 +14,7 @@ from ..operations import LOOK_AT_RUNS
 from ..results import keep_look, scenario_sources
 
 _AT_ONCE = 8
-"""How many runs one request has (chosen): a second or two of a worker's time."""
+"""How many runs one request contains (chosen): they take a worker a second or two."""
 _WITHIN_S = 20.0
 """How long an answer waits for looks (chosen): an answer has 50 s, and the analysis needs its share."""
 logger = logging.getLogger(__name__)

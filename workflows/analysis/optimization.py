@@ -1,6 +1,6 @@
 """Searches for a better configuration, and studies that show which weights matter.
 
-A search sees half of the roads. It makes the runs of ``run_planner`` and finds earlier ones again, so an interrupted
+A search uses half of the roads. It runs planners as ``run_planner`` does and reuses earlier runs, so an interrupted
 search resumes, and the same call gives the same study.
 """
 
@@ -64,7 +64,7 @@ _BROKEN = 1.0
 _LOOK = 2
 """The number of configurations run on the held-out half: the base and the result."""
 _TAKEN_BACK = 1 / 3
-"""The share of the remaining budget reserved for reverting changes (chosen), if there are as many weights."""
+"""The share of the remaining budget reserved for reverting changes (chosen), if there are that many weights."""
 _MOST_FRONT = 8
 """The maximum number of front members to store (chosen)."""
 _SENSITIVITY = ("morris", "sobol")
@@ -72,7 +72,7 @@ _SENSITIVITY = ("morris", "sobol")
 
 @dataclass(frozen=True)
 class _Trial:
-    """A candidate with its runs on the training scenarios, in their order (None: not run, lost or invalid)."""
+    """A candidate with its runs on the training scenarios, in order (None: not run, lost or invalid)."""
 
     number: int
     configuration: PlannerConfiguration
@@ -102,7 +102,7 @@ class _Plan:
     notes: tuple[str, ...]
 
     def values(self, runs: Sequence[RunRecord]) -> tuple[float, ...]:
-        """Return the mean objectives over runs: their sum, or each of them for a front."""
+        """Return the mean objectives over runs: their sum, or each objective separately for a front."""
         if not runs:
             return (-math.inf,) * self.count
         each = tuple(fmean(one.score(run) for run in runs) for one in self.objectives)
@@ -269,7 +269,7 @@ class _Search:
         return mean < 0 and mean + error <= 0
 
     async def _run(self, cells: Sequence[Cell]) -> list[RunRecord | None]:
-        """Return the runs of some cells in their order; lost ones are None."""
+        """Return the runs of some cells in order; lost runs are None."""
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
@@ -285,7 +285,7 @@ class _Search:
     def best(self) -> _Trial:
         """The complete trial within the constraints with the highest summed objectives.
 
-        The first of equal ones counts, so the base stays if nothing is better.
+        Of equal trials, the first counts, so the base stays if nothing is better.
         """
         whole = [trial for trial in self.trials if not trial.is_pruned and self.is_within(trial)]
         return max(whole or self.trials[:1], key=lambda trial: (sum(self.plan.values(trial.valid)), -trial.number))
@@ -336,7 +336,7 @@ class _Search:
         )
 
     def _front(self) -> list[_Trial]:
-        """Return the trials that no other one beats in every objective."""
+        """Return the trials that no other trial beats in every objective."""
         if not self.plan.arguments.pareto:
             return []
         whole = [trial for trial in self.trials if self.is_within(trial)]
@@ -400,7 +400,7 @@ class _Search:
         return _Trial(len(self.trials), configuration, None, tuple(runs), is_pruned=False)
 
     async def _judged(self, found: PlannerConfiguration) -> HeldOut:
-        """Compare base and found configuration on the held-out scenarios with the tests of compare_results."""
+        """Compare the base and the found configuration on the held-out scenarios, with the tests of compare_results."""
         cells = [
             self.plan.cell(one, configuration)
             for configuration in (self.plan.base, found)
@@ -489,7 +489,7 @@ def _study_record(
 
 
 async def optimize_planner(arguments: OptimizePlannerArguments, context: WorkflowContext) -> OptimizePlannerResult:
-    """Search, or return the stored study; meanwhile answer with the best candidate so far."""
+    """Search, or return the stored study; while the search runs, answer with the best candidate so far."""
     plan = _plan(arguments, context)
     recipe = _recipe(plan)
     stored = context.workspace.find_by_recipe("study", recipe)
@@ -651,11 +651,11 @@ _Parts = tuple[
     tuple[tuple[str, ...], tuple[str, ...]],
     tuple[str, ...],
 ]
-"""Training and held-out scenarios, the places of both, and notes."""
+"""Training and held-out scenarios, the places of each, and notes."""
 
 
 def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed: int) -> _Parts:
-    """Return the scenarios in two halves without a common place, each in an order drawn from the seed.
+    """Return the scenarios in two halves with no place in common, each in an order drawn from the seed.
 
     If all are in one place, maps are split instead.
 

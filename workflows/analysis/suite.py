@@ -40,7 +40,7 @@ from ..scenarios import choose_scenarios
 _AT_ONCE = 20
 """How many runs one operation reviews (chosen): each reads its scenario, and an operation has 50 s."""
 Tell = Callable[[int, int, str], None]
-"""Receives how many of how many runs are done, and the current work."""
+"""Receives the number of finished runs, the total, and the current activity."""
 
 
 def limits_of(suite: Suite) -> list[Limit]:
@@ -68,7 +68,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, tell: 
         tell: receives the progress.
 
     Raises:
-        PlannerForgeError: a missing scenario, configuration or baseline, before any run.
+        PlannerForgeError: a scenario, configuration or baseline is missing; nothing has run by then.
     """
     limits = limits_of(suite)
     tell(0, 0, "looking up scenarios and configurations")
@@ -220,7 +220,7 @@ class _Baseline:
     by_configuration: Mapping[str, tuple[RunSource, ...]]
 
     def of(self, configuration: str) -> tuple[RunSource, ...]:
-        """Return the runs of a configuration, or the only ones if they have another name."""
+        """Return the runs of a configuration, or the baseline's only runs if they have another name."""
         if len(self.by_configuration) == 1:
             return next(iter(self.by_configuration.values()))
         return self.by_configuration.get(configuration, ())
@@ -308,7 +308,7 @@ def _is_unpreventable(review: RunReview) -> bool:
 async def _compared(
     name: str, records: Sequence[RunRecord], baseline: _Baseline, context: WorkflowContext
 ) -> tuple[SuccessTest, tuple[str, ...]]:
-    """Return the paired test of a baseline's runs and these, and the scenarios that only the baseline mastered."""
+    """Return the paired test of these runs against a baseline, and the scenarios in which only the baseline succeeded."""
     before = baseline.of(name)
     now = run_sources((record.run_id for record in records), context)
     if not before or not now:

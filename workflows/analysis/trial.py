@@ -158,7 +158,7 @@ def _values(suggestion: Suggestion, base: PlannerConfiguration) -> tuple[float, 
 
 
 def _drawn(records: Sequence[RunRecord], most: int) -> list[RunRecord]:
-    """Return at most so many runs in an order that depends only on their ids."""
+    """Return at most ``most`` runs, in an order that depends only on their ids."""
     drawn = sorted(records, key=lambda record: hashlib.sha256(record.run_id.encode()).hexdigest())[:most]
     return sorted(drawn, key=lambda record: record.run_id)
 
@@ -216,7 +216,7 @@ def _outcome(change: _Change, context: WorkflowContext) -> TriedChange:
 
 
 def _one_sided(gained: int, lost: int) -> float:
-    """Return the chance of as many gains among all flips if both directions were equally likely.
+    """Return the chance of this many gains among all flips if the two directions were equally likely.
 
     The caller reports that the better of two sizes was chosen.
     """

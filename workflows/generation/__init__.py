@@ -1,1 +1,1 @@
-"""Generate scenarios from maps: the engine's request for each, in sequence or by a plan."""
+"""Generate scenarios from maps, one after the other or according to a coverage plan."""

@@ -40,7 +40,7 @@ from .map_choice import AssignedSite, maps_for, request_for
 from .specification import read_specification
 
 MOST_FACTORS, MOST_LEVELS, MOST_COMBINATIONS = 10, 60, 20_000
-"""The maximum of a plan (chosen): selecting its rows then takes seconds."""
+"""The maximum numbers of factors, levels and combinations of a plan (chosen so that selecting rows takes seconds)."""
 _USUAL: Mapping[str, tuple[str, ...]] = {
     "scenario_type": get_args(SiteType),
     "density": get_args(Density),
@@ -276,7 +276,7 @@ class RequestedPlan:
             yield dict(zip(saying, levels, strict=True))
 
     def words(self, levels: Mapping[int, int]) -> str:
-        """Return levels as a call writes them, joined by a plus."""
+        """Return levels as written in a call, joined by a plus."""
         return " + ".join(self.factors[factor].text(level) for factor, level in levels.items())
 
     def _all_matches(self) -> Iterator[MapMatch]:

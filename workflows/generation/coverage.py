@@ -71,7 +71,7 @@ class Spot:
     ) -> Iterator[tuple[MapMatch, int, int, RowState]]:
         """Yield the map, the site and the seed of the next rows, after those that rows with these levels skip.
 
-        All sites take turns, with another seed each time. Sites of a map that does not suit one of the levels are
+        All sites take turns, with a different seed each time. Sites of a map that does not suit one of the levels are
         skipped, at most ``_MOST_PASSED`` times the number of maps, and not at all if no map suits them.
 
         Args:
@@ -157,7 +157,7 @@ class _PlanWork:
             await self._make_waiting(spots)
 
     def _has_enough(self, under_way: int) -> bool:
-        """Return whether there are enough once those in progress are done."""
+        """Return whether there will be enough scenarios once those in progress are done."""
         return self._plan.wanted is not None and self._tally.made + under_way >= self._plan.wanted
 
     def _groups(self) -> list[tuple[dict[int, int], str]]:
@@ -237,7 +237,7 @@ class _PlanWork:
         return True
 
     def _placed(self, rows: Sequence[tuple[int, ...]], spots: Mapping[str, Spot], lap: int) -> Iterator[PlanRow]:
-        """Yield rows with a map and a site each: the next one of their group of sites."""
+        """Yield rows with a map and a site each: the next site of their group."""
         turns, number, hopeless = self._rows.turns(), self._rows.next_number(), self._rows.hopeless(TRIES)
         saying = list(next(self._plan.of_spot()))
         for levels in rows:
@@ -248,7 +248,7 @@ class _PlanWork:
                 number += 1
 
     async def _make_waiting(self, spots: Mapping[str, Spot]) -> None:
-        """Generate all waiting rows; record the refusal of one that fails."""
+        """Generate all waiting rows; record the refusal of a row that fails."""
         taken: deque[PlanRow] = deque()
         begun: set[int] = set()
 
@@ -275,7 +275,7 @@ class _PlanWork:
         """Generate a row's scenario and record the result; return it, and whether it existed already."""
         spec = self._plan.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(spec, AssignedSite(match, row.site_index), 0)
-        if row.lap:  # all is covered: a row that fails, or that could be better, costs more than another one
+        if row.lap:  # everything is covered: a row that fails, or that could be better, costs more than another row
             request = request.model_copy(update={"most_sites": 1, "most_rounds": _ROUNDS_BEYOND})
         try:
             made = await make_scenario(self._call, request, (0.0, 1.0))

@@ -1,4 +1,4 @@
-"""Convert tables of counted traffic (``counts=FILE.csv``, ``od=FILE.csv``) to flows as a call writes them."""
+"""Convert tables of counted traffic (``counts=FILE.csv``, ``od=FILE.csv``) to flows as written in a call."""
 
 import csv
 import re
@@ -54,7 +54,7 @@ def _with_table_read(text: str, context: WorkflowContext) -> str:
 
 
 def _rows(lines: list[str], key: str, name: str) -> Iterator[str]:
-    """Yield the flows of a table as a call writes them."""
+    """Yield the flows of a table as written in a call."""
     separator = max(",;\t", key=(lines[0] if lines else "").count)
     reader = csv.reader(lines, delimiter=separator)
     header = [word.strip().lower().replace(" ", "_") for word in next(reader, [])]

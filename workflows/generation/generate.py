@@ -112,7 +112,7 @@ async def _make_somewhere(
     index: int,
     share: tuple[float, float],
 ) -> tuple[ScenarioSummary, list[NotPossible]]:
-    """Return a scenario at its site, or on the first spare map where it is possible, and the refusals before.
+    """Return a scenario at its site, or on the first spare map where it is possible, and the earlier refusals.
 
     Tried spare maps are removed from the list.
 

@@ -37,10 +37,10 @@ _ADVICE = "the default planner cannot run here; another seed gives other traffic
 async def make_scenario(
     context: WorkflowContext, request: GenerationRequest, share: tuple[float, float]
 ) -> ScenarioSummary:
-    """Return one scenario: the stored one of the same recipe, otherwise a new one.
+    """Return one scenario: the stored one with the same recipe, otherwise a new one.
 
-    Of a million scenarios, some dozens would get the id of another one. Such a scenario is generated again with other
-    digits of its digest in the id.
+    Of a million scenarios, some dozens would get the id of another scenario. Such a scenario is generated again with
+    other digits of its digest in the id.
 
     Raises:
         NotPossible: it cannot be generated, or another scenario has both of its ids.
@@ -122,7 +122,7 @@ def summarise(
 
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Return the ego's place among its class and its speed; if it is not a car, also its size and limits."""
+    """Return the ego's index in its class, its speed and, if it is not a car, its size and limits."""
     one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
     if ego.vehicle_class == "car":
         return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
@@ -177,7 +177,7 @@ def recipe_of(request: GenerationRequest) -> Recipe:
 
 
 def shape_of(request: GenerationRequest) -> dict[str, Any]:
-    """Return what a request says of its scenario, without the copy of the map, the site and the numbering."""
+    """Return what a request says about its scenario, without the copy of the map, the site and the numbering."""
     numbers = {"map_path", "folder", "benchmark_number", "seed", "index", "site_index", "site_step"}
     others = {"most_sites", "most_rounds", "place", "country", "attribution"}
     return request.model_dump(mode="json", exclude=numbers | others)

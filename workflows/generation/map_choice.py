@@ -1,9 +1,9 @@
 """Choose the maps of a call, and the site of each of its scenarios.
 
-Local maps that contain the place come first. Without one, the matching part of a country extract is cut out, or a map
-is downloaded. A map downloaded for a request is stored, but only the same request uses it, so it gives the same bytes
-regardless of later downloads. A map that a user downloaded counts like any other. Maps without an assigned site may
-replace one that fails.
+Local maps that contain the place come first. If there are none, the matching part of a country extract is cut out, or a
+map is downloaded. A map downloaded for a request is stored, but only the same request uses it, so the request gives the
+same bytes regardless of later downloads. A map that a user downloaded counts like any other. Maps without an assigned
+site may replace one that fails.
 """
 
 from collections import Counter
@@ -74,8 +74,8 @@ class GenerationPlan:
 class AssignedSite:
     """The place of a scenario: the map, and the number of the site on it.
 
-    If the site fails, the one ``site_step`` further on is tried. That is the number of the call's scenarios on this
-    map, so no two scenarios share a site.
+    If the site fails, the site ``site_step`` further on is tried. ``site_step`` is the number of the call's scenarios
+    on this map, so no two scenarios share a site.
     """
 
     match: MapMatch
@@ -98,7 +98,7 @@ def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closene
 
     Raises:
         UnknownName: no map contains the place, country or box.
-        NotPossible: several do, but no map has the requested type.
+        NotPossible: some maps do, but none has the requested type.
     """
     return plan_matches(
         spec,
@@ -178,9 +178,9 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
 async def without_refused(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: PlannerForgeError
 ) -> PlannerForgeError:
-    """Return the refusal of a place without proposed places that have no such site and would be refused too.
+    """Return the refusal of a place, without those proposed places that have no such site and would be refused too.
 
-    If all would be, it proposes the towns of local maps with such a site.
+    If all of them would be refused, it proposes the towns of local maps with such a site.
     """
     places = [place for remedy in refusal.remedies if (place := _other_place(remedy)) is not None]
     if not places or spec.scenario_type == "any":
@@ -304,7 +304,7 @@ async def maps_for(spec: GenerationSpec, context: WorkflowContext, entries: Sequ
 
     Raises:
         InvalidRequest: no local or downloadable map matches, or several places have the name.
-        ServiceFailure: a network service is needed and not available.
+        ServiceFailure: an online service is needed, but not available.
     """
     local = [entry for entry in entries if entry.facts.source is None or entry.facts.source.beside]
     online = context.services.online
@@ -337,9 +337,9 @@ def _names_real_place(spec: GenerationSpec) -> bool:
 async def _downloaded_or_local(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: UnknownName
 ) -> GenerationPlan:
-    """Return a downloaded map or, without network access, one downloaded for another request that contains the place.
+    """Return a downloaded map or, if that is not possible, one downloaded for another request that contains the place.
 
-    If the network services do not know the words or are not available, they may be part of a local map's content.
+    If the online services do not know the words or are not available, the words may refer to a part of a local map.
     ``refusal`` is the reason why no local map matches.
     """
     is_located = False
@@ -367,7 +367,7 @@ async def _downloaded_or_local(
 
 
 def _partial_matches(spec: GenerationSpec, entries: Sequence[MapEntry]) -> GenerationPlan | None:
-    """Return a plan for the user's maps with names that contain the words; None without one."""
+    """Return a plan for the user's maps with names that contain the words; None if there are none."""
     try:
         return plan_maps(spec, [entry for entry in entries if entry.facts.source is None])
     except (UnknownName, NotPossible):
@@ -395,10 +395,10 @@ def _with_local_names(unknown: UnknownName, refusal: UnknownName) -> UnknownName
 
 
 def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: str | None) -> PlannerForgeError:
-    """Return a failure of the network services together with the local refusal.
+    """Return a failure of the online services together with the local refusal.
 
-    ``unlocated`` is the text that could not be looked up. The refusal counts if network access is not allowed, and also
-    if GeoNames does not know the place, because a later attempt would hardly find it.
+    ``unlocated`` is the text that could not be looked up. The refusal counts if online requests are not allowed, and
+    also if GeoNames does not know the place, because a later attempt would hardly find it.
     """
     if isinstance(failure, NotPossible):
         message = f"{refusal.message.rstrip('.')}; {failure.message}"
@@ -427,7 +427,7 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
 
 
 async def _located(spec: GenerationSpec, context: WorkflowContext) -> NamedPlace | None:
-    """Return the place of a request, looked up on the network; None if its box is enough."""
+    """Return the place of a request, looked up online; None if its box is enough."""
     code = spec.country_code
     words = spec.place or (country_name(code) if code is not None and spec.bbox is None else None)
     return None if words is None else await find_place(context, words, code)
@@ -571,7 +571,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
-    """Return the part as a map with an id from its content: cut out again, it is the same."""
+    """Return the part as a map with an id from its content; if it is cut out again, the id is the same."""
     path = Path(cut.path)
     arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
     recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})

@@ -1,4 +1,4 @@
-"""Maps from the network: find the place, download its roads and store them."""
+"""Maps from online services: find the place, download its roads and store them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from ..operations import FETCH_MAPS, LOCATE_PLACE
 AMBIGUOUS = "ambiguous"
 """The reason of a refusal because several places have the name."""
 _LOCATED, _FETCHED = 0.1, 0.3
-"""The shares of a call that are done when the place is known, and when the map is there (chosen)."""
+"""The shares of a call that are done when the place is known, and when the map has been downloaded (chosen)."""
 
 
 async def find_place(context: WorkflowContext, words: str, country: str | None) -> NamedPlace:
@@ -39,7 +39,7 @@ async def find_place(context: WorkflowContext, words: str, country: str | None) 
 
 
 def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
-    """Return the refusal of a name that several places have, with how to choose one."""
+    """Return the refusal of a name that several places have, which says how to choose one."""
     return InvalidRequest(
         f"several places have the name {place!r}",
         valid=[cited(candidate.label) for candidate in candidates],

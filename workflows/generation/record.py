@@ -60,7 +60,7 @@ def described_generation(report: GeneratedScenario, artifact: Artifact, detail: 
 
 
 def _conditions(artifact: Artifact) -> tuple[str, ...]:
-    """Return the conditions of the request as a call writes them."""
+    """Return the conditions of the request as written in a call."""
     kept, others = (artifact.recipe.arguments.get(name) for name in ("conditions", "others"))
     conditions = TrafficConditions.model_validate(kept or {})
     words = {

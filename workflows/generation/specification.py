@@ -1,6 +1,6 @@
 """Parse the words of a call for scenarios into a :class:`GenerationSpec`.
 
-The code behind this module gets typed values and parses no words. Conditions (``time=rush_hour``, ``weather=snow``) set
+Later code gets typed values and parses no words. Conditions (``time=rush_hour``, ``weather=snow``) set
 some of them: a density, classes of vehicles, counted flows.
 """
 
@@ -64,7 +64,7 @@ from .flow_tables import NAMING
 MOST_VEHICLES = 300
 """A site of a few hundred metres has room for fewer. More would only delay the refusal."""
 MOST_PEOPLE = 100
-"""The maximum number of pedestrians at a site (chosen): pavements near a junction have hardly room for more."""
+"""The maximum number of pedestrians at a site (chosen): pavements near a junction hardly have room for more."""
 _TIMES = {"night": "02:30", "morning_rush": "07:30", "morning": "09:30", "noon": "12:30", "day": "11:30"}
 _TIMES |= {"afternoon": "14:30", "rush_hour": "17:30", "evening_rush": "17:30", "evening": "20:30"}
 """The times of day for words: the middle of an hour."""
@@ -78,7 +78,7 @@ MOST_PER_H = 20_000
 
 
 def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
-    """Parse a call, and report all of its faults at once.
+    """Parse a call, and report all of its faults together.
 
     Args:
         arguments: the call, with the content of its tables instead of their names.
@@ -146,7 +146,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
     """Return the conditions of a call.
 
     Raises:
-        InvalidRequest: an unknown or repeated condition or value; all faults at once.
+        InvalidRequest: an unknown or repeated condition or value; all are reported together.
     """
     faults, read = Faults(), dict[str, object]()
     notes: list[str] = []
@@ -178,7 +178,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
 def with_natural_mix(
     demands: tuple[VehicleDemand, ...], conditions: TrafficConditions | None
 ) -> tuple[VehicleDemand, ...]:
-    """Return the demands and, if requested, the classes of natural traffic with their share of the hour."""
+    """Return the demands and, if requested, the classes of natural traffic with their shares at that hour."""
     if conditions is None:
         return demands
     given = {demand.vehicle_class for demand in demands}
@@ -499,7 +499,7 @@ def _ego(text: str) -> AskedEgo:
 
 
 def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: AskedEgo) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the ego's class, if it is not a car, because others have it too."""
+    """Return the demands with the ego's class, if it is not a car, because other vehicles have it too."""
     name = ego.asked_class
     if name in (None, "car") or any(demand.vehicle_class == name for demand in demands):
         return demands
