@@ -29,9 +29,7 @@ def claims_work(text: str) -> bool:
 
 
 def written_call(text: str, tools: Collection[str]) -> str:
-    """Return the tool of a call written in a text as JSON, between marks or as a function call; empty
-    without a call.
-    """
+    """Return the tool of a call that a text contains as JSON, in marks or as a function; empty if there is none."""
     for value in _objects(text):
         name = next((value[key] for key in _NAME_KEYS if isinstance(value.get(key), str)), "")
         if name in tools and (len(value) == 1 or any(key in value for key in _ARGUMENT_KEYS)):

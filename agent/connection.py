@@ -1,4 +1,4 @@
-"""The agent's connection to an MCP server: its tools in a form for models, and calls of them.
+"""The agent's connection to an MCP server: its tools in a form for models, and calls to them.
 
 The connection runs in its own task, so an interrupted call does not affect it, and a server that ended is restarted.
 """
@@ -35,7 +35,7 @@ OnProgress = Callable[[float | None, str], None]
 _CLOSED = -32000
 """The code of a closed connection, ``mcp_types.CONNECTION_CLOSED``."""
 _MOST_PAGES = 50
-"""Most pages of a list of tools (chosen: a server with endless pages must not block the agent)."""
+"""Maximum number of pages in a list of tools (chosen: a server with endless pages must not block the agent)."""
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,7 @@ class ToolConnection:
         return ToolServerGone(f"the MCP server ended while it worked on {tool}")
 
     async def _keep(self, leave: anyio.Event, *, task_status: TaskStatus[str]) -> None:
-        """Keep a connection open until ``leave`` is set; report an empty text, or the reason why there is no
-        connection.
-        """
+        """Keep a connection open until ``leave`` is set; report an empty text, or why there is no connection."""
         started = False
         stack = ExitStack()
         try:

@@ -24,13 +24,13 @@ from ..server.tool_calls import answer_text
 
 _BASE_CONFIG, _OTHER_PRESET = "frenetix:Default", "Safety-Conservative"
 _SHOWN_LINES = 12
-"""Most printed lines of an answer (chosen)."""
+"""Maximum number of printed lines of an answer (chosen)."""
 _MOST_TRIES = 12
-"""Most dry runs to find an edit of one kind (chosen)."""
+"""Maximum number of dry runs to find an edit of one kind (chosen)."""
 _MOST_WAITS = 20
-"""Most checks of the runs' job, of 20 s each (chosen)."""
+"""Maximum number of checks of the runs' job, of 20 s each (chosen)."""
 _KEPT_DEMOS = 100
-"""Most numbered folders next to the requested one (chosen)."""
+"""Maximum number of numbered folders next to the requested one (chosen)."""
 
 
 @dataclass(frozen=True)

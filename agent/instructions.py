@@ -1,6 +1,4 @@
-"""A model's instructions before a conversation: the agent's own text, the server's, and an addition for
-small models.
-"""
+"""Instructions for a model: the agent's own text, the server's text, and an addition for small models."""
 
 from importlib.resources import files
 

@@ -30,7 +30,7 @@ _LEAST_BUDGET_TOKENS = 1000
 _RUNAWAY_CHARACTERS = 8
 """Characters per allowed token of an answer, after which a server that ignores the limit is cut off (chosen)."""
 _MOST_MALFORMED = 3
-"""Most consecutive unreadable calls (chosen)."""
+"""Maximum number of consecutive unreadable calls (chosen)."""
 _MOST_REPEATS_REFUSED = 3
 _UNFINISHED = {"running", "queued", "pending", "waiting"}
 """States of unfinished work, which may be checked repeatedly."""
@@ -221,9 +221,7 @@ class AgentSession:
         return turn.result()
 
     def _settle(self, turn: _Turn) -> None:
-        """Complete the history so that a model can continue: every call has an answer, and the assistant
-        speaks last.
-        """
+        """Complete the history so that a model can continue: every call is answered, and the assistant speaks last."""
         messages = self._history.messages
         requested = [call for message in messages for call in message.calls]
         answered = {message.call_id for message in messages if message.role == "tool"}
@@ -283,9 +281,7 @@ class AgentSession:
         return True
 
     def _find_fault(self, turn: _Turn, reply: _Reply) -> tuple[str, str, str, str] | None:
-        """Check a reply without calls: return the kind of fault, the texts for user and model, and the final error; or
-        None.
-        """
+        """Return the fault of a reply without calls: its kind, the texts for user and model, and the error; or None."""
         again = "rephrase the request, or use another model"
         if reply.runaway:
             return (
@@ -401,9 +397,7 @@ class AgentSession:
         self._history.append(Message("assistant", text, calls))
 
     def _budget_tokens(self, facts: ModelFacts) -> int:
-        """Return the token budget of the history: the setting, or what system message, tools and answer leave of the
-        context.
-        """
+        """Return the history's token budget: as set, or what the system message, tools and answer leave free."""
         if facts.context_tokens is None:
             return self._limits.history_tokens
         prompt = system_prompt(self._tools.instructions, short=self._short, given=self._instructions)

@@ -12,7 +12,7 @@ from .models.interface import ChatModel, Message, RequestedCall, TextPart
 _MESSAGE_OVERHEAD = 6
 """Tokens of the marks around a message (chosen: chat templates have 4 to 8)."""
 _SUMMARISED_CHARACTERS, _LEAST_SUMMARISED_CHARACTERS = 3000, 200
-"""Most and least characters of each summarised message (chosen: ids and figures come first in an answer)."""
+"""Maximum and minimum characters of each summarised message (chosen: ids and figures come first in an answer)."""
 _CHARACTERS_PER_TOKEN = 3
 """Characters per token of text with ids and figures (chosen: o200k_base has about 3.3)."""
 _SHORTENED_CHARACTERS = 400

@@ -16,8 +16,8 @@ SMALL_CONTEXT_TOKENS = 12_000
 """Chosen: the full list of tools takes 4,000 tokens, and a session of ten calls the same again."""
 
 _LEAST_RESULT_CHARACTERS = 2000
-"""Least characters of a tool's answer, whatever the context. With a larger context it is as many characters as the
-context has tokens, about a quarter of it (chosen).
+"""Minimum characters of a tool's answer, whatever the context. In a larger context, an answer may have as many
+characters as the context has tokens, which takes about a quarter of it (chosen).
 """
 
 

@@ -32,7 +32,7 @@ _SHOWN_LINES, _SHOWN_CHARACTERS = 6, 200
 the rest).
 """
 _FILE_WIDTH, _INDENT = 118, 10
-"""Answers' lines are cut at the width of the terminal, or at this width without a terminal (chosen)."""
+"""Answers' lines are cut at the width of the terminal, or at this width if there is no terminal (chosen)."""
 _EXIT_STATUS: dict[Ending, int] = {"answered": 0, "failed": 1, "refused": 3, "asked": 4, "interrupted": 130}
 CANNOT_BEGIN = 2
 """Exit status if the model or the server is unavailable."""

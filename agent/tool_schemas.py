@@ -21,7 +21,7 @@ _WORDS = {
 }
 _KEPT = ("type", "description", "enum", "items", "properties", "required", "additionalProperties")
 _DEEPEST = 8
-"""Deepest nesting of references, since a schema may refer to itself (chosen)."""
+"""Maximum nesting of references, since a schema may refer to itself (chosen)."""
 
 
 def flattened(schema: Mapping[str, Any]) -> dict[str, Any]:

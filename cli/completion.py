@@ -29,9 +29,7 @@ def tools() -> list[tuple[str, str]]:
 
 
 def viewed(context: typer.Context) -> list[tuple[str, str]]:
-    """Return the workspace's artifacts that ``view`` shows, newest first per kind; a missing workspace is
-    not created.
-    """
+    """Return the artifacts that ``view`` shows, newest first per kind; a missing workspace is not created."""
     from ..engine.workspace import VIEWED_KINDS, Workspace
 
     named = context.params.get("workspace")

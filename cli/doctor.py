@@ -248,7 +248,7 @@ def _index_folder(settings: Settings) -> Path:
 
 
 def _damaged_parts(root: Path) -> tuple[list[Path], str]:
-    """Return the unreadable parts of the text index, or the reason that they are unknown.
+    """Return the unreadable parts of the text index, or the reason why they are unknown.
 
     If a signal ends the checking process, every generation counts as damaged.
     """

@@ -176,7 +176,7 @@ def install(host: Host, command: Sequence[str], *, home: Path, print_only: bool 
 
 
 def mend_program(host: Host, *, home: Path) -> tuple[Path, Path | None] | None:
-    """Update a host's entry that starts this package by a missing program, so that it starts the current one.
+    """Update a host's entry that starts this package with a missing program, so that it starts the current one.
 
     Entries of another form (a container, the user's script) stay unchanged, and so do flags and variables.
 

@@ -43,7 +43,7 @@ def make_call(settings: Settings, tool: str, arguments: str, *, as_json: bool, t
 
 
 def _with_paths(text: str, pictures: Path) -> str:
-    """Replace links to pictures, which a shell cannot open, by their paths."""
+    """Replace links to pictures, which a shell cannot open, with their paths."""
     return re.sub(rf"{re.escape(SCHEME)}picture/([\w.\-]+)", lambda link: str(pictures / link[1]), text)
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 HOLDS, BROKEN, NOT_CARRIED_OUT = 0, 1, 2
 """Exit codes: all limits hold; a limit is broken; the suite could not run."""
 _SHOWN = 12
-"""Runs without a reached goal that the terminal and the summary list (chosen)."""
+"""How many runs that did not reach the goal the terminal and the summary list (chosen)."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ..tools.registry import ToolSpec
 
 
 def tool_cost(spec: ToolSpec) -> int:
-    """Return the o200k_base tokens of one tool as a host passes it to a model."""
+    """Return the number of o200k_base tokens of one tool, as a host passes it to a model."""
     tool = described_tool(spec)
     shown = {"name": tool.name, "description": tool.description, "inputSchema": tool.input_schema}
     return count_tokens(json.dumps(shown, separators=(",", ":"), ensure_ascii=False))
@@ -35,7 +35,7 @@ def print_costs(settings: Settings) -> None:
 
 
 def prompt_costs() -> dict[str, tuple[int, ...]]:
-    """Return the o200k_base tokens of each task's prompt by condition, in a new workspace."""
+    """Return the number of o200k_base tokens of each task's prompt by condition, in a new workspace."""
     facts = WorkspaceFacts(tuple(entry.facts.place for entry in built_in_maps()), ("ZAM",))
     return {
         task: tuple(count_tokens(system_prompt(task, condition, facts)) for condition in CONDITIONS) for task in TASKS

@@ -18,7 +18,7 @@ def serve_pages(settings: Settings, *, open_it: bool) -> None:
     """Serve until a signal arrives; print the address, and open it if there is a screen and ``open_it`` is set.
 
     The pages need no token, so the settings for ``serve --http`` do not apply. The pages listen only on this machine,
-    and a web page that may call with a token may not call here without one.
+    and a web page that is allowed to make calls with a token is not allowed to make calls here without a token.
 
     Raises:
         PlannerForgeError: The port is taken, or the workspace cannot be opened.

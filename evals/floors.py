@@ -1,9 +1,8 @@
-"""Floors: the results of keywords alone, ``regex`` in routing and ``bm25`` in selection (paper, Quantitative
-Evaluation).
+"""Floors: the results of keywords alone, ``regex`` in routing and ``bm25`` in selection.
 
-The paper gives both methods and their figures, but neither the rules of its router nor the texts that it searched. The
-rules here were written once, with a few development requests of each class in view, and did not change after they were
-first scored.
+The paper (Quantitative Evaluation) gives the two methods and their figures, but neither the rules of its router nor the
+texts that it searched. The rules here were written once, with a few development requests of each class in view, and did
+not change after they were first scored.
 """
 
 import re
@@ -41,7 +40,7 @@ _SEEN = 5
 class RegexRouter:
     """An ``EvaluatedAgent`` that picks the first class with a pattern in the last turn; for routing only.
 
-    A class becomes calls as in the ground truth; a text without any pattern is refused.
+    A class becomes calls as in the ground truth; a text that matches no pattern is refused.
     """
 
     name = "regex"

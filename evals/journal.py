@@ -24,7 +24,7 @@ Said = Literal["answered", "asked", "refused"]
 """The client's last message, which no call shows."""
 _FORM = "journal:JOURNAL@MARKS"
 _WAITING = "get_job"
-"""The tool that creates nothing: repeated calls are waited for anyway."""
+"""The tool that only waits. Its calls are not repeated, because every repeated call waits for its job."""
 _ROUNDING_S = 0.001
 """Times of the journal are cut to milliseconds."""
 _QUESTION = "Enter when the client has answered; 'asked' or 'refused' before it if it asked back or refused: "

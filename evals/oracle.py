@@ -31,7 +31,7 @@ _DETAILS = {
 
 @dataclass(frozen=True)
 class Call:
-    """A call of a tool."""
+    """A call to a tool."""
 
     tool: str
     arguments: Arguments

@@ -1,4 +1,4 @@
-"""``scripted``: the ground truth in the form of small models, with their corrections after a refusal.
+"""``scripted``: the ground truth as small models would write it, with their corrections after a refusal.
 
 Each kind of spoiling has its own rate per call. After a refusal, the agent does what a model of a few billion
 parameters can do. It sends the corrected call if the refusal contains one. Otherwise it reverts what the refusal
@@ -128,7 +128,7 @@ def _mended(spoiled: _Spoiled, made: MadeCall) -> dict[str, Any] | None:
 
 
 def _spoil(arguments: Mapping[str, Any], chance: random.Random, rates: SpoilRates) -> _Spoiled:
-    """Return a copy of arguments with some of them in the form of small models."""
+    """Return a copy of arguments, with some of them as small models would write them."""
     spoiled = _Spoiled(json.loads(json.dumps(arguments)))
     for index, edit in enumerate(spoiled.arguments.get("edits", [])):
         _spoil_fields(edit, f"edits[{index}]", spoiled, chance, rates)

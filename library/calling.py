@@ -59,9 +59,7 @@ class _Errand:
 
 
 class _CallersExecutor(ExecutorAround):
-    """An executor that hands runs of the caller's own planners to the caller's thread, and everything else to the
-    workers.
-    """
+    """An executor that runs the caller's own planners in the caller's thread, and everything else in the workers."""
 
     def __init__(self, workers: Executor, errands: "queue.SimpleQueue[_Errand | None]") -> None:
         super().__init__(workers)

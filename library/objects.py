@@ -153,8 +153,7 @@ class Moment:
     time_s: float
 
     def resume(self, planner: Any = "current") -> "Drive":
-        """Continue the run from here with a planner, given by name or as an object; the other vehicles follow their
-        recordings.
+        """Continue the run from here with a planner (a name or an object); other vehicles follow their recordings.
 
         Raises:
             InvalidRequest: The run has no state at this time.

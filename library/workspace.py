@@ -157,9 +157,7 @@ class Workspace:
         edits: "Mapping[str, Any] | Sequence[Mapping[str, Any]]",
         **arguments: Any,
     ) -> Scenarios:
-        """Edit a scenario and store the result (``modify_scenario``); after a ``dry_run`` the answer has no
-        scenario.
-        """
+        """Edit a scenario and store the result (``modify_scenario``), or only report it with ``dry_run``."""
         request = {
             "scenario_id": _one_id(scenario),
             "edits": [edits] if isinstance(edits, Mapping) else list(edits),
@@ -189,8 +187,8 @@ class Workspace:
         Planners given by name run in worker processes. To pass several objects of one class, give them names:
         ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
-        If runs of a batch are lost, for example because ``plan()`` raised, a warning says so and the batch has the
-        others.
+        If runs of a batch are lost, for example because ``plan()`` raised, a warning says so, and the batch contains
+        the remaining runs.
 
         Raises:
             PlannerForgeError: A scenario or a planner does not exist.
@@ -222,7 +220,7 @@ class Workspace:
         """Run the suite in a file and check its limits, as ``plannerforge test`` does.
 
         Raises:
-            PlannerForgeError: The file is not a suite, or gives something that does not exist.
+            PlannerForgeError: The file is not a suite, or refers to something that does not exist.
         """
         file = Path(path)
         return self._caller.call(_run_suite, read_suite(file), file.resolve().parent)
@@ -246,9 +244,7 @@ class Workspace:
     def optimise(
         self, scenarios: "Sequence[str | Scenario] | str | Scenario", base: AnyPlanner = "current", **arguments: Any
     ) -> OptimizePlannerResult:
-        """Search for a better configuration, or find the weights that matter (``optimize_planner``), and wait for the
-        result.
-        """
+        """Search for a better configuration, or find the weights that matter, and wait (``optimize_planner``)."""
         given = {"scenarios": [str(one) for one in _as_list(scenarios)], "base": self._register(base), **arguments}
         request = read_arguments(OptimizePlannerArguments, given)
         return self._wait_for(optimization.optimize_planner, request)

@@ -23,7 +23,7 @@ STATELESS_SINCE = "2026-07-28"
 
 
 class PacedProgress:
-    """Sends progress to the client: strictly rising, at most twice a second."""
+    """Sends progress to the client, in strictly increasing values, at most twice a second."""
 
     def __init__(self, context: Context[Services, Any]) -> None:
         self._context, self._home = context, asyncio.get_running_loop()
@@ -44,8 +44,9 @@ class PacedProgress:
 class Asker:
     """Asks the person at the client of one call, in both protocol eras.
 
-    Until 2025-11-25, a question is a request from the server during the call. Since 2026-07-28 there are none: the call
-    ends with the question, and the client repeats it with the answer, which the question's digest identifies.
+    Until 2025-11-25, a question is a request from the server during the call. Since 2026-07-28 there are no such
+    requests: the call ends with the question, and the client repeats it with the answer, which the question's digest
+    identifies.
     """
 
     def __init__(self, context: Context[Services, Any]) -> None:

@@ -1,7 +1,8 @@
 """Identifies the clients of a shared server: their permissions, and what each made last.
 
-By standard input, a server has one client. By HTTP it has many. A session identifies each in the revisions with
-sessions; since 2026-07-28 there are none, and a client is known by its token and the name that it gives itself.
+Over standard input, a server has one client. Over HTTP, it has many. In protocol revisions with sessions, a session
+identifies each client. Since 2026-07-28 there are no sessions, and a client is identified by its token and the name
+that it gives itself.
 """
 
 import threading
@@ -31,7 +32,7 @@ class ClientIdentity:
     """The client of a request.
 
     Args:
-        key: distinguishes it from others on the same server; empty if it is the only one.
+        key: distinguishes the client from others on the same server; empty if it is the only client.
         name: its own name, and the name of its token.
         reads_only: whether it may use only tools that create nothing.
         owner: the owner of its token; empty if tokens are not required.
@@ -58,7 +59,7 @@ def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
 
 
 def principal_of(scope: Scope) -> str:
-    """Return the owner of a request's token: its name, or client and subject of an OAuth token; empty without one."""
+    """Return the owner of a request's token: its name, or client and subject of an OAuth token; empty if none."""
     user = scope.get("user")
     if not isinstance(user, AuthenticatedUser):
         return ""
@@ -80,7 +81,7 @@ class ClientMemories:
         self._by_key: OrderedDict[str, Recent] = OrderedDict()
 
     def of(self, key: str) -> Recent:
-        """Return what is remembered of a client; it is empty for a new one."""
+        """Return what is remembered about a client; it is empty for a new client."""
         with self._lock:
             recent = self._by_key.setdefault(key, Recent())
             self._by_key.move_to_end(key)

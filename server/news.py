@@ -66,7 +66,7 @@ class WorkspaceNews:
         return end
 
     def follow(self, client: str, uri: str, session: ServerSession) -> None:
-        """Notify a client's session of changes of a resource."""
+        """Notify a client's session of changes to a resource."""
         self._followed[client, uri] = session
         self._followed.move_to_end((client, uri))
         if len(self._followed) > _MOST_FOLLOWED:

@@ -1,4 +1,4 @@
-"""The protocol's side of resources: lists in pages, reading, completion and subscription.
+"""The protocol side of resources: lists in pages, reading, completion and subscription.
 
 Content that a tool already answers (the catalogue, maps, planners) is read through that tool, so that a resource never
 contradicts it.
@@ -52,7 +52,7 @@ from .tool_calls import answer, answer_text
 from .tool_schema import described_tool
 
 PAGE = 50
-"""Entries per page of any list; chosen: hosts that do not turn pages see what matters."""
+"""Entries per page of any list; chosen so that hosts that read only the first page see what matters."""
 _MOST_COMPLETIONS = 100
 """The protocol's limit of values of one completion."""
 _JSON = "application/json"
@@ -103,7 +103,7 @@ class ResourceReading:
         return [*TEMPLATES, _SCHEMA_TEMPLATE, VIEW_TEMPLATE]
 
     async def read(self, uri: str, services: Services) -> tuple[str | bytes, str]:
-        """Return content and media type of a URI.
+        """Return the content and media type of a URI.
 
         Raises:
             MCPError: it does not exist (-32602); the error lists the templates.
@@ -148,7 +148,7 @@ class ResourceReading:
         return await self._done(look)
 
     async def _subscribe(self, context: ServerRequestContext[Services], request: SubscribeRequestParams) -> EmptyResult:
-        """Notify this session of changes of a resource, in the revisions with sessions."""
+        """Notify this session of changes to a resource, in the revisions with sessions."""
         await self.read(request.uri, context.lifespan_context)
         self._news.follow(client_of(context).key, request.uri, context.session)
         return EmptyResult()

@@ -1,4 +1,4 @@
-"""Settings: by flag, environment variable (``PLANNERFORGE_…``) or ``plannerforge.toml``, in this order."""
+"""Settings from flags, environment variables (``PLANNERFORGE_…``) or ``plannerforge.toml``, in this order."""
 
 import json
 import os
@@ -37,7 +37,7 @@ LogFormat = Literal["text", "json"]
 Addresses = Annotated[tuple[str, ...], NoDecode]
 """In a variable, addresses are separated by commas or spaces, or are a JSON list."""
 Secrets = Annotated[tuple[SecretStr, ...], NoDecode]
-"""In a variable, they are separated by commas or line breaks, or are a JSON list."""
+"""In a variable, secrets are separated by commas or line breaks, or are a JSON list."""
 Folders = Annotated[tuple[Path, ...], NoDecode]
 """In a variable, folders are separated as in PATH, or are a JSON list."""
 

@@ -16,13 +16,13 @@ from ..workflows.analysis.suite import limits_of
 from .arguments.checking import read_arguments
 
 LARGEST_BYTES, MOST_BRACKETS = 1_000_000, 20_000
-"""Chosen: a suite of a thousand scenarios has less."""
+"""Chosen: a suite of a thousand scenarios is smaller."""
 _ENTRIES = ("an id", "preset:N", "files: PATH", "find: {…}", "generate: {…}")
 _FORM = "see docs/gate.md for the form of a suite"
 
 
 def read_suite(path: Path) -> Suite:
-    """Return the suite of a file, with its arguments read like a call's, and its limits parsed.
+    """Return the suite in a file, with its arguments read like a call's, and its limits parsed.
 
     Raises:
         InvalidRequest, UnknownName: an entry is invalid; the error gives the fault and the entry.

@@ -1,8 +1,8 @@
 """The extension ``io.modelcontextprotocol/tasks`` (SEP-2663): long calls with an answer that the client fetches later.
 
-A call of a tool that creates something starts as usual. If it has not answered after a moment, a client that knows the
+A call to a tool that creates something starts as usual. If it has not answered after a moment, a client that knows the
 extension gets the id of a task. The call continues apart from the request, waits for its job to end, and its answer is
-stored in the workspace. A task outlives session and server: see ``engine/execution/tasks.py``.
+stored in the workspace. A task outlives its session and its server: see ``engine/execution/tasks.py``.
 """
 
 import logging
@@ -83,7 +83,7 @@ class Caller(Protocol):
         client: ClientIdentity,
         turn: anyio.Semaphore | None = None,
     ) -> CallToolResult:
-        """Run a call of a tool."""
+        """Run a tool call."""
 
 
 @dataclass
@@ -218,7 +218,7 @@ class Tasks(Extension):
         return _wire(task, detailed=True)
 
     async def _take_over_task(self, ctx: ServerRequestContext[Any], task: Task) -> Task:
-        """Continue a task of a server that ended; its finished parts are found."""
+        """Continue a task of a server that ended; its finished parts are reused."""
         client = client_of(ctx)
         spec = self._caller.spec_for(client, task.tool)
         if spec is None or task.task_id in self._works:
@@ -374,7 +374,7 @@ async def _record(work: _Work) -> None:
 
 
 def _write_end(work: _Work) -> None:
-    """Record the result of a call; if its server stops, leave the task to the next one."""
+    """Record the result of a call; if its server stops, leave the task to the next server."""
     if work.task is None:
         return
     task_id, store = work.task.task_id, work.store
@@ -398,7 +398,7 @@ def _client_knows_tasks(ctx: ServerRequestContext[Any]) -> bool:
 
 
 def _owner(ctx: ServerRequestContext[Any]) -> str:
-    """Return the owner of a task: that of the token that started it; empty by standard input or without tokens."""
+    """Return the owner of the token that started a task; empty over standard input or if there are no tokens."""
     return principal_of(ctx.request.scope) if isinstance(ctx.request, Request) else ""
 
 

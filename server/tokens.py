@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import tiktoken
 
 _TABLE = Path(__file__).with_name("o200k_base.json.gz")
-"""Made by ``scripts/pack_tokens.py``: tiktoken would fetch it from the network."""
+"""Made by ``scripts/pack_tokens.py``: tiktoken would download it."""
 _PIECE = 20_000
 """Characters counted at a time: tiktoken panics at a run of 2,000,000 spaces, and takes 4 ms for this many. Chosen."""
 
@@ -23,7 +23,7 @@ def count_tokens(text: str) -> int:
 
 
 def has_tables() -> bool:
-    """Return whether the encoding's table is loaded, which takes .3 s of processor time and blocks the interpreter."""
+    """Return whether the encoding's table is loaded, which takes 0.3 s of processor time and blocks the interpreter."""
     return _encoding.cache_info().currsize > 0
 
 

@@ -117,7 +117,7 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
         return CallToolResult(content=[*blocks, *links])
     text = _bounded(printable("\n".join([said, *remarks])))
     structured, written = result.model_dump(mode="json"), _bounded(result.model_dump_json())
-    if _ESCAPE.search(written) or not written.isprintable():  # one look at the whole spares one at each of its texts
+    if _ESCAPE.search(written) or not written.isprintable():  # one check of all texts saves one of each
         structured = printable_parts(structured)
     if _DENORMAL.search(written):
         structured = _without_denormals(structured)
@@ -130,7 +130,7 @@ _RESULT_ID = re.compile(r"\b(?:run|batch|study)_[0-9a-f]{12}\b")
 
 
 def _imported_in(text: str, call: ToolCall) -> list[str]:
-    """Return a remark on an answer's results that came in an archive, or an empty list."""
+    """Return a remark on an answer's results that were imported from an archive, or an empty list."""
     imported = call.workspace.imported_of(dict.fromkeys(_RESULT_ID.findall(text)))
     if not imported:
         return []
@@ -187,7 +187,7 @@ NEXT_CALL_KEY = "plannerforge/next_call"
 def refusal(error: PlannerForgeError, following: NextCall | None = None) -> CallToolResult:
     """Return an error as a result with code, message, valid values and next step.
 
-    The next step is a call if there is one that helps; programs find it in the metadata.
+    The next step is a call, if a call helps; programs find it in the metadata.
     """
     text = printable(error.text_with(following))
     meta = None

@@ -34,9 +34,10 @@ def described_tool(spec: ToolSpec) -> Tool:
 
 
 def server_icons() -> list[Icon]:
-    """Return the server's icon for hosts, embedded in the message: nothing must be fetched.
+    """Return the server's icon for hosts, embedded in the message, so that nothing needs to be fetched.
 
-    Clients must be able to draw PNG and should be able to draw SVG. Tools have none: it would be repeated 17 times.
+    Clients must be able to draw PNG and should be able to draw SVG. Tools have no icon, because it would be repeated 17
+    times.
     """
     found = []
     for name, mime_type, size in (("icon.svg", "image/svg+xml", "any"), ("icon.png", "image/png", "48x48")):

@@ -1,4 +1,4 @@
-"""Tools for models without tool support: the model selects a call by a JSON object that satisfies a schema.
+"""Tools for models without tool support: the model selects a call by writing a JSON object that satisfies a schema.
 
 The model sees the tools as text and must write ``{"tool": …, "arguments": {…}}`` or ``{"answer": "…"}``.
 """

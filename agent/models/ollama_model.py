@@ -217,8 +217,6 @@ def _duration(written: str) -> float | str:
 
 
 def _billions(size: str | None) -> float | None:
-    """Return billions of parameters from Ollama's size text, such as ``8.2B`` or ``494.03M``; None if it
-    gives no size.
-    """
+    """Return billions of parameters from Ollama's text, such as ``8.2B`` or ``494.03M``; None if unreadable."""
     found = re.fullmatch(r"([\d.]+)([KMBT])", size or "")
     return float(found[1]) * _UNITS[found[2]] if found else None

@@ -19,7 +19,8 @@ MAY_BE_MISSING = ("roundabout", "highway", "ramp", "rural", "signalised_intersec
 VILLAGES = frozenset(
     {"HND_Santa_Barbara-1.osm", "dueren-complete-excerpt.osm", "krautsand.osm", "o2s_overlapping_service_roads.osm"}
 )
-"""Maps with a list without ``urban`` although they show streets among houses: the list is of towns, the type is not."""
+"""Maps listed without ``urban`` although they contain streets among houses: the list is about towns, the type is
+not."""
 LEFT_OVER = {"urban": "motorway", "intersection": "motorway", "highway": "residential", "ramp": "motorway_link"}
 """For each type, a road class without any site of the type."""
 Reason = Literal["unknown_place", "no_map_here", "no_such_site", "unknown_class", "invalid_value"]
@@ -41,7 +42,7 @@ them, so the remaining problem is a place without a map.
 class BenchRequest:
     """Arguments of generate_scenarios with the expected result.
 
-    ``map_name`` is the file that shows the place; ``street`` is a road that the site must be on.
+    ``map_name`` is the file that contains the place; ``street`` is a road that the site must be on.
     """
 
     name: str
@@ -171,12 +172,12 @@ def _corpus_refusal(entry: Mapping[str, Any]) -> Refusal:
 
 
 def _place_words(given: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the texts by which an error can give the place: as written, its country or its box."""
+    """Return the texts with which an error can refer to the place: as written, its country or its box."""
     return tuple(str(given[key]) for key in ("place", "country", "bbox") if given[key] is not None)
 
 
 def missing_requests(places: Mapping[str, Any], maps: frozenset[str], count: int) -> list[Refusal]:
-    """Return requests for a type of site that neither the map nor another one of its place shows."""
+    """Return requests for a type of site that neither the map nor another map of its place contains."""
     there = sorted(maps & set(places))
     pairs = [
         (name, kind)
@@ -197,7 +198,7 @@ def _missing(name: str, kind: str, shown: Mapping[str, Any]) -> Refusal:
 
 
 def left_over_requests(places: Mapping[str, Any], maps: frozenset[str]) -> list[Refusal]:
-    """Return requests at motorways for a type of site that the map shows, but not in the requested road class."""
+    """Return requests at motorways for a type of site that the map contains, but not in the requested road class."""
     return [
         Refusal(
             f"left-{kind}-{name}",

@@ -119,7 +119,7 @@ def _removal(key: int) -> Asked:
 
 
 def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
-    """Return places along the ego's lane and in the middle of drawn lanelets, at once or later."""
+    """Return additions along the ego's lane and in the middle of drawn lanelets, at once or later."""
     found: list[dict[str, Any]] = []
     if scene.ego is not None and scene.ego.lanelets:
         for offset in (25.0, 40.0, 15.0, -20.0):
@@ -139,7 +139,7 @@ def _additions(scene: Scene, draw: np.random.Generator) -> list[Asked]:
 
 
 def _goals(scene: Scene, draw: np.random.Generator) -> list[Asked]:
-    """Return goals that a car can reach in the time of the problem, by the lanelets of the file."""
+    """Return goals that a car can reach in the time of the problem, according to the lanelets of the file."""
     if scene.ego is None:
         return []
     problem, ego = scene.loaded.problem(scene.ego.problem_id), scene.ego

@@ -28,7 +28,7 @@ LEAST_AHEAD_M, SHARE_IN_REACH = 1.0, 0.95
 
 
 def speed_limit_mps(network: "LaneletNetwork", key: int) -> float:
-    """Return the lowest speed in m/s that a lanelet's signs allow; infinite without any."""
+    """Return the lowest speed in m/s that a lanelet's signs allow; infinite if there are none."""
     signs = (network.find_traffic_sign_by_id(sign) for sign in network.find_lanelet_by_id(key).traffic_signs or ())
     elements = [one for sign in signs for one in sign.traffic_sign_elements]
     limits = [float(one.additional_values[0]) for one in elements if one.traffic_sign_element_id.name == "MAX_SPEED"]
@@ -134,7 +134,7 @@ def _costs_to(
 
 
 def is_in_reach(problem: "PlanningProblem", step_s: float, way_m: float, last_step: int) -> bool:
-    """Return whether a car gets as far as ``way_m`` before the goal's time ends, at a speed that the goal allows.
+    """Return whether a car can cover ``way_m`` before the goal's time ends, at a speed that the goal allows.
 
     If the goal has no time, it ends at the scenario's last step. A car that can also stop on its route, and regain the
     goal's minimum speed, can wait for the time to begin.
@@ -175,7 +175,7 @@ def nearest_m(point: Points, places: Iterable[Points]) -> float:
 
 
 def _ends(speeds_mps: Any) -> tuple[float, float]:
-    """Return the least and largest speed of an interval or of an exact value; goals are never reached backwards."""
+    """Return the lowest and highest speed of an interval or of an exact value; goals are never reached backwards."""
     return max(float(getattr(speeds_mps, "start", speeds_mps)), 0.0), float(getattr(speeds_mps, "end", speeds_mps))
 
 

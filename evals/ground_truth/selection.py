@@ -105,8 +105,7 @@ def spoiled(arguments: FindScenariosArguments, seed: str) -> FindScenariosArgume
 
 
 def extract_score(truth: FindScenariosArguments, given: FindScenariosArguments) -> float:
-    """Return the paper's *extract* of slots: the mean of five scores in [0, 1]; slots that are empty in both count as
-    1.
+    """Return the paper's *extract* of slots: the mean of five scores in [0, 1]; slots empty in both count as 1.
 
     Tags are compared by the overlap of the sets (Jaccard), as in the paper. The paper does not specify the rest: the
     other slots are compared in the same way, condition by condition.

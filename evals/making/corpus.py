@@ -23,8 +23,7 @@ Told = Callable[[str], None]
 def make_corpora(
     materials: Materials, tasks: Sequence[Task], count: int, seed: int, told: Told | None = None
 ) -> Mapping[str, list[CorpusLine]]:
-    """Make requests of tasks, at most ``count`` per corpus, drawn by a seed; the same materials and seed give the same
-    ones.
+    """Make requests for tasks, at most ``count`` per corpus; the same materials and seed give the same requests.
 
     Args:
         told: is called with every corpus before it is made.

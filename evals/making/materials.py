@@ -144,6 +144,6 @@ _EVERYDAY |= {"starts", "street", "vehicle", "vehicles", "weight"}
 
 
 def rounds(items: Sequence[Any], draw: Draw) -> Iterator[Any]:
-    """Yield the items over and over, each round in another order."""
+    """Yield the items over and over, each round in a different order."""
     while items:
         yield from draw.sample(list(items), len(items))

@@ -66,7 +66,7 @@ _PAIRS = (("T", "B"), ("P", "G"), ("T", "P"), ("B", "P"), ("B", "G"), ("T", "G")
 
 
 def _together(found: Mapping[str, tuple[Truth, ...]], number: int) -> tuple[Truth, ...]:
-    """Return two edits of a scenario, with alternating letters, but not one of a vehicle that the other removes."""
+    """Return two edits of a scenario, with alternating letters; neither concerns a vehicle that the other removes."""
     for first, second in (*_PAIRS[number % len(_PAIRS) :], *_PAIRS):
         if first in found and second in found:
             both = (*found[first], *found[second])

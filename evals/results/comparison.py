@@ -13,8 +13,8 @@ from .rows import Row
 class Comparison:
     """The comparison of two evaluations on their common requests.
 
-    ``gained`` are requests that only the second fulfilled, ``lost`` those that only the first did; ``p`` is two-sided,
-    of the exact McNemar test.
+    ``gained`` are requests that only the second fulfilled, ``lost`` those that only the first did; ``p`` is the
+    two-sided p value of the exact McNemar test.
     """
 
     pairs: int
@@ -42,7 +42,7 @@ def compare_rows(first: Sequence[Row], second: Sequence[Row]) -> Comparison:
     """Compare two evaluations, paired by request.
 
     Raises:
-        InvalidRequest: they have no request in common, or one has another text or truth in them.
+        InvalidRequest: they have no request in common, or one of these differs in text or truth.
     """
     before, after = ({row.request_id: row for row in rows} for rows in (first, second))
     both = [key for key in before if key in after]

@@ -32,7 +32,7 @@ class PublishedTable(Model):
     rows: tuple[tuple[str | Cell, ...], ...]
 
     def under(self, condition: Condition) -> list[tuple[str, tuple[Cell, ...]]]:
-        """Return models with their figures under a condition, the best by the main column first."""
+        """Return models with their figures under a condition, sorted by the main column, best first."""
         column = next(index for index, known in enumerate(self.columns) if known.key == self.headline)
         found = [(str(row[0]), _figures(row)) for row in self.rows if row[1] == condition]
         return sorted(found, key=lambda pair: -(pair[1][column] or 0.0))

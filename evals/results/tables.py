@@ -56,7 +56,7 @@ class ResultTable:
 
 
 def tables_of(rows: Sequence[Row]) -> list[ResultTable]:
-    """Return a table for each corpus among the rows, in their order, and the stages of conversations."""
+    """Return a table for each corpus, in the order of the rows, and the stages of conversations."""
     corpora = dict.fromkeys(row.request.corpus for row in rows)
     found = []
     for corpus in corpora:

@@ -39,7 +39,7 @@ class State:
 
 @dataclass(frozen=True)
 class Body:
-    """A rectangle at a place, with its velocity along its heading."""
+    """A rectangle at a position, with its velocity along its heading."""
 
     x: float
     y: float
@@ -72,7 +72,7 @@ class Body:
         return float(self.polygon.distance(other.polygon))
 
     def local(self, x: float, y: float) -> tuple[float, float]:
-        """Return a place relative to this body: metres ahead, metres to the left."""
+        """Return a point relative to this body: metres ahead, metres to the left."""
         dx, dy = x - self.x, y - self.y
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         return dx * cos + dy * sin, -dx * sin + dy * cos
@@ -284,7 +284,7 @@ def read_scene(path: Path) -> SceneFile:
 
 
 def _number(element: Any, path: str, default: float = 0.0) -> float:
-    """Return an exact value, or the middle of an interval."""
+    """Return an exact value, or the midpoint of an interval."""
     found = element.find(path)
     if found is None:
         return default
@@ -510,7 +510,7 @@ class World:
         return self._runs[run_id]
 
     def others_of(self, run: StoredRun, step: int) -> dict[int, tuple[str, Body]]:
-        """Return class and body of the other road users at a step of a run; for reactive traffic, as it drove."""
+        """Return the class and body of each other road user at a step of a run; for reactive traffic, as simulated."""
         scene = self.scene(run.scenario_id)
         if scene is None:
             return {}

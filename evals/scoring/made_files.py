@@ -1,4 +1,4 @@
-"""Checks whether a generated scenario shows the requested type of road, density, place and vehicles.
+"""Checks whether a generated scenario has the requested type of road, density, place and vehicles.
 
 It reads the generated files and the map file, without importing the site finder or the generator's own checks.
 ``MadeFiles`` is a scenario from the judges' point of view.
@@ -148,7 +148,7 @@ def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether it is near a country road, off ramps."""
+    """Return whether the scenario is near a country road, and not at a ramp."""
     ramp = any(_is_link(edge) for edge in made.near(BESIDE_M))
     return _near_a_road(made) and not ramp and not _in_town(made, evidence)
 
@@ -235,7 +235,7 @@ LEAST_ROUND = 0.55
 LEAST_ENTRIES = 2
 """Minimum number of roads that lead into a roundabout."""
 ALONG = ("s", "L", "R")
-"""SUMO's letters for continuing along a road; a ring with a turn leads around a block or across a crossing."""
+"""SUMO's letters for continuing along a road; a ring with a turn leads around a block or across an intersection."""
 REACH_M, RING_BESIDE_M = 180.0, 30.0
 """Maximum distance of a ring's roads from its middle, and of the scenario's middle from the ring."""
 SIDES_APART_M = 12.0

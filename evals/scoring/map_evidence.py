@@ -38,7 +38,7 @@ class Mapped:
     tags: "Mapping[str, str]"
 
     def distance_m(self, latitude: float, longitude: float) -> float:
-        """Return the distance from a place to the nearest point of the line in m."""
+        """Return the distance from a position to the nearest point of the line in m."""
         from shapely import LineString, Point
 
         scale = np.array((1.0, math.cos(math.radians(latitude)))) * METRES_A_DEGREE
@@ -47,7 +47,7 @@ class Mapped:
         return float(shape.distance(Point(0.0, 0.0)))
 
     def surrounds(self, latitude: float, longitude: float) -> bool:
-        """Return whether a place is inside the outline."""
+        """Return whether a position is inside the outline."""
         from shapely import Point, Polygon
 
         closed = len(self.line) > 3 and bool((self.line[0] == self.line[-1]).all())
@@ -80,7 +80,7 @@ class MapEvidence:
         )
 
     def is_built_up(self, latitude: float, longitude: float, within_m: float) -> bool:
-        """Return whether a place is on built-up land or among houses."""
+        """Return whether a position is on built-up land or among houses."""
         land = (found for found in self.mapped if found.tags.get("landuse") in BUILT_UP_LAND)
         return self.houses(latitude, longitude, within_m) >= MANY_HOUSES or any(
             found.surrounds(latitude, longitude) for found in land

@@ -19,7 +19,7 @@ from .files import Lanelet, RoadUser, SceneFile, World
 
 _SHARES = {"beginning": 0.0, "quarter": 0.25, "middle": 0.5, "three_quarter": 0.75, "final": 1.0}
 _NEAR_M = 2.0
-"""Tolerance of places (rule 3 of the corpora)."""
+"""Tolerance for positions (rule 3 of the corpora)."""
 _GOAL_M = 10.0
 """Maximum distance of a goal's middle from the position's station: half of a long rectangle is inside the lanelet."""
 _ON_M = 0.75
@@ -161,7 +161,7 @@ def _added(truth: Mapping[str, Any], report: Mapping[str, Any], scene: SceneFile
 
 
 def _begins_at(scene: SceneFile, user: RoadUser, place: Mapping[str, Any]) -> bool:
-    """Return whether a vehicle begins at a place in m along a lanelet, moved inwards by half its length at ends."""
+    """Return whether a vehicle begins at a position in m along a lanelet, moved inwards by half its length at ends."""
     lane = scene.lanelets.get(int(place["lanelet"]))
     if lane is None:
         return False
@@ -191,7 +191,7 @@ def _goal(truth: Mapping[str, Any], scene: SceneFile) -> dict[str, bool]:
 
 
 def _untouched_are_so(made: MadeCall, scene: SceneFile, base: SceneFile) -> bool:
-    """Return whether all vehicles are as recorded that the answer does not list as touched or removed."""
+    """Return whether all vehicles that the answer does not list as touched or removed are as recorded."""
     named = {int(one["vehicle_id"]) for one in made.structured.get("touched", [])}
     named |= {int(key) for key in made.structured.get("removed", [])}
     return all(scene.texts.get(key) == text for key, text in base.texts.items() if key not in named)

@@ -67,7 +67,7 @@ def _weights_before(context: Mapping[str, Any]) -> Mapping[str, float]:
 
 
 def _moved(wanted: Mapping[str, Any], before: Mapping[str, float], after: Mapping[str, float]) -> bool:
-    """Return whether one of the weights moved as requested; a weight that was unknown before starts at 0."""
+    """Return whether one of the weights changed as requested; a weight that was unknown before starts at 0."""
     sign = 1 if wanted["sign"] == "up" else -1
     start = wanted.get("from", {})
     return any(

@@ -1,7 +1,7 @@
-"""Finds the call that a refusal proposes: the first correction of the refused call that works, or a call for look-up.
+"""Finds the call that a refusal proposes: the first correction of the refused call that works, or a look-up call.
 
-If a corrected call is refused for another reason, that is corrected too. Calls of tools that create nothing, and those
-with a dry run, are tried before they are proposed.
+If a corrected call is refused for another reason, that fault is corrected too. Calls to tools that create nothing, and
+those with a dry run, are tried before they are proposed.
 """
 
 import logging
@@ -173,7 +173,7 @@ def _written(arguments: Arguments) -> dict[str, Any]:
 
 
 def _as_written(value: Any) -> Any:
-    """Return the same value with whole numbers without a fraction."""
+    """Return the same value, with whole numbers written without a decimal part."""
     if isinstance(value, dict):
         return {name: _as_written(part) for name, part in value.items()}
     if isinstance(value, list):

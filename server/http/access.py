@@ -1,7 +1,7 @@
-"""Access control by HTTP: this server's own bearer tokens, and those of an OAuth authorization server.
+"""Access control over HTTP: this server's own bearer tokens, and those of an OAuth authorization server.
 
-An own token has a name, which the journal records, and may be read-only. Memory contains only its SHA-256. A plain
-digest is enough: a token has at least 24 random characters, so no dictionary contains it.
+Each of the server's own tokens has a name, which the journal records, and may be read-only. Memory contains only its
+SHA-256. A plain digest is enough: a token has at least 24 random characters, so no dictionary contains it.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ _NAME = re.compile(r"[A-Za-z0-9][\w.\-]{0,63}")
 _READ_ONLY = "read-only"
 _FORM = "NAME TOKEN, or NAME TOKEN read-only"
 _ALGORITHMS = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA")
-"""Signatures by a key pair; with a shared secret, everyone who can check a token could make one."""
+"""Algorithms that sign with a key pair; with a shared secret, everyone who can check a token could make one."""
 _LEEWAY_S = 30.0
 _FETCH_TIMEOUT_S = 10.0
 _KEYS_KEPT_S = 300.0
@@ -46,14 +46,14 @@ before an unknown key refetches them; chosen.
 """
 _MOST_BYTES = 1_000_000
 _MOST_ISSUED = 20_000
-"""Maximum bytes of a document of the authorization server, and characters of a token; chosen: real ones have a
-tenth.
+"""Maximum bytes of a document of the authorization server, and characters of a token; chosen: real ones are a tenth of
+this.
 """
 
 
 @dataclass(frozen=True)
 class OwnToken:
-    """An own token of this server: its name, the SHA-256 of its text, and whether it is read-only."""
+    """One of this server's own tokens: its name, the SHA-256 of its text, and whether it is read-only."""
 
     name: str
     digest: str
@@ -81,7 +81,7 @@ def tokens_of(listed: Sequence[SecretStr], file: Path | None) -> tuple[OwnToken,
     """Return the tokens of settings and of a file, each name once.
 
     Raises:
-        InvalidRequest: an entry is invalid, or two have one name.
+        InvalidRequest: an entry is invalid, or two have the same name.
         OutsideRoots: the file cannot be read, or others may read the plain tokens in it.
     """
     tokens = read_tokens([entry.get_secret_value() for entry in listed], "http_tokens")
@@ -162,8 +162,8 @@ class OwnTokens(TokenVerifier):
 class IssuedTokens(TokenVerifier):
     """Accepts signed tokens (JWT, RFC 9068) that an OAuth authorization server issued for this server.
 
-    The SDK checks that a token is for this server and not for another one of the same person: it compares the token's
-    audience with this server's address (``validate_token_resource``).
+    The SDK checks that a token is for this server and not for another server of the same person: it compares the
+    token's audience with this server's address (``validate_token_resource``).
 
     Args:
         issuer: address of the authorization server, as in its tokens.
@@ -228,8 +228,7 @@ class _IssuerKeys:
         """Return the key with this id, or the only one if a token has no key id.
 
         Raises:
-            jwt.PyJWTError: there is none, or the keys are invalid.
-            httpx.HTTPError: they cannot be fetched.
+            jwt.PyJWTError: there is no such key, or the keys are invalid. httpx.HTTPError: they cannot be fetched.
             ValueError: the response is not JSON.
         """
         with self._lock:

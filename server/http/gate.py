@@ -186,7 +186,7 @@ class Gate:
 
 @dataclass(frozen=True)
 class _Refusal:
-    """A request that is not accepted: as JSON-RPC, so that a client shows it like any other error."""
+    """The refusal of a request, as JSON-RPC, so that a client shows it like any other error."""
 
     status: int
     told: str

@@ -97,7 +97,7 @@ class HttpServer:
         limits = HttpLimits(most_bytes, settings.http_calls, settings.http_rate)
         self._gate = Gate(BoundedSessions(StreamableHTTPASGIApp(self._sessions)), limits, let_in)
         endpoint: ASGIApp = self._gate
-        if authentication is not None:  # before the gate: a stranger takes no place there, and their body is not read
+        if authentication is not None:  # before the gate: a stranger takes up no room there, and their body is not read
             endpoint = RequireAuthMiddleware(endpoint, [READ_SCOPE], authentication.metadata_url)
         self._readiness = _Readiness(self._gate, server)
         routes = [
@@ -190,7 +190,7 @@ async def _health(request: Request) -> JSONResponse:
 
 @dataclass(frozen=True)
 class _Authentication:
-    """The check of tokens; with an OAuth authorization server, also where clients find it."""
+    """The check of tokens and, with an OAuth authorization server, the metadata that lead clients to it."""
 
     verifier: TokenVerifier
     settings: AuthSettings | None

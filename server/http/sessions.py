@@ -106,7 +106,7 @@ class BoundedSessions:
                 del self._by_owner[owner]
 
     async def _end(self, session_id: str, scope: Scope) -> None:
-        """End a session like its client would: with a DELETE, with the same token."""
+        """End a session as its client would: with a DELETE and the same token."""
         replaced = (MCP_SESSION_ID_HEADER.encode(), b"content-length", b"transfer-encoding")
         kept = [(name, value) for name, value in scope["headers"] if name not in replaced]
         ended = {**scope, "method": "DELETE", "headers": [*kept, (MCP_SESSION_ID_HEADER.encode(), session_id.encode())]}
@@ -121,6 +121,6 @@ class BoundedSessions:
 
 
 def _begins_session(scope: Scope, headers: Headers) -> bool:
-    """Return whether a request without a session gets one: all do in the revisions with sessions."""
+    """Return whether a request without a session gets one: in protocol revisions with sessions, all of them do."""
     version = headers.get(MCP_PROTOCOL_VERSION_HEADER)
     return scope["method"] == "POST" and (version is None or version < STATELESS_SINCE)

@@ -27,7 +27,7 @@ from .logs import Secrets
 
 logger = logging.getLogger(__name__)
 JOURNAL = "journal/calls.jsonl"
-"""Its place in a workspace."""
+"""The journal's path in a workspace."""
 KEPT_FILES = 5
 _MOST_IDS = 20
 MOST_ELEMENTS = 50
@@ -35,7 +35,7 @@ MOST_ELEMENTS = 50
 _SEARCHED, _LONGEST_ERROR, _LARGEST_BITS = 5000, 2000, 128
 """Maximum characters of a text that are searched for secrets, and of a stored error; bits of a whole number; chosen."""
 _CLOSE_TIMEOUT_S = 10.0
-"""Loading the table of the token count takes .3 s, longer than many a single call."""
+"""Loading the table for counting tokens takes 0.3 s, longer than many single calls."""
 _SETTLED_S = 1.0
 """Delay between the first call and loading the tables; a server that ends earlier does so without them. Chosen: a
 command with one call has ended by then, and hosts kill a server two seconds after they leave it.

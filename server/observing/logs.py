@@ -64,9 +64,8 @@ class EndedCall:
 
     Args:
         outcome: ``ok``, the code of the error, ``asks`` (the client must answer a question first), ``protocol`` (the
-            call
-            violated the protocol) or ``cancelled``.
-        duration_s: measured from its turn.
+            call violated the protocol) or ``cancelled``.
+        duration_s: measured from the moment when it was the call's turn.
     """
 
     names: CallNames
@@ -102,14 +101,14 @@ def log_call(call: EndedCall) -> None:
 
 
 def log_to_stderr(level: str, form: LogFormat = "text", redact: Iterable[str] = ()) -> None:
-    """Write all log records from this level to standard error, unless logging is already set up."""
+    """Write all log records at this level or above to standard error, unless logging is already set up."""
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter((JsonLines if form == "json" else TextLines)(Secrets(redact)))
     logging.basicConfig(level=level, handlers=[handler])
 
 
 class TextLines(logging.Formatter):
-    """``LEVEL name: message``, then its call."""
+    """``LEVEL name: message``, followed by the call."""
 
     def __init__(self, secrets: Secrets) -> None:
         super().__init__("%(levelname)s %(name)s: %(message)s")

@@ -1,6 +1,6 @@
-"""Traces and metrics by OpenTelemetry, sent to ``telemetry_endpoint``; without it, none of this is imported.
+"""Traces and metrics with OpenTelemetry, sent to ``telemetry_endpoint``; if it is not set, nothing here is imported.
 
-As soon as a provider is set, the MCP SDK makes a span of each request, below the request's trace (``traceparent`` in
+As soon as a provider is set, the MCP SDK creates a span for each request, below the request's trace (``traceparent`` in
 ``_meta``). That span gets the call's attributes, and the spans of its operations in workers and of its job are below
 it.
 """
@@ -105,7 +105,7 @@ class Telemetry:
         return cls(traces, metrics)
 
     def close(self) -> None:
-        """Send the rest, and stop; block for at most a second, whether the collector answers or not.
+        """Send the rest, and stop; block for at most a second, whether or not the collector answers.
 
         The SDK's own shutdown retries and waits as usual, for traces first: seven seconds if a collector hangs.
         """
@@ -221,6 +221,6 @@ class _WatchedExecutor(ExecutorAround):
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
-        """Run the operation there."""
+        """Run the operation in the wrapped executor."""
         response: Response = await self._run(self._inner, operation, request, on_progress)
         return response

@@ -29,20 +29,20 @@ _METHOD = re.compile(r'"method"\s*:')
 
 
 class Incoming(Protocol):
-    """A stream of messages, or of exceptions instead of one."""
+    """A stream of messages, with an exception in place of an unreadable message."""
 
     async def receive(self) -> SessionMessage | Exception:
-        """Return the next one."""
+        """Return the next message or exception."""
 
     async def aclose(self) -> None:
-        """Close it."""
+        """Close the stream."""
 
 
 class Outgoing(Protocol):
     """A stream of messages to the client."""
 
     async def send(self, item: SessionMessage, /) -> None:
-        """Send one."""
+        """Send a message."""
 
 
 class ReadableMessages:

@@ -1,4 +1,4 @@
-"""Standard input and output as the wire of the protocol, which nothing else reads or writes.
+"""Standard input and output, reserved for the protocol: nothing else reads or writes them.
 
 The SDK's streams use a thread of a shared pool for each line. If no further thread can be started (memory, or the
 process limit of a container), the server would end; with threads of their own, both continue.
@@ -62,8 +62,8 @@ class _ThreadedFile:
 def standard_streams() -> Iterator["tuple[anyio.AsyncFile[str], anyio.AsyncFile[str]]"]:
     """Provide standard input, with limited lines, and standard output, within the block.
 
-    Other readers of standard input in this time, such as a library or a child process, read nothing; other writers to
-    standard output write to standard error.
+    Other readers of standard input during this time, such as a library or a child process, read nothing; other writers
+    to standard output write to standard error.
     """
     sys.stdout.flush()
     wire_in, wire_out = os.dup(0), os.dup(1)

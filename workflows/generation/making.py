@@ -122,7 +122,7 @@ def summarise(
 
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Return the ego's index in its class, its speed and, if it is not a car, its size and limits."""
+    """Return how many vehicles the ego was chosen from, and its speed; if it is not a car, also its size and limits."""
     one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
     if ego.vehicle_class == "car":
         return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"

@@ -50,7 +50,7 @@ class Pages:
 
     @asynccontextmanager
     async def connected(self, endpoint: ASGIApp, url: str) -> AsyncIterator[None]:
-        """Be a client of an MCP endpoint of this process for the duration of the block."""
+        """Act as a client of an MCP endpoint in this process for the duration of the block."""
         transport = httpx2.ASGITransport(app=endpoint)
         name = Implementation(name="plannerforge-ui", version=__version__)
         async with (

@@ -1,4 +1,4 @@
-"""The content of the pages: answers of tools, requested like by any other client, and the journal of calls."""
+"""The content of the pages: answers of tools, requested as by any other client, and the journal of calls."""
 
 import base64
 import json
@@ -157,7 +157,7 @@ class Content:
         return filled_page(_VIEWED[kind], f"{', '.join(ids)} · PlannerForge", data.text)
 
     def calls(self, *, failed_only: bool = False) -> list[JournalLine]:
-        """Return the newest calls of the journal, newest first; empty without a journal."""
+        """Return the newest calls of the journal, newest first; empty if there is no journal."""
         lines = []
         for line in _last_lines(self._journal):
             call = _journal_line(line)
