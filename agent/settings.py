@@ -13,7 +13,7 @@ from .loop import TurnLimits
 from .models.interface import ModelFacts, ModelSettings
 
 SMALL_CONTEXT_TOKENS = 12_000
-"""Chosen: the full list of tools takes 4,000 tokens, and a session of ten calls the same again."""
+"""Chosen: the full list of tools takes 4,000 tokens, and a session of ten calls takes another 4,000."""
 
 _LEAST_RESULT_CHARACTERS = 2000
 """Minimum characters of a tool's answer, whatever the context. In a larger context, an answer may have as many

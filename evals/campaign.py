@@ -40,8 +40,8 @@ OnRow = Callable[[Row, int, int], None]
 class Evaluation:
     """The subject of an evaluation: an agent under a condition, the scorer, and the seed of the agent.
 
-    ``fresh``: every request gets its own session, so that nothing remains of the previous one. Agents that state every
-    id themselves do not need this, and have one session per corpus.
+    ``fresh``: every request gets its own session, so that nothing remains of the previous request. Agents that state
+    every id themselves do not need this, and have one session per corpus.
     """
 
     agent: EvaluatedAgent

@@ -57,7 +57,7 @@ def corpus_files(place: Path, task: str) -> list[Path]:
 
 
 def read_corpus(path: Path) -> tuple[EvalRequest, ...]:
-    """Return the requests of a corpus file, in its order.
+    """Return the requests of a corpus file, in file order.
 
     Raises:
         InvalidRequest: a line is not a request, or an id occurs twice; the error gives the line and the reason.

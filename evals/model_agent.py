@@ -67,7 +67,7 @@ def model_agent(name: str, condition: Condition, seed: int) -> ModelAgent:
     """Return the agent of ``ollama:MODEL`` or ``openai:MODEL@URL``, with the settings of ``PLANNERFORGE_AGENT_…``.
 
     Raises:
-        SettingsFault: the name has neither form, or its package is missing.
+        SettingsFault: the name has neither of these forms, or its package is missing.
     """
     settings = AgentSettings(seed=seed)
     open_model(name, settings.for_model())

@@ -74,7 +74,7 @@ def calls_of(request: EvalRequest) -> list[Call]:
 
 
 def _given(arguments: Model, without: Collection[str] = ()) -> Arguments:
-    """Return arguments as a client sends them: only the given ones."""
+    """Return arguments as a client sends them: only those that were given."""
     return arguments.model_dump(mode="json", exclude_defaults=True, exclude=set(without))
 
 
@@ -180,7 +180,7 @@ def routed_calls(classes: Sequence[str], letters: str) -> list[Call]:
 
 @dataclass
 class _Conversation:
-    """A conversation with a server, turn by turn; keeps what later turns build on."""
+    """A conversation with a server, turn by turn; stores what later turns build on."""
 
     tools: ToolSession
     scenario: str = ""

@@ -232,7 +232,7 @@ class _Outcome:
 
 @contextmanager
 def _reporting_errors() -> Iterator[_Outcome]:
-    """Print errors of the block in a line; the outcome has the exit code afterwards."""
+    """Print errors raised in the block, in one line each; afterwards, the outcome has the exit code."""
     outcome = _Outcome()
     try:
         yield outcome

@@ -387,7 +387,7 @@ def _declaration(kind: type) -> PlannerDeclaration:
 
 
 def _name_of(planner: object) -> str:
-    """Return ``my_planner`` for the class ``MyPlanner``, its instances, or an ``OwnPlanner`` that creates them."""
+    """Return a name such as ``my_planner`` for the class ``MyPlanner``, its instances, or an ``OwnPlanner`` of it."""
     maker = planner.make if isinstance(planner, OwnPlanner) else planner if isinstance(planner, type) else type(planner)
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", getattr(maker, "__name__", "own_planner")).lower()
 

@@ -118,12 +118,12 @@ class Result(Model):
 
 
 def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "field") -> list[tuple[str, list[str]]]:
-    """Return each problem with the valid values, the nearest first; ``noun`` is the word for a field."""
+    """Return each problem with the valid values, nearest first; ``noun`` is the word for a field."""
     return [problem_of(model, detail, noun) for detail in error.errors(include_url=False)]
 
 
 def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field") -> tuple[str, list[str]]:
-    """Return a problem with the valid values, the nearest first.
+    """Return a problem with the valid values, nearest first.
 
     The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by what the
     field accepts. Messages of our own checks are used unchanged.

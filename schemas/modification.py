@@ -186,7 +186,7 @@ class ModifyScenarioArguments(Arguments):
     scenario_id: str = "latest"
     """The scenario to edit. It stays unchanged."""
     edits: list[Edit] = Field(min_length=1, max_length=50)
-    """The edits in their order."""
+    """The edits, in the order in which they are applied."""
     on_conflict: Literal["report", "refuse"] = "report"
     """What to do if edits end in a collision between others: report it, or refuse all edits."""
     traffic: TrafficAfterEdits = Field("recorded", description="reactive: all vehicles simulated")
@@ -201,7 +201,7 @@ class ModifyScenarioArguments(Arguments):
 class VehicleRoute(Model):
     """The route of a touched vehicle, and whether it arrives where the edit sends it.
 
-    ``arrives`` is None without a target. ``reason`` says why it does not arrive, and ``advice`` how it could.
+    ``arrives`` is None if there is no target. ``reason`` says why it does not arrive, and ``advice`` how it could.
     """
 
     vehicle_id: int
@@ -242,7 +242,7 @@ class EditReport(Model):
 
     @property
     def verdict(self) -> str:
-        """``done``, ``without effect``, or how many vehicles reach what the edit requests."""
+        """The verdict: ``done``, ``without effect``, or how many vehicles reach what the edit requests."""
         if not self.done:
             return "not reached" if any(one.failed for one in self.achieved) else "without effect"
         missing = {route.vehicle_id for route in self.routes if route.arrives is False}
@@ -404,7 +404,7 @@ class ModifyScenarioResult(Result):
         )
 
     def _most(self, brief: int) -> tuple[int, str]:
-        """Return how many items of a list to show, and the call that shows the others."""
+        """Return how many items of a list to show, and the call that shows the remaining ones."""
         if self.detail == "brief":
             return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"

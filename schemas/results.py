@@ -58,7 +58,7 @@ class Rate(Model):
     """A share of ``count`` among ``of`` with its 95 % interval.
 
     ``share``, ``low`` and ``high`` are None if ``of`` is 0, or if the runs were selected by their outcome, because that
-    share is not a rate. ``scenarios`` is the number of scenarios behind the runs, which the interval counts
+    share is not a rate. ``scenarios`` is the number of scenarios of the runs, which the interval counts
     (docs/statistics.md). None means that the interval counts runs.
     """
 
@@ -516,7 +516,7 @@ _LARGEST = {
     "braking": "maximum_braking_mps2",
     "lateral acceleration": "maximum_lateral_acceleration_mps2",
 }
-"""Metrics shown among the largest motions, by their names there."""
+"""Metrics shown among the largest motions, by the names of these motions."""
 _SHOWN_FINDINGS, _SHOWN_EXCESSES, _SHOWN_INVALID, _SHOWN_RULES, _SHOWN_GROUPS, _SHOWN_TRIGGERS = 2, 2, 2, 3, 2, 3
 """The number of entries that the brief answer shows (chosen)."""
 

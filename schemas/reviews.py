@@ -86,7 +86,7 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Return whether any reference driver prevents it, from just before the contact or from the start."""
+        """Return whether any reference driver prevents it, either from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
@@ -414,12 +414,12 @@ class Encounter(Model):
 
     @property
     def other(self) -> str:
-        """The class and id of the other."""
+        """The class and id of the other road user."""
         return f"{self.obstacle_class} {self.obstacle_id}"
 
     @property
     def place(self) -> str:
-        """``ahead``, ``behind``, ``on the left``, ``oncoming on the right``, ``standing on the right``."""
+        """Position: ``ahead``, ``behind``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 
@@ -489,7 +489,7 @@ class RunReview(Model):
         return f"{line}; {least} with {other} {urgent.place} at {urgent.time_s:.1f} s."
 
     def motion_in_words(self) -> str:
-        """Return the largest motions with their times; empty without steps."""
+        """Return the largest motions with their times; empty if there are no steps."""
         parts = [f"{one.name} {measured(one.value)} {one.unit} at {one.time_s:.1f} s" for one in self.largest]
         return f"Largest: {', '.join(parts)}." if parts else ""
 

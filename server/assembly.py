@@ -61,7 +61,7 @@ def create_server(
             threads.close()
             ends = [each.close for each in (telemetry, journal) if each is not None]
             with anyio.CancelScope(shield=True):
-                async with anyio.create_task_group() as tasks:  # at once: a client kills the server after 2 s
+                async with anyio.create_task_group() as tasks:  # immediately: a client kills the server after 2 s
                     for end in ends:
                         tasks.start_soon(_ended, end)
 

@@ -14,7 +14,7 @@ from .context import WorkflowContext
 
 _CURRENT = ("current", "latest")
 _BY_NAME = "preset"
-"""The tool in the recipe of a preset that was stored because it was run."""
+"""The tool that the recipe names for a preset that was stored because it was run."""
 _SEARCHED = 1000
 """How many of the newest configurations are searched (chosen)."""
 

@@ -184,7 +184,7 @@ def _files(context: WorkflowContext, arguments: ImportFilesArguments) -> list[tu
 
 
 def _paths_with_name(name: str, context: WorkflowContext) -> list[Path]:
-    """Return paths with this name below the allowed folders, the shortest first; empty if unreadable."""
+    """Return paths with this name below the allowed folders, shortest first; empty if unreadable."""
     found = list[Path]()
     try:
         for root in context.limits.roots:

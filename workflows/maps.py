@@ -178,8 +178,8 @@ async def import_map(
 ) -> ImportedItem | Job:
     """Store a map, unpacked, with its content. A given name and country (ISO alpha-3) override the file's.
 
-    A job splits a binary extract that is too large to read at once into tiles. The call waits for it, and returns the
-    job if it has not finished by then or failed.
+    A job splits a binary extract that is too large to read in one piece into tiles. The call waits for it, and returns
+    the job if it has not finished by then or failed.
     """
     known = KnownAs(name, country)
     if is_large(path):
@@ -255,7 +255,7 @@ def known_country(text: str | None) -> str | None:
 async def _plain(context: WorkflowContext, path: Path, folder: Path) -> tuple[Path | None, tuple[str, ...]]:
     """Return the map, unpacked or converted into the folder, and what the conversion lost, in words.
 
-    The map is None if it is too large to read at once.
+    The map is None if it is too large to read in one piece.
     """
     if is_binary(path):
         converted = await context.run(CONVERT_MAP, ConvertMapRequest(path=str(path), folder=str(folder)))

@@ -125,7 +125,7 @@ async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = 
 async def run_grid(
     context: WorkflowContext, cells: Sequence[Cell], on_done: Callable[[CellResult], None]
 ) -> list[CellResult]:
-    """Return the results of all cells, in order; as many run at once as there are workers.
+    """Return the results of all cells, in order; one cell at a time runs on each worker.
 
     A cell that fails (a broken file, a dead or late worker, a full disk) is lost, and the others continue. A cell that
     another batch or server is running is checked again later.

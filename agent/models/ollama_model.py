@@ -55,7 +55,7 @@ class OllamaModel:
 
     @property
     def name(self) -> str:
-        """``ollama:MODEL``."""
+        """The name ``ollama:MODEL``."""
         return f"ollama:{self._model}"
 
     async def facts(self) -> ModelFacts:

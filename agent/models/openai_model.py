@@ -79,7 +79,7 @@ class OpenAIModel:
 
     @property
     def name(self) -> str:
-        """``openai:MODEL``, without the address."""
+        """The name ``openai:MODEL``, without the address."""
         return f"openai:{self._model}"
 
     async def facts(self) -> ModelFacts:

@@ -1,6 +1,6 @@
 """The requests of ``make bench-generation``: those of a corpus with a map, seeded ones, and ones to be refused.
 
-A refusal is correct if the error has the class that belongs to the reason, and states both the problem and its subject.
+A refusal is correct if the error has the class that belongs to the reason, and states the problem and its subject.
 """
 
 import json

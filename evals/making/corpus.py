@@ -23,7 +23,7 @@ Told = Callable[[str], None]
 def make_corpora(
     materials: Materials, tasks: Sequence[Task], count: int, seed: int, told: Told | None = None
 ) -> Mapping[str, list[CorpusLine]]:
-    """Make requests for tasks, at most ``count`` per corpus; the same materials and seed give the same requests.
+    """Make at most ``count`` requests per corpus of some tasks; the same materials and seed give the same requests.
 
     Args:
         told: is called with every corpus before it is made.

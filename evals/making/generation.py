@@ -25,7 +25,7 @@ _NO_CLASSES = ("tank", "helicopter", "spaceship")
 
 
 def generation_lines(materials: Materials, count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Yield four fifths possible requests; the others have an unknown place, site or class, or no place at all."""
+    """Yield requests, four fifths of them possible; the rest have an unknown place, site or class, or no place."""
     sites = [
         (one, kind) for one in materials.maps for kind, there in sorted(one.sites.items()) if there and kind in _TYPES
     ]

@@ -1,4 +1,5 @@
-"""Requests of every class that a router distinguishes, one or several at once, and some outside the server's scope."""
+"""Requests of every class that a router distinguishes, one or several per request, and some outside the server's
+scope."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

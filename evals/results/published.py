@@ -22,7 +22,8 @@ class PublishedColumn(Model):
 class PublishedTable(Model):
     """A table of the paper: ten models in five conditions.
 
-    ``rows`` have model, condition and a figure for each column; ``requests`` is the number of requests behind a row.
+    ``rows`` have model, condition and a figure for each column; ``requests`` is the number of requests that a row
+    summarises.
     """
 
     source: str
@@ -39,7 +40,7 @@ class PublishedTable(Model):
 
 
 class PublishedStage(Model):
-    """A stage of the paper's end-to-end chain: requests in and out, by a commercial and an open model."""
+    """A stage of the paper's end-to-end chain: requests in and out, for a commercial and an open model."""
 
     stage: str
     name: str
@@ -65,7 +66,7 @@ class PublishedChain(Model):
 
 
 class Published(Model):
-    """All published figures shown next to own ones; ``tables`` by the name of the corpus."""
+    """All published figures shown next to our own; ``tables`` are keyed by the name of the corpus."""
 
     paper: str
     tables: dict[str, PublishedTable]

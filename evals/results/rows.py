@@ -18,7 +18,7 @@ from ...server.tokens import count_tokens
 from ..attempts import Attempt, Condition, EvalRequest, MadeCall, Score
 
 AGENT_FAILED, JUDGE_FAILED = "the agent raised", "the judge failed"
-"""Start of a failure by a fault of an agent's code, and of a miss that is not the agent's."""
+"""The first words of a failure caused by the agent's code, and of a miss that is not the agent's fault."""
 _KEPT_CHARACTERS = 4000
 """Characters of each answer that a row keeps; chosen to keep a report of a hundred misses readable."""
 

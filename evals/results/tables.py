@@ -1,6 +1,6 @@
 """Tables of an evaluation in the paper's form: a row for each agent, the paper's rows below, and the cost.
 
-Own shares have their 95 % Wilson interval. The paper's headings are used if a scorer has the same column.
+Our own shares have their 95 % Wilson interval. The paper's headings are used if a scorer has the same column.
 """
 
 import statistics
@@ -41,7 +41,7 @@ class ResultTable:
     def to_terminal(self, paper_rows: int = _PAPER_MODELS) -> RichTable:
         """Return the table for a terminal, with only the first rows of the paper.
 
-        A table with one own row is transposed, with a line for each of its columns: a terminal has no room for a dozen.
+        A table with only one row of our own is transposed, because a terminal has no room for a dozen columns.
         """
         notes = [*self.notes, *([f"rows of the paper: {self.source}"] if self.paper else [])]
         upright = len(self.own) == 1
@@ -99,7 +99,7 @@ def _own_key(key: str) -> str:
 
 
 def _columns(rows: Sequence[Row], paper: PublishedTable | None) -> list[str]:
-    """Return the columns of the rows: those of the paper in its order, then the scorer's others in its own order."""
+    """Return the columns of the rows: first the paper's, in its order, then the others, in the scorer's order."""
     there = list(dict.fromkeys(key for row in rows for key in row.score.columns))
     if rows[0].request.corpus == "e2e":
         return []

@@ -28,14 +28,14 @@ def is_close(one: float, other: float) -> bool:
 
 
 def scored(request: EvalRequest, columns: Mapping[str, bool | None], misses: Sequence[str] = ()) -> Score:
-    """Return a score that is done if all applicable columns are met; without ``misses``, each failed column is one."""
+    """Return a score that is done if all applicable columns are met; by default, each failed column is a miss."""
     failed = [name for name, verdict in columns.items() if verdict is False]
     words = tuple(misses) or tuple(f"{name} is not met" for name in failed)
     return Score(request.request_id, done=not failed, columns=columns, misses=words if failed else ())
 
 
 def asked_back(request: EvalRequest, attempt: Attempt) -> Score:
-    """Score a request that needs a question: one was asked and nothing was created, or an accepted alternative."""
+    """Score a request that needs a question: one must be asked and nothing created, or an alternative accepted."""
     made = last_of(attempt.calls, *MAKING)
     accepted = "ok" in request.truth.get("also_accept", ()) and made is not None
     asks = attempt.ending == "asked" or (made is None and any("?" in answer for answer in attempt.answers))

@@ -64,7 +64,7 @@ def _turn(action: str, turn: EvalTurn, calls: Sequence[MadeCall], world: World, 
 
 
 def _lacks_planner(truth: Mapping[str, Any], calls: Sequence[MadeCall]) -> bool:
-    """Return whether a run was refused because the server has no such planner: this is correct, and ends the topic."""
+    """Return whether a run was refused because the server has no such planner, which is correct and ends the topic."""
     refusals = [call.text for call in calls if call.tool == "run_planner" and call.is_error]
     return any(f"no planner '{truth.get('planner')}'" in text for text in refusals)
 

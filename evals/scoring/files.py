@@ -1,6 +1,6 @@
 """The files and stored runs of a workspace, read independently, with the geometry for judging them.
 
-CommonRoad XML of both formats is read with lxml; runs, configurations, batches and recipes come from the workspace's
+CommonRoad XML of either format is read with lxml; runs, configurations, batches and recipes come from the workspace's
 SQLite file and from ``steps.json``. This module uses nothing from the engine or the tools: it is the other side of the
 comparison. Units are metres, seconds, metres per second and radians unless a name states otherwise.
 """
@@ -64,7 +64,7 @@ class Body:
 
     @property
     def velocity(self) -> Line:
-        """Velocity along the heading, as a vector."""
+        """The velocity along the heading, as a vector."""
         return self.speed * np.array([math.cos(self.heading), math.sin(self.heading)])
 
     def gap_to(self, other: "Body") -> float:
@@ -136,7 +136,7 @@ class Lanelet:
 
     @property
     def length(self) -> float:
-        """Length of the centre line in m."""
+        """The length of the centre line in m."""
         return float(self.centre.length)
 
 
@@ -175,12 +175,12 @@ class SceneFile:
 
     @property
     def country(self) -> str:
-        """ISO 3166-1 alpha-3 of the benchmark id."""
+        """The country in the benchmark id (ISO 3166-1 alpha-3)."""
         return self.scenario_id.removeprefix("C-")[:3]
 
     @property
     def place(self) -> str:
-        """The place of the benchmark id."""
+        """The place in the benchmark id."""
         return self.scenario_id.removeprefix("C-")[4:].partition("-")[0]
 
     @property
@@ -419,7 +419,7 @@ class StoredRun:
 
     @property
     def outcome(self) -> str:
-        """``goal_reached``, ``collision``, …"""
+        """The outcome, such as ``goal_reached`` or ``collision``."""
         return str(self.record["outcome"])
 
     @property
@@ -434,7 +434,7 @@ class StoredRun:
 
     @property
     def step_s(self) -> float:
-        """Duration of a step in s."""
+        """The duration of a step in s."""
         return float(self.record["step_s"])
 
     def ego_at(self, step: int) -> Body | None:

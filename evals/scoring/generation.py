@@ -1,7 +1,7 @@
 """Scores generation: whether the scenarios load, have the requested traffic at the requested place, and run.
 
 Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (values
-that the request leaves open are open or take their default), ``load``, ``traffic``, ``runnable`` (the default planner
+that the request leaves open stay open or take their default), ``load``, ``traffic``, ``runnable`` (the default planner
 finishes a trajectory); additional ones are ``place``, ``type``, ``vehicles`` and ``count``.
 """
 

@@ -154,7 +154,7 @@ def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a motorway is at the middle; in a map without any, a trunk road with a high limit counts."""
+    """Return whether a motorway is at the middle; in a map without motorways, a trunk road with a high limit counts."""
     limits = evidence.limits_kmh(made.latitude, made.longitude, AT_M)
     trunk = _is_trunk_for_motorway(evidence) and max(limits, default=0.0) >= FAST_KMH
     return _any_class(made, FAST_CLASSES if trunk else frozenset({"motorway"}), AT_M)
@@ -239,7 +239,7 @@ ALONG = ("s", "L", "R")
 REACH_M, RING_BESIDE_M = 180.0, 30.0
 """Maximum distance of a ring's roads from its middle, and of the scenario's middle from the ring."""
 SIDES_APART_M = 12.0
-"""Maximum distance between the middles of both directions of a road; the other half of a ring is farther away."""
+"""Maximum distance between the middles of the two directions of a road; the other half of a ring is farther away."""
 
 
 def _shows_roundabout(made: MadeFiles) -> bool:

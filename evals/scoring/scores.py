@@ -23,7 +23,7 @@ _SCORERS: Mapping[Task, Callable[[EvalRequest, Attempt, Path], Score]] = {
 
 
 def score_attempt(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score an attempt, in the columns of its task's table; ``workspace``: that of the server used."""
+    """Score an attempt in the columns of its task's table; ``workspace`` is the workspace of the server used."""
     if request.expect == "clarify" and request.task != "routing":
         return asked_back(request, attempt)
     if request.task == "selection" and request.expect == "refuse":

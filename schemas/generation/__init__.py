@@ -206,7 +206,7 @@ class FetchedMap(Model):
 
 
 class FetchedMaps(Model):
-    """The maps downloaded for a request, the best first, and what went wrong, one sentence each."""
+    """The maps downloaded for a request, best first, and what went wrong, one sentence each."""
 
     maps: tuple[FetchedMap, ...]
     notes: tuple[str, ...] = ()

@@ -324,7 +324,7 @@ class ScenarioSpec(Model):
         """Refuse a turn that no ego makes at a site of this type.
 
         Raises:
-            InvalidRequest: with the turns that are possible there.
+            InvalidRequest: with the turns that are possible at this site.
         """
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:

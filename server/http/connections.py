@@ -40,7 +40,7 @@ class ConnectionLimits:
         framing_bytes: bytes of a chunked body that are not content, more than twelve for each byte of content.
         linger_s: time for which the rest of a body is read after its answer, so that the client can read the answer.
             nginx's ``lingering_timeout``.
-        connections: connections at once.
+        connections: maximum simultaneous connections.
     """
 
     head_bytes: int = 65_536
@@ -150,7 +150,7 @@ class BoundedProtocol(HttpToolsProtocol):
         super().connection_lost(exc)
 
     def abandon(self) -> None:
-        """Close the connection at once."""
+        """Close the connection immediately."""
         self._all.closed(self)
         self._stop_timers()
         self.transport.abort()

@@ -308,7 +308,7 @@ def serve_http(
     """Serve until a signal ends it; call ``when_bound`` with the port.
 
     Raises:
-        PlannerForgeError: the settings do not allow it, the port is in use, or the services cannot be opened.
+        PlannerForgeError: the settings do not allow serving, the port is in use, or the services cannot be opened.
     """
     made = HttpServer(server, settings, pages)
     with bound(settings.http_host, settings.http_port) as listener:

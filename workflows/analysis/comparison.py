@@ -92,7 +92,7 @@ def _sides_of(
 
     A batch gives one side per configuration. Single runs with several configurations are grouped by configuration. Two
     runs of one configuration are compared with each other. Of several batches, the first one given is the baseline, and
-    each side of another batch is compared with its match there.
+    each side of another batch is compared with its match in the baseline.
 
     Raises:
         InvalidRequest: there is only one side, or no side of a batch has a match in another batch.

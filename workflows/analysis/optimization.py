@@ -88,7 +88,7 @@ class _Trial:
 
 @dataclass(frozen=True)
 class _Plan:
-    """A study's resolved arguments, and the scenarios of both parts in running order."""
+    """A study's resolved arguments, and the scenarios of the two parts, in running order."""
 
     arguments: OptimizePlannerArguments
     base: PlannerConfiguration
@@ -311,7 +311,7 @@ class _Search:
         self.progress.report(0.9 * self.driven / most, f"{self.driven} of at most {most} configurations run, {found}")
 
     async def _ended(self) -> StudyRecord:
-        """Revert useless changes, then look at the held-out scenarios once."""
+        """Revert useless changes, then evaluate once on the held-out scenarios."""
         lines = tuple(self.line(trial) for trial in self.trials)
         best, front = self.best(), self._front()
         changes: tuple[ChangeShare, ...] = ()

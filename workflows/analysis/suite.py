@@ -220,7 +220,7 @@ class _Baseline:
     by_configuration: Mapping[str, tuple[RunSource, ...]]
 
     def of(self, configuration: str) -> tuple[RunSource, ...]:
-        """Return the runs of a configuration, or the baseline's only runs if they have another name."""
+        """Return the runs of a configuration, or all runs if the baseline has only one configuration."""
         if len(self.by_configuration) == 1:
             return next(iter(self.by_configuration.values()))
         return self.by_configuration.get(configuration, ())

@@ -136,7 +136,7 @@ def _is_enough(plan: RequestedPlan, rows: PlanRows) -> bool:
 
 
 class _PlanWork:
-    """The job of a plan: count sites, plan rows, and generate as many at once as there are workers."""
+    """The job of a plan: count sites, plan rows, and generate one row at a time on each worker."""
 
     def __init__(self, plan: RequestedPlan, context: WorkflowContext, progress: JobProgress) -> None:
         self._plan, self._call, self._progress = plan, context, progress

@@ -72,7 +72,7 @@ class GenerationPlan:
 
 @dataclass(frozen=True)
 class AssignedSite:
-    """The place of a scenario: the map, and the number of the site on it.
+    """The site of a scenario: the map, and the number of the site on the map.
 
     If the site fails, the site ``site_step`` further on is tried. ``site_step`` is the number of the call's scenarios
     on this map, so no two scenarios share a site.
@@ -203,7 +203,7 @@ def _other_place(remedy: Remedy) -> str | None:
 async def _is_available(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], place: str
 ) -> bool:
-    """Return whether a local map contains a place and has the requested type of site there."""
+    """Return whether a local map contains a place and has the requested type of site in it."""
     other = spec.model_copy(update={"place": place})
     try:
         match = plan_maps(other, entries).matches[0]

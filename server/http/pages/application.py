@@ -92,7 +92,7 @@ class Pages:
         return answer
 
     async def catalogue(self, request: Request) -> Response:
-        """Return the scenarios that match the form's conditions, with a picture each."""
+        """Return the scenarios that match the form's conditions, each with a picture."""
         facts, fault = _facts(request.query_params), ""
         try:
             found = await self._read.scenarios(facts)
