@@ -447,7 +447,7 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     """Yield notes on deviations: predictions, reactive traffic, and starts off the lane's centre."""
     if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
         counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
-        yield f"lane prediction: {counts} off the lanes, predicted with constant velocity"
+        yield f"lane prediction: constant velocity for {counts} off the lanes"
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{counted(sum(on_recording), 'obstacle')} in {len(on_recording)} of {len(records)} runs"
         yield f"reactive traffic: {shown} still followed the recording"

@@ -38,7 +38,7 @@ _EGOS = ("first", "first", "type:car", "index:0", "index:1")
 """Egos that are drawn (chosen): every site has two cars."""
 _MOST_OF_A_CLASS = 2
 """Vehicles of a drawn class, at most (chosen): a box of 500 m has room for so many."""
-_LOST = re.compile(r"(\d+) site\(s\) lost when the road network is built")
+_LOST = re.compile(r"(\d+) sites? lost when the road network is built")
 """In a note or refusal: how many sites were passed over, because the built network does not show them."""
 
 

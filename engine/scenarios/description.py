@@ -332,7 +332,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
 
 def _span(value: Any, factor: float) -> str:
     low, high = getattr(value, "start", value), getattr(value, "end", value)
-    return f"{low * factor:.3g}" if low == high else f"{low * factor:.3g}..{high * factor:.3g}"
+    return f"{low * factor:.3g}" if low == high else f"{low * factor:.3g} to {high * factor:.3g}"
 
 
 def _describe_lanelets(

@@ -155,7 +155,7 @@ USUAL_DENSITY: Density = "low"
 MIDDLE = "middle"
 """The usual position on a lanelet."""
 GOAL_FORMS = (
-    "through (behind the site)",
+    "through (beyond the site)",
     f"through:TURN ({', '.join(get_args(Turn))})",
     "steps:N (10 to 1000)",
     "distance_m:X (5 to 2000)",
@@ -222,7 +222,7 @@ class AskedGoal:
     def in_words(self) -> str:
         """Return the position of the goal, as a refusal states it."""
         if self.is_through:
-            return "behind the site" if self.turn is None else f"behind the site with the turn {self.turn!r}"
+            return "beyond the site" if self.turn is None else f"beyond the site (turn {self.turn!r})"
         if self.lanelet is not None:
             return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
         return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"

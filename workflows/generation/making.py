@@ -104,7 +104,7 @@ def summarise(
         recorded_s=scenario.recorded_s,
         ego=_ego_words(ego, request),
         goal=(
-            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
+            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet}, from "
             f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
         ),
         ego_speed_mps=ego.speed_mps,
@@ -123,7 +123,7 @@ def summarise(
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
     """Return the ego's place among its class and its speed; if it is not a car, also its size and limits."""
-    one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
+    one_of = f"chosen from {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
     if ego.vehicle_class == "car":
         return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
     known = ego_class(ego.vehicle_class)

@@ -171,7 +171,7 @@ class ShownSummary:
 def summary_of(shown: Sequence[ShownResult]) -> ShownSummary:
     """What a client passed on of the answers of one story; pictures are told from the drawing alone."""
     edits = [result.text for result in shown if result.tool == "modify_scenario"]
-    text = any("the edit is done" in told for told in edits)
+    text = any("1 edit done" in told for told in edits)
     structure = any("base_id" in told for told in edits)
     answers: Answers = "both" if text and structure else "text" if text else "structure" if structure else "nothing"
     drawn = [result for result in shown if result.tool == "render"]
