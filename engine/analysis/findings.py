@@ -597,7 +597,7 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
             },
             run_ids=harsh,
             moments=_sharpest(runs, harsh),
-            alternatives="the path to the goal is that tight at the speed that the goal's time requires",
+            alternatives="the path to the goal is that tight, given the speed that the goal's time requires",
             suggestion=_suggestion(runs, config_id, "lateral_jerk"),
         )
 

@@ -338,8 +338,8 @@ class _Attempts:
         )
 
     def _without_manoeuvre(self, wanted: AskedManoeuvre) -> NotPossible:
-        draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
-        scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
+        draws = counted(sum(attempt.lacks for attempt in self.made), "simulation")
+        scripted_too = ", and a scripted actor found no room for it" if can_be_scripted(wanted) else ""
         return NotPossible(
             f"no road user makes the manoeuvre {wanted} on the ego's route in {draws} of traffic here{scripted_too}",
             valid=[f"scenario_type={kind}" for kind in LIKELY_AT[wanted.name]],

@@ -276,7 +276,7 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
     if not fitting:
         known = sorted({code for match in matches for code in _countries(match.entry.facts)})
         raise UnknownName(
-            f"no map is in {country!r}",
+            f"no map covers the country {country!r}",
             valid=known,
             next_step="leave country out, or import a map",
             reason=NOT_SHOWN,
@@ -308,7 +308,7 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
         raise UnknownName(
             f"no map covers any part of the box {list(bbox)}",
             valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
-            next_step="choose a box inside one of these maps, the nearest ones",
+            next_step="choose a box inside one of these maps, the nearest",
             reason=NOT_SHOWN,
             remedies=[with_values(bbox=list(_box_of(facts))) for facts in nearest[:1]],
         )

@@ -703,4 +703,5 @@ class GenerateScenariosResult(Result):
     def _following(self) -> str:
         """Return the next call: a run of the scenarios that the built-in planners can drive."""
         driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
-        return f"run_planner with scenarios {driven[:2]} and so on" if driven else DRIVEN_OTHERWISE
+        more = " and so on" if len(driven) > 2 else ""
+        return f"run_planner with scenarios {driven[:2]}{more}" if driven else DRIVEN_OTHERWISE
