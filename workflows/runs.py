@@ -446,8 +446,8 @@ def answer(
 def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     """Yield notes on deviations: predictions, reactive traffic, and starts off the lane's centre."""
     if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
-        counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
-        yield f"lane prediction: constant velocity for {counts} off the lanes"
+        obstacles, runs = counted(sum(off_the_lanes), "obstacle"), counted(len(off_the_lanes), "run")
+        yield f"lane prediction: constant velocity for {obstacles} off the lanes, in {runs}"
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{counted(sum(on_recording), 'obstacle')} in {len(on_recording)} of {len(records)} runs"
         yield f"reactive traffic: {shown} still followed the recording"

@@ -171,7 +171,7 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
         name="unforeseen",
         statement=(
             f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other moved "
-            f"differently than predicted 1 s before; as predicted, they would have stayed {median(gaps):.1f} m apart "
+            f"differently than predicted 1 s before; as predicted, the gap would have been {median(gaps):.1f} m "
             f"(median){evidence.among_hits}."
         ),
         figures={"runs": len(missed), "of": len(known), "median_gap_m": median(gaps), **evidence.sampled_hits},

@@ -388,7 +388,7 @@ TUNINGS = {
         idle_settings=("search",),
     ),
     "mp_rbfn": PlannerTuning(
-        summary="learned motion primitives (radial basis functions); presets by PlannerForge",
+        summary="learned motion primitives (radial basis functions), with weights by PlannerForge",
         weights=_by_name(_CHANNELS),
         external={},
         presets=_by_name(_CHANNEL_PRESETS),
