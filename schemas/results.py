@@ -303,7 +303,7 @@ class CollisionCauses(Model):
         """Return one collision for each cause."""
         first = {one.laid_to: one for one in reversed(self.evidence) if one.laid_to is not None}
         shown = [f"{cause} {first[cause].run_id} at {first[cause].time_s:.1f} s" for cause in self.laid_to]
-        return f" See {'; '.join(shown)}." if shown else ""
+        return f" Examples: {'; '.join(shown)}." if shown else ""
 
 
 def _estimate(rate: Rate) -> str:

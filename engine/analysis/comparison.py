@@ -629,7 +629,7 @@ def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
 
 def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
     before, after = pair[0].outcome, pair[1].outcome
-    return f"both end as {before}" if before == after else f"neither reaches the goal ({before} → {after})"
+    return f"{before} in both" if before == after else f"neither reaches the goal ({before} → {after})"
 
 
 def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
