@@ -177,6 +177,8 @@ elisions without those of pronouns and without ``sant'``, plus the Italian prepo
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _ORDINAL = re.compile(r"(?P<number>\d{1,4})(?P<end>[a-z]{1,3})")
+_ROMAN_ORDINAL = re.compile(r"(?P<number>[ivx]+)(?:er|ere|re|e|eme)")
+"""French ordinals with a Roman number (``Ier``)."""
 _ORDINAL_MARK = re.compile(r"(?<=\d)(?:\s*\.?[ºª°]|-[\u0400-\u04ff]{1,3}\b)")
 """What stands behind the digits of an ordinal in Romance languages and, with a hyphen, in Cyrillic (``1-я``)."""
 _MOST_READINGS = 32
@@ -337,6 +339,9 @@ def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
     known = _meanings().get(word)
     if known is not None:
         return tuple((meaning,) for meaning in known)
+    roman = _ROMAN_ORDINAL.fullmatch(word)
+    if roman and (values := _table()["numbers"].get(roman["number"])):
+        return ((word,), *((str(value),) for value in values))
     for end, kind in _endings().items():
         if word.endswith(end) and len(word) > len(end) + 2:
             return ((word.removesuffix(end), kind),)

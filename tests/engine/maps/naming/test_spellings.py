@@ -35,6 +35,7 @@ SAME = [
     ("2do Pasaje", "Segundo Pasaje"),
     ("1-я Тверская улица", "Первая Тверская улица"),
     ("2ème Rue", "2e Rue"),
+    ("Boulevard François Ier", "Boulevard François 1er"),
 ]
 OTHER = [
     ("Main St", "High St"),
