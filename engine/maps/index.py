@@ -1,4 +1,4 @@
-"""Finds an available map by what the user calls it: place, street, crossing, road number, id, box.
+"""Finds an available map by the user's words for it: place, street, crossing, road number, id, box.
 
 The database stores the result for each file in the map folders, so that a file is unpacked and read once only.
 """

@@ -234,7 +234,7 @@ class RequestedPlan:
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """Return the maps for some levels, or those of all places and countries if the levels contain none."""
+        """Return the maps for some levels, or those of all places and countries if the levels name neither."""
         names = ("place", "country")
         where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
         fitting = (matches for key, matches in self.shown.items() if where <= set(key))
@@ -270,7 +270,7 @@ class RequestedPlan:
         return self.groups("place", "country", "scenario_type" if by_type else "turn")
 
     def groups(self, *names: str) -> Iterator[dict[int, int]]:
-        """Return all combinations of levels of the given factors, or one empty group without such a factor."""
+        """Return all combinations of levels of the named factors, or one empty group if there are none."""
         saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
         for levels in product(*(range(len(self.factors[index].levels)) for index in saying)):
             yield dict(zip(saying, levels, strict=True))
