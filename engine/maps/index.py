@@ -478,7 +478,7 @@ def _not_shown_error(
     ]
     if nameless:
         return UnknownName(
-            f"no map shows {place!r}; {nameless[0].map_id} shows such a road, but does not state its place",
+            f"no map shows {place!r}; {nameless[0].map_id} shows a road of this name, but does not state its place",
             valid=[facts.map_id for facts in nameless],
             next_step="give the road alone, give its country, or add the map with its place",
             reason=NOT_SHOWN,
