@@ -150,7 +150,7 @@ class ToolConnection:
         return self._instructions
 
     async def ready(self) -> bool:
-        """Start the server if it does not run; see ``ToolSource``."""
+        """Start the server if it is not running; see ``ToolSource``."""
         if self._client is not None:
             return False
         self._leave = anyio.Event()

@@ -380,7 +380,7 @@ class AgentSession:
         return _Reply(text, numbered, runaway=cut and not calls)
 
     def _normalise_call(self, call: RequestedCall, number: int) -> RequestedCall:
-        """Return the call with an id that is unique in the conversation, and without a prefix of the tool's name.
+        """Return the call with an id that is unique in the conversation, and without any prefix to the tool's name.
 
         Some models were trained to write ``functions.render`` for ``render``; the tool is unambiguous.
         """

@@ -274,7 +274,7 @@ def _folders(settings: Settings) -> Iterator[Diagnosis]:
 
 
 def _lowest_above(folder: Path) -> Path:
-    """Return the lowest existing folder above."""
+    """Return the closest parent folder that exists."""
     return next(parent for parent in folder.parents if parent.is_dir())
 
 

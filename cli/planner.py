@@ -73,7 +73,7 @@ def check(
     ] = None,
     empty_road: Annotated[bool, typer.Option("--empty-road", help="Leave out the recorded road users.")] = False,
 ) -> None:
-    """Drive a planner among the recorded traffic; report the outcomes and every breach of the contract.
+    """Run a planner among the recorded traffic; report the outcomes and every breach of the contract.
 
     The exit code is 1 if the planner breaks the contract, whatever the outcomes.
     """

@@ -105,7 +105,7 @@ async def evaluate(
     """Run the requests that have no row yet; return the rows of all of them, in the order of the requests.
 
     Raises:
-        ResourceFailure: another evaluation writes to the folder.
+        ResourceFailure: another evaluation is writing to the folder.
         ToolServerGone: a server cannot be started.
         ModelFailure: the agent's model is gone.
     """

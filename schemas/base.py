@@ -60,7 +60,7 @@ class Answer:
     next_step: str = ""
 
     def to_text(self) -> str:
-        """Return the parts in their order."""
+        """Return the parts in order, one line each."""
         warnings = (f"Warning: {warning}" for warning in self.warnings)
         following = [f"Next: {self.next_step}"] if self.next_step else []
         return "\n".join([self.headline, *self.decided, *self.figures, *self.listed, *warnings, *following])
@@ -204,7 +204,10 @@ def _in_words(schema: Mapping[str, Any]) -> str:
         least, most, part = _SIZES[kind]
         words += _size_in_words(schema.get(least), schema.get(most), part)
     form = f" that matches {schema['pattern']}" if "pattern" in schema else ""
-    return " ".join([words, *(f"{word} {schema[key]:g}" for key, word in _BOUNDS if key in schema)]) + form
+    bounds = [(key, word) for key, word in _BOUNDS if key in schema]
+    if len(bounds) == 1:
+        bounds = [(key, {"from": "of at least", "to": "of at most"}.get(word, word)) for key, word in bounds]
+    return " ".join([words, *(f"{word} {schema[key]:g}" for key, word in bounds)]) + form
 
 
 def _size_in_words(least: int | None, most: int | None, part: str) -> str:

@@ -94,7 +94,7 @@ class Selector:
 
 
 def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = None) -> float:
-    """Return a number in the base unit, which a bare number already has.
+    """Return a number in the base unit, in which a bare number is taken to be.
 
     ``step_s`` allows ``steps`` if the base unit is seconds.
 
@@ -310,4 +310,4 @@ def _whole(text: str) -> str:
 
 
 def _or_units(units: dict[str, float]) -> str:
-    return f" with a unit of {', '.join(units)}, or none" if units else ""
+    return f" in {', '.join(units)}, or without a unit" if units else ""

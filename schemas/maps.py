@@ -1,4 +1,4 @@
-"""Maps from the network: the services with their rules, and the places that texts refer to.
+"""Online maps: the services with their rules, and the places that texts refer to.
 
 The settings consist of these models, so this module imports nothing else.
 """

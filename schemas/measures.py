@@ -92,7 +92,7 @@ class MeasuredValue(Model):
 
     @property
     def partner(self) -> str:
-        """Return ``car 39 ahead``; empty without another road user."""
+        """Return text such as ``car 39 ahead``; empty without another road user."""
         return (
             ""
             if self.obstacle_id is None
@@ -120,7 +120,7 @@ _LARGEST_FIGURE = 1e150
 
 
 class RunMetrics(Model):
-    """The stored figures of a run; None if undefined, for example without an obstacle or if the ego always stood."""
+    """The stored figures of a run; None if undefined, for example if there is no obstacle or the ego never moved."""
 
     duration_s: float
     """The time from the first to the last driven state."""

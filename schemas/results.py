@@ -303,7 +303,7 @@ class CollisionCauses(Model):
         """Return one collision for each cause."""
         first = {one.laid_to: one for one in reversed(self.evidence) if one.laid_to is not None}
         shown = [f"{cause} {first[cause].run_id} at {first[cause].time_s:.1f} s" for cause in self.laid_to]
-        return f" See {'; '.join(shown)}." if shown else ""
+        return f" Examples: {'; '.join(shown)}." if shown else ""
 
 
 def _estimate(rate: Rate) -> str:
@@ -367,7 +367,7 @@ class RuleShare(Model):
     run_ids: tuple[str, ...]
 
     def in_words(self) -> str:
-        """Return ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst (run_…)``."""
+        """Return text like ``R_G3 speed limit: broken in 4/20 = 20 % (95 %: 8–42 %), by 3.1 m/s at worst (run_…)``."""
         rate = self.violated.in_words()
         if self.worst is None:
             return f"{self.rule} {self.name}: kept in all runs, broken in {rate}"

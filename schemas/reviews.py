@@ -169,7 +169,7 @@ _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
 
 
 def _listed(parts: Sequence[str], conjunction: str) -> str:
-    """Return ``a, b and c``."""
+    """Return text such as ``a, b and c``."""
     return f" {conjunction} ".join([*([", ".join(parts[:-1])] if parts[:-1] else []), parts[-1]])
 
 
@@ -203,7 +203,7 @@ EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "brak
 
 
 class PaceMoment(Model):
-    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked by 2 m/s² or more, and why.
+    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked at 2 m/s² or more, and why.
 
     ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
     stop line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
@@ -228,7 +228,7 @@ class PaceMoment(Model):
         return self.until_s - self.since_s
 
     def in_words(self) -> str:
-        """Return ``stood at a green light from 14.5 s to 23.8 s, 2.1 m before its line``."""
+        """Return text such as ``stood at a green light from 14.5 s to 23.8 s, 2.1 m before its line``."""
         other = "" if self.obstacle_id is None else f"{self.obstacle_class} {self.obstacle_id}".strip()
         far = "" if self.distance_m is None else f"{self.distance_m:.1f} m"
         span = f"from {self.since_s:.1f} s to {self.until_s:.1f} s"
@@ -352,7 +352,7 @@ class Contact(Model):
         prevention = self.prevention if self.laid_to != "ego" else None
         judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += f"; unforeseen: the prediction a second earlier kept them {self.predicted_gap_m:.1f} m apart"
+            judged += f"; unforeseen: 1 s earlier, the prediction left a gap of {self.predicted_gap_m:.1f} m"
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
@@ -373,7 +373,7 @@ class Contact(Model):
     def _alignment(self) -> str:
         """How the two were aligned: side by side, or one at an angle, for example while merging."""
         sides = {self.ego_side, self.other_side}
-        return "alongside" if sides <= {"left", "right"} else "of the same direction"
+        return "alongside" if sides <= {"left", "right"} else "in the same direction"
 
     @property
     def _what(self) -> str:
@@ -384,10 +384,10 @@ class Contact(Model):
             "rear_end_by_ego": f"ran into the back of {other}",
             "cut_in": f"ran into {other}, which had cut in{came},",
             "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
-            "oncoming": f"met oncoming {other}, ego's {self.ego_side} to its {self.other_side}",
-            "crossing": f"met crossing {other}, ego's {self.ego_side} to its {self.other_side}",
-            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} to its {self.other_side}",
-            "into_standing": f"drove into standing {other}, ego's {self.ego_side} to its {self.other_side}",
+            "oncoming": f"hit oncoming {other}, ego's {self.ego_side} against its {self.other_side}",
+            "crossing": f"hit crossing {other}, ego's {self.ego_side} against its {self.other_side}",
+            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} against its {self.other_side}",
+            "into_standing": f"drove into standing {other}, ego's {self.ego_side} against its {self.other_side}",
             "onto_standing_ego": f"stood still and was hit by {other} from {directions[self.ego_side]}",
             "road_boundary": "left the road",
             "unclear": f"collided with {other}",
@@ -446,7 +446,7 @@ class ComfortExcess(Model):
     source: str = Field(description="source of the limit")
 
     def in_words(self) -> str:
-        """Return ``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
+        """Return text such as ``braking 4.2 m/s² over 2 s, until 3.1 s (limit 3.5, ISO 15622:2018)``."""
         when = f"over {self.window_s:g} s, until {self.time_s:.1f} s" if self.window_s else f"at {self.time_s:.1f} s"
         return f"{self.name} {self.value:.1f} {self.unit} {when} (limit {self.limit:.2g}, {self.source})"
 
@@ -470,7 +470,7 @@ class RunReview(Model):
     def pace_in_words(self) -> str:
         """Return what the ego did without an external cause; empty if it did nothing of the kind."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
-        return f"Without external cause, the ego {'; '.join(own)}." if own else ""
+        return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
         """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
@@ -522,7 +522,7 @@ class RuleVerdict(Model):
         return -self.robustness if self.violated and self.robustness is not None else 0.0
 
     def in_words(self) -> str:
-        """Return ``R_G1 safe distance by 12.3 m at 2.0 s (from 1.2 s on, obstacle 42)``."""
+        """Return text such as ``R_G1 safe distance by 12.3 m at 2.0 s (from 1.2 s on, obstacle 42)``."""
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         details = f" ({', '.join(more)})" if more else ""

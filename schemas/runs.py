@@ -194,7 +194,7 @@ class LimitExcess(Model):
     time_s: float = Field(description="time of the largest excess")
 
     def in_words(self) -> str:
-        """Return ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
+        """Return text such as ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
             return f"wheels would slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
         return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
@@ -371,7 +371,7 @@ def is_close(record: RunRecord) -> bool:
 
 
 def is_worth_a_look(record: RunRecord) -> bool:
-    """Return whether an analysis needs the key moments of a run: it failed after its start, or was a close success."""
+    """Return whether an analysis needs the key moments of a run: it failed after its start, or barely succeeded."""
     return record.outcome != "invalid" and (record.outcome != "goal_reached" or is_close(record))
 
 

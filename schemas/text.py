@@ -148,8 +148,13 @@ def is_utf8(text: str) -> bool:
     return True
 
 
+_CLASS_NOUNS = {"delivery": "delivery van", "emergency": "emergency vehicle"}
+"""Nouns for the vehicle classes that are not nouns for a vehicle."""
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, ``16 buses``; obstacle types of two words are split."""
+    noun = _CLASS_NOUNS.get(noun, noun)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
     if count == 1:
         return f"1 {words}"
@@ -190,7 +195,7 @@ def p_figure(p: float | None) -> str:
 
 
 def p_in_words(p: float | None) -> str:
-    """Return ``p=0.031`` or ``p<1e-12``."""
+    """Return text such as ``p=0.031`` or ``p<1e-12``."""
     shown = p_figure(p)
     return "no test" if p is None else f"p{shown}" if shown.startswith("<") else f"p={shown}"
 

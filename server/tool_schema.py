@@ -1,7 +1,8 @@
 """JSON Schemas of the tools, as lean as possible but complete; and the server's icon.
 
-Clients get them from files instead of computed, so that the first answer is fast. The files are the reviewed contract:
-``pytest tests/contract --update-snapshots`` writes them from the models, and the contract tests fail if the two differ.
+The server reads them from files rather than computing them, so that the first answer is fast. The files are the
+reviewed contract: ``pytest tests/contract --update-snapshots`` generates them from the models, and the contract tests
+fail if the two differ.
 """
 
 import base64

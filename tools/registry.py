@@ -27,9 +27,9 @@ class ToolSpec:
         read_only: creates nothing that can be listed afterwards.
         essential: belongs to the small set for small models.
         seldom: arguments that the small set accepts but does not list.
-        unlisted: arguments that this listing omits.
+        unlisted: arguments left out of the schema that clients see.
         making: arguments that make an otherwise read-only tool create something.
-        refused: arguments that this listing refuses.
+        refused: arguments that a call must not set here.
         open_world: may use services on the network.
         trial: arguments that make a call a dry run, so that a refusal can test its suggestion; empty if no call creates
             anything, None if there is no dry run.

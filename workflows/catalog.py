@@ -118,7 +118,7 @@ def _is_search(word: str) -> bool:
 
 
 def _unknown_place(word: str, context: WorkflowContext) -> UnknownName:
-    """Return the refusal of a place without scenarios and maps."""
+    """Return the refusal of a place that has neither scenarios nor maps."""
     places = {entry.facts.place for entry in maps_seen(context).entries}
     places |= {
         place

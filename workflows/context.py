@@ -203,7 +203,7 @@ class WorkflowContext:
         return self.jobs.start(kind, recipe, work, self.services.owner)
 
     async def wait_for(self, job_id: str, wait_s: float) -> Job:
-        """Return the job when it has ended, or after ``wait_s`` seconds, and show the client its progress."""
+        """Show the client a job's progress, and return the job once it has ended or ``wait_s`` seconds have passed."""
 
         async def show(job: Job) -> None:
             await self.progress(job.share, job.message)

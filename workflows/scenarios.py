@@ -119,7 +119,7 @@ def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
     """Resolve the words of a call; ``latest`` and ``search:latest`` become ids.
 
     Raises:
-        UnknownName: unknown scenarios, planning problems, searches or stages, all at once.
+        UnknownName: there are unknown scenarios, planning problems, searches or stages; all are reported together.
         InvalidRequest: ``preset:`` without a number from 1 to 500.
         NotPossible: a search without hits, or no scenario that can run.
     """

@@ -16,7 +16,7 @@ _HOW = (
 
 
 def choice_schema(tools: Sequence[ToolDefinition]) -> Schema:
-    """Return the schema of a call of one of the tools, or of an answer."""
+    """Return a schema that accepts a call to one of the tools or an answer."""
     calls = [
         {
             "type": "object",

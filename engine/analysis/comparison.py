@@ -629,7 +629,7 @@ def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
 
 def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
     before, after = pair[0].outcome, pair[1].outcome
-    return f"both end as {before}" if before == after else f"neither reaches the goal ({before} → {after})"
+    return f"{before} in both" if before == after else f"neither reaches the goal ({before} → {after})"
 
 
 def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
@@ -653,7 +653,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
 
 
 def _flipped(test: SuccessTest) -> str:
-    """Return ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
+    """Return text such as ``3 of 4 pairs flipped to success, 1 to failure``, or that no pair flipped."""
     if test.only_after == test.only_before == 0:
         return f"0 of {test.pairs} pairs flipped"
     if test.only_after == 0:

@@ -234,7 +234,7 @@ class Crossing:
 
     @property
     def post_encroachment_s(self) -> float:
-        """The time between the first one's exit and the second one's entry; 0 if both were there at once."""
+        """The time between the first road user's exit and the second one's entry; 0 if both were there together."""
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property

@@ -140,7 +140,7 @@ class Leaders:
     """The nearest vehicle ahead on the ego's path, one entry per state that has one (``state``, an index).
 
     ``track``: an index into the others; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``, ``speeds_mps`` and
-    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: lateral overlap of both bodies;
+    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: lateral overlap of the two bodies;
     ``hardest_mps2``: the deceleration that the tyres allow on this road.
     """
 

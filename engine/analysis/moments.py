@@ -292,9 +292,9 @@ class _Drive:
         )
 
     def contact(self) -> Contact | None:
-        """Return how the collision came about, or None.
+        """Return how the collision came about, or None if there was none.
 
-        Speeds are those at the collision, places those of the step before.
+        Speeds are those at the collision; positions are those of the step before.
         """
         hit = self._record.collision
         if hit is None:
@@ -616,9 +616,9 @@ def _rates(values: Values, steps: int, step_s: float) -> Values:
 def timeline(
     runs: RunSet, record: RunRecord, moment: Encounter | None = None, window: Interval | None = None
 ) -> tuple[TimelineStep, ...]:
-    """Return at most ten entries: of the last three seconds, of three seconds around a moment, or of a time window.
+    """Return at most ten entries from the last three seconds, three seconds around a moment, or a time window.
 
-    Empty without steps.
+    There are none if the run has no steps.
 
     Raises:
         InvalidRequest: the run ended before the window.

@@ -185,7 +185,7 @@ class _Cause:
 
 @dataclass(frozen=True)
 class _Course:
-    """Another near the ego's path at each step: its station, and whether it heads along the path.
+    """Another road user near the ego's path at each step: its station, and whether it heads along the path.
 
     Steps count from the ego's first. Stations are those of the ego's path, negative before its start, and NaN at steps
     without the other.
@@ -197,7 +197,7 @@ class _Course:
 
 @dataclass(frozen=True)
 class _OnPath:
-    """Another in the ego's path at some time: by step whether it is there, and its course."""
+    """Another road user in the ego's path at some time: by step whether it is there, and its course."""
 
     track: Track
     inside: NDArray[np.bool_]

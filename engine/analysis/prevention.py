@@ -221,7 +221,7 @@ class _Steering:
         return None
 
     def _evades(self, begins: int, side: float) -> bool:
-        """Return True if steering aside from a state on touches no other road user and does not leave the road."""
+        """Return True if steering aside from state ``begins`` on touches no other road user and stays on the road."""
         import shapely
 
         count = min(self.hit + round(STEERING_FOLLOWED_S / self.scene.step_s) + 1, self.scene.count)

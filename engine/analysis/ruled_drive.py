@@ -93,10 +93,10 @@ class _Passage:
 
 @dataclass(frozen=True)
 class Conflict:
-    """Another to which the ego gives way at an intersection, and the area in which both paths overlap, at each state.
+    """A road user to which the ego must give way at an intersection, and who is in the area where their paths overlap.
 
-    ``is_there``: whether the ego's body is in the area; ``until_s``, ``since_s``: time until the other's body is there,
-    and since it was; 0 while it is, infinite if never.
+    At each state, ``is_there``: whether the ego's body is in the area; ``until_s``, ``since_s``: the time until the
+    other's body is next there, and since it last was; 0 while it is there, infinite if there is no such time.
     """
 
     by: YieldsBy

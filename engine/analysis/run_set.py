@@ -86,7 +86,7 @@ class RunSet:
 
     @cached_property
     def obstacles(self) -> dict[str, dict[str, int]]:
-        """Numbers of obstacles by type, by scenario id, without scenarios for which they are unknown."""
+        """The number of obstacles of each type, by scenario id; scenarios for which it is unknown are left out."""
         known = ((source.scenario_id, source.obstacles) for source in self.scenarios)
         return {scenario_id: obstacles for scenario_id, obstacles in known if obstacles is not None}
 
@@ -327,7 +327,7 @@ def config_terms(runs: RunSet, records: Sequence[RunRecord]) -> dict[str, float]
 
 
 def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, float]:
-    """Return the mean weighted cost of each term over the planning steps from ``since_step`` on; empty without any."""
+    """Return the mean weighted cost of each term over the planning steps from ``since_step`` on; empty if none."""
     chosen = [i for i, step in enumerate(steps.plan_steps) if since_step is None or step >= since_step]
     return {
         term: float(np.mean([values[i] for i in chosen if i < len(values)]))

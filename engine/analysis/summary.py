@@ -155,7 +155,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
 
 
 def _summary_findings(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Return the main failure of each configuration, and with one configuration five findings in total."""
+    """Return the main failure of each configuration and four other findings, or five if there is no main failure."""
     main = tuple(one for one in findings if one.name == "main_failure")
     others = tuple(one for one in findings if one.name != "main_failure")
     return (*main, *others[: _SUMMARY_FINDINGS - bool(main)])

@@ -1,4 +1,4 @@
-"""The packaged MiniLM, computed with numpy: it embeds a text within milliseconds, a second after the start.
+"""The packaged MiniLM, computed with numpy: ready a second after the start, it embeds a text in milliseconds.
 
 The model is ``sentence-transformers/all-MiniLM-L6-v2``: BERT (Devlin et al. 2019) with 6 layers, 12 heads and a width
 of 384 (Wang et al. 2020, MiniLM); the mean of its tokens, normalised. Its weights are stored as 8-bit integers with a

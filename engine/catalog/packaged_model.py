@@ -37,7 +37,7 @@ def packaged_identity(name: str) -> str:
 
 
 def load_packaged(name: str) -> Callable[[Sequence[str]], Array]:
-    """Return the function that embeds texts as unit vectors, of width 896, or 384 for the English model."""
+    """Return the function that embeds texts as unit vectors of dimension 896, or 384 for the English model."""
     english = MiniLM()
     if name == ENGLISH_MODEL:
         return english.embed

@@ -1,6 +1,6 @@
 """One catalogue search: the strict filter, the order of the matches, and the answer with its evidence and next steps.
 
-A diverse selection takes a few matches that cover much. An entry covers values of several dimensions: features,
+A diverse selection is a few matches that together cover a lot. An entry covers values of several dimensions: features,
 obstacle types, lanes, and bands of speed, traffic and time to conflict. The greedy selection takes the entry that
 covers the most values not yet covered; it reaches at least 1 − 1/e of the best cover (Nemhauser, Wolsey and Fisher
 1978). After all values are covered, it starts again with the remaining entries.
@@ -51,7 +51,7 @@ _FEW_WORDS = 3
 class _Entry:
     """A scenario with one of its planning problems; ``size`` is its number of obstacles.
 
-    ``time_to_conflict_s`` is None without an ego, and ``NEVER_S`` if the ego never meets the recording.
+    ``time_to_conflict_s`` is None if there is no ego, and ``NEVER_S`` if it would never meet a recorded road user.
     """
 
     number: int

@@ -43,8 +43,8 @@ def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
 def starter_files(count: int) -> Iterator[tuple[Path, ...]]:
     """Yield ``count`` starter scenarios in a temporary folder while the block runs.
 
-    In the first one, an ego that keeps its lane and speed hits a bus ahead. The others are of as many different towns
-    as possible.
+    In the first one, an ego that keeps its lane and speed hits a bus ahead. The others come from as many different
+    towns as possible.
 
     Raises:
         ResourceFailure: the disk is full.

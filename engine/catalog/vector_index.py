@@ -399,7 +399,7 @@ def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, rep
 
 @contextmanager
 def _lock(root: Path) -> Iterator[None]:
-    """Allow one writer at a time, by an SQLite lock, because the operating system frees it when its holder dies."""
+    """Allow one writer at a time, using an SQLite lock, which the operating system releases if its holder dies."""
     connection = sqlite3.connect(root / _LOCK, timeout=LOCK_TIMEOUT_S, isolation_level=None)
     try:
         connection.execute("BEGIN EXCLUSIVE")

@@ -66,7 +66,7 @@ def _network(tree: Any) -> LaneletNetwork:
 
 
 class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no types
-    """Lanelets with their bounds read at once, if all points are in the plane."""
+    """Reads each bound of a lanelet in one go if its points have only x and y."""
 
     @classmethod
     def _vertices(cls, xml_node: Element) -> Points:

@@ -155,8 +155,7 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
 
     Raises:
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or a duplicate id, or a number
-            is
-            beyond its limits.
+            is beyond its limits.
     """
     loaded = _open(path, *_road_document(path, limits))
     states = loaded.plain_states
@@ -165,12 +164,11 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
 
 
 def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenario:
-    """Read a CommonRoad file like ``read_scenario``, with its recording as arrays instead of objects.
+    """Read a CommonRoad file as ``read_scenario`` does, but with its recording as arrays instead of objects.
 
     Raises:
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or a duplicate id, or a number
-            is
-            beyond its limits.
+            is beyond its limits.
     """
     recorded = RecordedScenario(_open(path, *_road_document(path, limits)))
     _ = recorded.tracks  # this raises an error for a state without a position
@@ -398,7 +396,7 @@ def _known_obstacle(digest: bytes) -> list[_ReadObstacle]:
 def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
     """Raise an error for values beyond the limits.
 
-    The line is that in the whole document, because states may have been removed from ``root``.
+    The error gives the line in the whole document, because states may have been removed from ``root``.
     """
     try:
         check_document(root, taken)

@@ -1,7 +1,7 @@
 """The road users of a re-simulation: which are replayed, which SUMO drives, and from which step on.
 
-For a lane-based driver, only road users that drive along a lane are on it. Therefore a pedestrian that crosses lanes is
-shown to SUMO's drivers by proxies: while it is on a lane, and a little before, an obstacle stands in the lane's centre.
+A lane-based driver only notices road users that drive along a lane. A pedestrian who crosses lanes is therefore shown
+to SUMO's drivers by proxies: while it is on a lane, and shortly before, an obstacle stands in the middle of the lane.
 """
 
 import itertools

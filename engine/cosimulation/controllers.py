@@ -179,10 +179,10 @@ CURVE_REACHED_M = 0.1
 
 
 class AnticipatoryBraking(_SpeedController):
-    """Makes rerouted vehicles brake for lanes if the driver's own deceleration comes too late.
+    """Makes rerouted vehicles brake harder than their driver would if a slower lane ahead, as in a curve, requires it.
 
-    SUMO plans with that deceleration: a vehicle that is handed over too near to a curve enters it too fast, and slows
-    down in it within a step or two.
+    SUMO plans with the driver's deceleration: a vehicle that is handed over too near to a curve would enter it too
+    fast, and slow down only there, within a step or two.
     """
 
     def __init__(self, sumo: Sumo) -> None:

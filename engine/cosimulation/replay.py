@@ -180,8 +180,8 @@ class _Place:
 class _Surroundings:
     """The replayed actors that may matter to those that SUMO drives, step by step.
 
-    Two vehicles may matter to each other (as leader, as follower in the adjacent lane, at a junction) if they are
-    nearer than both of them look ahead, plus a margin.
+    Two vehicles may matter to each other (as leader, as follower in the adjacent lane, at a junction) if the distance
+    between them is at most the sum of their look-ahead distances plus a margin.
     """
 
     def __init__(self, actors: Iterable[Actor], setup: SimulationSetup, *, everywhere: bool = False) -> None:

@@ -60,7 +60,7 @@ class Trigger:
     gap_s: float | None = None
 
     def in_words(self) -> str:
-        """Return ``the ego comes within 2 s of it``, or ``the ego passes 35 m of lanelet 5``."""
+        """Return text such as ``the ego comes within 2 s of it``, or ``the ego passes 35 m of lanelet 5``."""
         if self.gap_s is not None:
             return f"the ego comes within {self.gap_s:g} s of it"
         return f"the ego passes {self.station_m:.0f} m of lanelet {self.lanelet_id}"

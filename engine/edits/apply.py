@@ -81,8 +81,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
 class _Stage:
     """What earlier edits pass on to the edits of a stage.
 
-    ``added``: the ids that each earlier edit added; ``yielding_to``: the lanelets with changed lights, at which
-    vehicles that would cross at red are driven; ``first``: the number in the call of the first new edit.
+    ``added``: the ids that each earlier edit added; ``yielding_to``: the lanelets with changed lights (recorded
+    vehicles that would now cross them at red are driven and obey); ``first``: the index of the first new edit in the
+    call.
     """
 
     added: tuple[tuple[int, ...], ...] = ()

@@ -213,7 +213,7 @@ def parse_speed(text: str, largest_mps: float) -> float:
     """Return the speed in m/s that a text states; ``check_speed`` checks its range.
 
     Raises:
-        InvalidRequest: the text is not a speed; the error states form and range.
+        InvalidRequest: the text is not a speed; the error states the valid form and range.
     """
     try:
         return parse_quantity(text, "m/s")

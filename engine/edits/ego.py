@@ -171,7 +171,10 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
 
 
 def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
-    """Return first and last step of the goal, or None to keep the current ones; by default the whole scenario."""
+    """Return the first and last step of the goal, or None to keep the current ones.
+
+    If neither ``goal_time`` nor a current goal gives them, they span the scenario from the ego's start on.
+    """
     if edit.goal_time is None:
         return None if _goal_states(scene, ego) else (ego.step, scene.last_step)
     try:
@@ -572,7 +575,7 @@ def _goal_states(scene: Scene, ego: Ego) -> list[Any]:
 
 
 def _kept_goal(scene: Scene, ego: Ego) -> GoalChange | None:
-    """Return the file's goal if it is a single one with a place on its own lanelet, else None."""
+    """Return the file's goal if it is a single area centred on one of the goal's own lanelets, else None."""
     states = _goal_states(scene, ego)
     lanelets = goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id))
     shape = getattr(states[0], "position", None) if len(states) == 1 else None

@@ -49,9 +49,9 @@ _SLOWER_SHARES = (0.5, 0.0)
 
 @dataclass(frozen=True)
 class OccupiedPlaces:
-    """The road users of a scene at a step, as far as they are known, and the ego if it starts then.
+    """The road users of a scene with a known state at a step, and the ego if it starts at that step.
 
-    Each with its name in sentences, its track, and the index of its state.
+    Each has the name that messages use for it, its track, and the index of its state at the step.
     """
 
     scene: Scene
@@ -492,7 +492,8 @@ def _check_shifted(simulated: SimulatedEdits) -> None:
 def _on_top(edited: EditedScene) -> Iterator[tuple[int, int]]:
     """Yield pairs of a time-shifted recording and a road user that it starts on top of.
 
-    Both as all vehicles drive, and as they would drive if it were not there.
+    The others are checked both as simulated, and without any hand-over: as they would drive if the recording were not
+    there.
     """
     shifted = edited.shifted
     for hit in edited.result.overlaps:

@@ -273,7 +273,7 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
 
 
 def _number(selector: Selector, there: int) -> int:
-    """Return how many vehicles a selector requests, of those that are there."""
+    """Return how many vehicles a selector requests; refuse 0, and more than the ``there`` available ones."""
     count = int(selector.argument)
     if count == 0:
         raise InvalidRequest(

@@ -43,7 +43,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
     Raises:
         InvalidRequest: neither or both of ``to`` and ``turn``.
-        NotPossible: a vehicle cannot get there, reaches a curve or the last place of a lane change too fast, or cannot
+        NotPossible: a vehicle cannot get there, reaches a curve or the last point for a lane change too fast, or cannot
             be driven.
     """
     if bool(edit.to or edit.via) == bool(edit.turn):
@@ -339,10 +339,10 @@ def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
 def _last_place(
     scene: Scene, route: tuple[int, ...], place: int, end: int, *, in_junctions: bool
 ) -> tuple[float, int, int]:
-    """Return how much farther (m) the change is possible, and its last place: the wrong lane and that of the route.
+    """Return how much farther (m) the lane change is possible, and the last pair of lanes: the wrong and the route's.
 
-    The lanes may continue side by side after their end; those in junctions count for a vehicle that is already inside,
-    and for all if ``in_junctions``.
+    The two lanes may continue side by side beyond their ends. Lanes inside a junction count only for a vehicle that is
+    already inside one, or for all vehicles if ``in_junctions``.
     """
     lanes, inside = scene.layout.table.lanes, scene.layout.interior.lanelets
     last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]

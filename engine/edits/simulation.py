@@ -1,7 +1,7 @@
 """Simulate edits: SUMO drives the edited vehicles in rounds until no avoidable collision is left.
 
-After each round, replayed vehicles that a driven one hits are handed over to SUMO too, in time to react; of two driven
-ones that collide, one waits.
+After each round, replayed vehicles that a driven one hits are also handed over to SUMO, early enough to react; if two
+driven ones collide, one of them waits.
 
 SUMO knows lanes, not bodies: it does not see a vehicle that stands across two lanes, a rear that cuts a corner, or two
 lanelets that overlap before they meet, and ignores vehicles that have passed their stop line.

@@ -100,7 +100,7 @@ class ExecutorAround:
 
 
 def silent(share: float, message: str = "") -> None:
-    """Do nothing; a progress reporter."""
+    """A progress reporter that does nothing."""
     del share, message
 
 

@@ -214,7 +214,7 @@ class JobRunner:
         self._unrecorded: dict[str, _JobEnd] = {}
 
     def start(self, kind: str, recipe: Recipe, work: JobWork, owner: str = "") -> Job:
-        """Start the work, or join the job that already works on this recipe.
+        """Start the work, or join the job that is already working on this recipe.
 
         Args:
             owner: The owner of the token that starts it; empty if no token is required.

@@ -160,7 +160,7 @@ Python, so more heaps hardly reduce waiting).
 
 
 def share_heaps() -> None:
-    """Make all threads of this process share few heaps (with glibc); call it before they start.
+    """Make all threads of this process share a small number of heaps (with glibc); call it before they start.
 
     glibc gives each thread its own heap, up to eight per processor, and other threads cannot reuse what a call has
     freed there. A server's memory would grow until each thread has handled the largest call. A number of heaps that is

@@ -161,7 +161,7 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
         box = _box_around(other)
         calls[f"place={request.map_id} and bbox={box}"] = with_values(place=request.map_id, bbox=box)
     return NotPossible(
-        f"{which} at {first} is {kind} only: no link {link} the main road there",
+        f"{which} at {first} is only {kind}: no link {link} the main road there",
         valid=list(calls),
         next_step="choose one of these" if calls else "choose another place, or leave the manoeuvre out",
         reason="no_such_turn",
@@ -224,7 +224,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
-        where += f"; the nearest {wanted} of the map is outside it, at {streets} ({at})"
+        where += f"; the nearest {wanted} of the map is outside this part, at {streets} ({at})"
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) has no {wanted_site}{where}",

@@ -307,7 +307,7 @@ def _largest_curvatures(curves: NDArray[np.float64]) -> Values:
 
 
 def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:
-    """Yield every connection of two roads by its lanes: before the junction, inside in order, after it."""
+    """Yield the lanes of every connection between two roads: before the junction, inside it in order, and after it."""
     connections = list(root.iterfind("connection"))
     following = {f"{link.get('from')}_{link.get('fromLane')}": link.get("via") for link in connections}
     for link in connections:

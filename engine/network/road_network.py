@@ -200,7 +200,7 @@ class LaneletLookup:
 
 
 def _heading_at(line: Points, position: Points) -> float:
-    """Return the heading of the line's segment with its middle closest to the position."""
+    """Return the heading of the line's segment with the midpoint closest to the position."""
     middle = (line[:-1] + line[1:]) / 2
     index = int(np.argmin(np.linalg.norm(middle - position, axis=1)))
     step = line[index + 1] - line[index]

@@ -223,7 +223,7 @@ def path_to(
         network: The lanelets.
         ego: The state in which the path begins.
         ahead_m: The least length of the route if the goal has no position.
-        beyond_m: The length of the straight extension behind the route.
+        beyond_m: The length of the straight extension beyond the end of the route.
 
     Raises:
         NotPossible: No route leads to the goal, or it is behind the ego.
@@ -353,8 +353,9 @@ def progress_to_goal(
 ) -> float | None:
     """Return the share of the reference path to the goal that positions (n, 2) of the centre cover, from 0 to 1.
 
-    It is 1 only if a position is in the goal's area, as the judge requires. An ego that passes next to the area lacks
-    the distance between the area and its nearest position. None if the goal has no position, or no path leads to it.
+    It is 1 only if a position is in the goal's area, as the judge requires. If the ego passes
+    beside the area, the distance from its nearest position to the area counts as not covered. None if the goal has no
+    position, or no path leads to it.
     """
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
     if not problem.goal.state_list:

@@ -3,7 +3,7 @@
 Longitudinal: Treiber, Hennecke, Helbing, "Congested traffic states in empirical observations and microscopic
 simulations", Physical Review E 62, 2000: acceleration a·[1 − (v/v0)⁴ − (s*/s)²] with the desired gap
 s* = s0 + max(0, v·T + v·Δv / (2·√(a·b))). Above the desired speed the free term is that of the improved model (Kesting,
-Treiber, Helbing 2010), which never brakes harder than b. Before a curve it also brakes by at most b, to the speed
+Treiber, Helbing 2010), which never brakes harder than b. Before a curve it also brakes, at no more than b, to the speed
 √(a_lateral / curvature) that its lateral acceleration allows there; it brakes harder only if its tyres would slip.
 
 Lateral: ``route_follower.py``.

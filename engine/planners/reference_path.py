@@ -108,14 +108,14 @@ def build_reference_path(
 ) -> ReferencePath:
     """Return the path of a route for an ego that starts at ``position`` with ``speed_mps``.
 
-    A lane change is a cubic from one centre line to the next. It takes about 2.5 s and does not start before the ego.
+    A lane change is a cubic from one centre line to the next. It takes about 2.5 s and never starts behind the ego.
 
     Args:
         network: The lanelets.
         route: The lanelets to drive along.
         position: The ego's centre, shape (2,).
         speed_mps: The ego's speed, which gives the length of lane changes.
-        beyond_m: The length of the straight extension behind the route.
+        beyond_m: The length of the straight extension beyond the end of the route.
         through: A point off the centre line that the path shifts to (a goal area at the edge of its lane).
     """
     change_m = float(np.clip(_CHANGE_S * speed_mps, _SHORTEST_CHANGE_M, _LONGEST_CHANGE_M))

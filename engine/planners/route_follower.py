@@ -66,7 +66,7 @@ class RearAxlePath:
         return station
 
     def frame(self, stations: Values) -> tuple[Points, Values, Values, Values]:
-        """Return points (n, 2), headings (n,) in rad, and the spline's length and turn by station."""
+        """Return points (n, 2), headings (n,) in rad, and the derivatives of arc length and heading by station."""
         stations = np.clip(stations, 0.0, self._end_m)
         along, bending = self._first(stations), self._second(stations)
         pace = np.linalg.norm(along, axis=1)

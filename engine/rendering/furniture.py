@@ -28,7 +28,7 @@ def write_legend(figure: "Figure", x: float, columns: int, **style: Any) -> None
 
 
 def shortened(text: str, length: int) -> str:
-    """Return the text cut to a length, with an ellipsis if something is missing."""
+    """Return the text cut to a length, with an ellipsis if anything was cut off."""
     return text if len(text) <= length else text[: length - 1] + "…"
 
 

@@ -100,7 +100,7 @@ def _draw_scale_bar(axes: "Axes", viewport: Viewport) -> None:
 
 
 def _scale_bar_area(viewport: Viewport) -> Points:
-    """Return lower left and upper right corner of the scale bar's area, in scenario coordinates, shape (2, 2)."""
+    """Return the lower left and upper right corners of the scale bar's area, in scenario coordinates, shape (2, 2)."""
     low = np.array([viewport.x_min + viewport.width_m * 0.02, viewport.y_min + viewport.height_m * 0.025])
     size = np.array([round_length(viewport.width_m / 5), viewport.height_m * 0.06])
     return np.stack([low, low + size])

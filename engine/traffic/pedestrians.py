@@ -80,9 +80,10 @@ def plan_walks(
 
 
 def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, Pavement]]:
-    """Return pavements from which a crossing is reached, the corner there, and the pavements behind it.
+    """Return triples: a pavement that leads to a crossing, the corner where it does, and a pavement on the far side.
 
-    Both sides of one road come last: SUMO takes the path between them for the one around the road's other end.
+    Pairs of pavements that also meet at another junction (the two sides of one road) are a last resort: SUMO
+    would connect them at that other junction.
     """
     ways = []
     for near, far in (crossing.corners, crossing.corners[::-1]):

@@ -99,19 +99,19 @@ def simulate_traffic(
     style: DrivingStyle | None = None,
     pedestrians: OnFoot | None = None,
 ) -> tuple[RawTrack, ...]:
-    """Fill a site with the wanted vehicles, let them drive for the warm-up and record what follows.
+    """Fill a site with the wanted vehicles, let them drive for the warm-up, and record what follows.
 
-    Returns all that are there at step 0, in the order of their insertion, until they leave or time is up. Those that
+    Returns all vehicles present at step 0, in order of insertion, each until it leaves or time is up. Vehicles that
     leave during the warm-up are replaced until shortly before its end; no vehicle enters later.
 
     Args:
         is_enough: returns whether these numbers of vehicles per class at step 0 suffice.
-        style: how all drive; None means as usual.
+        style: how all vehicles drive; None for the default style.
         pedestrians: pedestrians to insert and record.
 
     Raises:
-        NotPossible: SUMO refuses the net; gives its reason.
-        TooFewFoundRoom: those at step 0 are not enough.
+        NotPossible: SUMO refuses the net; the error gives its reason.
+        TooFewFoundRoom: too few vehicles are present at step 0.
         WorkerFailure: SUMO stopped.
     """
     known = vehicle_classes()

@@ -12,7 +12,7 @@
 ``latest_passing_s``: returns the time after which a vehicle must have driven a distance; infinite if it can stop first.
 ``least_time_s``: returns the shortest time in which a vehicle covers a distance from a speed.
 ``rear_axle``: returns the position of the rear axle, shape (2,) in m, for a centre and heading.
-``ego_class``: returns the class of an ego by its word; raises ``UnknownName`` for another.
+``ego_class``: returns the ego class with a name; raises ``UnknownName`` for another.
 ``ego_class_of``: returns the ego's class in place of a recorded vehicle; None for types that an ego cannot be.
 ``fits_together``: returns whether a body of a length can have such axles.
 ``parameter_values``: returns a vehicle's parameters by name, in order.

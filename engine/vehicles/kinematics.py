@@ -82,7 +82,10 @@ def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParame
 def _spans_m(
     speed_mps: float, times_s: Values, finals_mps: Values, vehicle: VehicleParameters
 ) -> tuple[Values, Values]:
-    """Return the least and largest distances in m driven in times from one speed to others, broadcast together."""
+    """Return the least and largest distances in m that can be driven in given times from one speed to final speeds.
+
+    Times and final speeds are broadcast together.
+    """
     hardest_mps2 = vehicle.maximum_acceleration_mps2
     largest, both = 2 * hardest_mps2, speed_mps**2 + finals_mps**2
     slowest = np.maximum((speed_mps + finals_mps - hardest_mps2 * times_s) / 2, 0.0)

@@ -19,8 +19,8 @@ from .classes import VehicleClass, nearest_class, vehicle_classes
 class VehicleParameters:
     """Size and limits of the ego; lengths in m, accelerations in m/s², angles in rad; by default vehicle 2.
 
-    ``switching_speed_mps``: above it the engine's power limits the acceleration. ``vehicle_class``: the ego's class, in
-    the words of requests. ``friction``: the coefficient of friction of the road, which the limits of :meth:`on_road`
+    ``switching_speed_mps``: above it the engine's power limits the acceleration. ``vehicle_class``: the ego's class, as
+    named in requests. ``friction``: the coefficient of friction of the road, which the limits of :meth:`on_road`
     include; None if it is not stated. Source: CommonRoad vehicle models.
     """
 
@@ -268,7 +268,7 @@ def ego_classes() -> Mapping[str, EgoClass]:
 
 
 def ego_class(name: str) -> EgoClass:
-    """Return the class of an ego by its word.
+    """Return the ego class with this name.
 
     Raises:
         UnknownName: the ego cannot have this class.

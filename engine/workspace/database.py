@@ -259,9 +259,9 @@ def _prepared(path: Path) -> sqlite3.Connection:
 
 
 def _keep_copy(connection: sqlite3.Connection, path: Path, version: int) -> None:
-    """Keep a copy of an older program's database next to the one that is upgraded.
+    """Keep a copy of the database of an older program version next to the upgraded one.
 
-    The upgrade only adds tables, so a user of the older program can go back to the copy.
+    The upgrade only adds tables, so a user can go back to the older version with the copy.
     """
     kept = path.with_name(f"{path.name}.version-{version}")
     if kept.exists():

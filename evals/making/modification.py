@@ -118,9 +118,9 @@ def _code(asked: Asked) -> str:
 def modification_lines(
     letter: str, materials: Materials, possible: PossibleEdits, count: int, draw: Draw
 ) -> Iterator[CorpusLine]:
-    """Yield requests, four fifths of them feasible, the others to be refused or asked back about.
+    """Yield requests: about four fifths are feasible, the rest must be refused or call for a clarifying question.
 
-    Each scenario is in at most two of them.
+    Each scenario is in at most two of them, apart from the last, unclear one.
     """
     name = f"modification_{letter}"
     scenarios, styles = draw.sample(materials.scenarios, len(materials.scenarios)), rounds(STYLES, draw)

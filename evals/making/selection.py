@@ -18,7 +18,10 @@ _UNKNOWN_OBSTACLES = ("tram", "elephant", "hovercraft")
 
 
 def selection_lines(materials: Materials, count: int, draw: Draw) -> Iterator[CorpusLine]:
-    """Yield three quarters with matches; the others have no match, are outside the vocabulary, or have no condition."""
+    """Yield requests, three quarters of them with matches.
+
+    The others match nothing, use words outside the vocabulary, or state no condition.
+    """
     found = _found(materials, draw)
     for number in range(count):
         kind = {5: "absent_tag", 10: "oov_tag", 13: "oov_obstacle", 16: "absent_obstacle", 19: "clarify"}.get(

@@ -46,6 +46,6 @@ def write_results(rows: Sequence[Row], folder: Path) -> tuple[Path, Path]:
 
 
 def _written(value: Mapping[str, Any]) -> str:
-    """Return an object with a line for each of its keys."""
+    """Return an object as JSON text with one line per key."""
     lines = (f"{json.dumps(key)}: {json.dumps(one, ensure_ascii=False)}" for key, one in value.items())
     return "{" + ",\n ".join(lines) + "}"

@@ -75,7 +75,7 @@ class RowFile:
         """Open the file with its existing rows; anything after the last whole line is removed.
 
         Raises:
-            ResourceFailure: another evaluation writes to it, or it cannot be written.
+            ResourceFailure: another evaluation is writing to it, or it cannot be written.
         """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

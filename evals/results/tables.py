@@ -99,7 +99,7 @@ def _own_key(key: str) -> str:
 
 
 def _columns(rows: Sequence[Row], paper: PublishedTable | None) -> list[str]:
-    """Return the columns of the rows: those of the paper in its order, then the scorer's own in theirs."""
+    """Return the columns of the rows: those of the paper in its order, then the scorer's others in its own order."""
     there = list(dict.fromkeys(key for row in rows for key in row.score.columns))
     if rows[0].request.corpus == "e2e":
         return []

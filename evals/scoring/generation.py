@@ -34,7 +34,7 @@ _USUAL: Mapping[str, tuple[object, ...]] = {
 
 
 def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score the last generated scenarios; if no map shows the place, a refusal is correct."""
+    """Score the last generated scenarios; if no map covers the place, a refusal is correct."""
     if request.expect == "refuse" or (request.expect == "ok" and request.map_file is None):
         return refused(request, attempt, "generate_scenarios")
     made = last_of(attempt.calls, "generate_scenarios")
@@ -61,7 +61,7 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
         "load": bool(scenes) and all(scene is not None for scene in scenes),
         "traffic": all(scene is not None and scene.counts.total() > 0 for scene in scenes),
         "runnable": all(_runs(folder) for folder in folders),
-        "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site(s) fit" in made.text,
+        "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site" in made.text,
         "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
         "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
         "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),

@@ -281,8 +281,8 @@ class CoverageRequest(Model):
     """The progress of a coverage plan, and a request for its next ``most`` rows.
 
     ``strength`` is the number of factors in a combination. ``barred`` are combinations of any size that no map has.
-    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` counts how often everything was
-    already covered, for rows beyond that.
+    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` is how often
+    everything has already been covered; further rows are varied by it.
     """
 
     factors: tuple[PlanFactor, ...]
@@ -391,13 +391,13 @@ AbsenceCode = Literal[
 ]
 ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
     {
-        "no_room": "there was no room for it at the site at the start, or it had already left",
+        "no_room": "no room at the site at the start, or already gone by then",
         "file_too_large": "a recording with that many vehicles is too large for a file",
-        "not_drivable": "a vehicle of its class cannot drive the motion that SUMO gave it",
-        "overlap": "it would overlap another road user",
-        "no_such_goal": "it has no such goal on its route, so a later car is the ego",
-        "no_ego_class": "an ego cannot have this class, so a car is the ego and this one is in the traffic",
-        "scripted": "an edit replaced it by the actor of the requested manoeuvre",
+        "not_drivable": "SUMO's motion is infeasible for this vehicle class",
+        "overlap": "would overlap another road user",
+        "no_such_goal": "no such goal on the route, so a later car is the ego",
+        "no_ego_class": "an ego cannot have this class, so a car is the ego and this class is in the traffic",
+        "scripted": "replaced with the actor of the requested manoeuvre",
     }
 )
 """Why a requested road user is missing or different; docs/generation.md lists the codes."""
@@ -492,7 +492,7 @@ class GenerateScenariosArguments(Arguments):
 
 
 class ScenarioSummary(Model):
-    """One generated scenario in the answer, requested next to realised."""
+    """One generated scenario in the answer, with requested and realised values side by side."""
 
     scenario_id: str
     reused: bool = Field(description="whether the same request had created it already")
@@ -703,4 +703,5 @@ class GenerateScenariosResult(Result):
     def _following(self) -> str:
         """Return the next call: a run of the scenarios that the built-in planners can drive."""
         driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
-        return f"run_planner with scenarios {driven[:2]} and so on" if driven else DRIVEN_OTHERWISE
+        more = " and so on" if len(driven) > 2 else ""
+        return f"run_planner with scenarios {driven[:2]}{more}" if driven else DRIVEN_OTHERWISE

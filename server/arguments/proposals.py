@@ -124,9 +124,9 @@ class _Correction:
 def _look_up(
     error: PlannerForgeError, spec: ToolSpec, read: Mapping[str, Any], call: ToolCall, tools: Mapping[str, ToolSpec]
 ) -> NextCall | None:
-    """Return the first valid call that lists valid values, or that an error suggests, or None.
+    """Return the first valid call that the error suggests or that lists valid values, or None.
 
-    A scenario from the refused call must exist.
+    If the call takes over the scenario of the refused call, that scenario must exist.
     """
     named = [remedy for remedy in error.remedies if remedy.tool]
     for remedy in (*named, *_default_remedies(error, spec)):

@@ -129,7 +129,7 @@ class Gate:
             self._count(client, -1, is_stream=is_stream)
 
     async def _refused_headers(self, scope: Scope) -> "_Refusal | None":
-        """Return why a request is refused by its Host, Origin or length, which are known before its body is read."""
+        """Return why a request is refused for its Host, Origin or length, which are known before its body is read."""
         refused = await self._headers.validate_request(Request(scope))
         if refused is not None:
             return _Refusal(refused.status_code, _TOLD[refused.status_code])

@@ -43,7 +43,7 @@ class Secrets:
         self._patterns = [re.compile(pattern) for pattern in (*_SECRETS, *patterns)]
 
     def left_out_of(self, text: str) -> str:
-        """Return the text with a mark instead of each match."""
+        """Return the text with each match replaced by a mark."""
         for pattern in self._patterns:
             text = pattern.sub(REDACTED, text)
         return text

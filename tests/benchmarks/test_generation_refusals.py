@@ -64,7 +64,7 @@ def test_several_scenarios_where_no_site_fits_are_a_failure() -> None:
     arguments = GenerateScenariosArguments.model_validate({**NO_RAMP, "count": 2})
     maps = BenchMaps(tuple(built_in_maps()), {}, {}, {})
     made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), Session(maps), seed=0)
-    assert [one.fault for one in made] == ["NotPossible: “Landmoor” (map_landmoor) holds no ramp site"]
+    assert [one.fault for one in made] == ["NotPossible: “Landmoor” (map_landmoor) has no ramp site"]
 
 
 def test_every_refusal_of_the_corpus_is_asked_for(shared_data: Path) -> None:

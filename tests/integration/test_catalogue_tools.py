@@ -154,7 +154,7 @@ async def test_hostile_files_leave_the_catalogue_as_it_is(connect: Connect, bare
         _, _, answer = await call(client, "import_files", path=str(hostile))
         reasons = {item["file"]: item["reason"] for item in answer["refusals"]}
         assert (answer["added"], len(reasons)) == (0, 5)
-        assert "at most 52,428,800 are" in reasons["zeros.xml"]
+        assert "52,428,800" in reasons["zeros.xml"]
         assert "file_mb" in reasons["zeros.osm"]
         assert "naming" in reasons["evil.xml"]
         assert "document type" in reasons["bomb.xml"]

@@ -583,7 +583,7 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     """Return the resolved arguments of a call.
 
     Raises:
-        PlannerForgeError: unknown or malformed arguments, all at once.
+        PlannerForgeError: there are unknown or malformed arguments; all are reported together.
     """
     faults = Faults()
     objectives, constraints = list[Objective](), list[Constraint]()

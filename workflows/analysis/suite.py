@@ -47,7 +47,7 @@ def limits_of(suite: Suite) -> list[Limit]:
     """Return the limits, including a default one on lost runs, because a gate cannot judge those.
 
     Raises:
-        InvalidRequest, UnknownName: invalid limits, all at once.
+        InvalidRequest, UnknownName: there are invalid limits; all are reported together.
     """
     faults, limits = Faults(), []
     for text in suite.limits:

@@ -33,7 +33,7 @@ from ...schemas.generation import (
     SiteType,
     Turn,
 )
-from ...schemas.text import quoted
+from ...schemas.text import counted, quoted
 from ..context import WorkflowContext
 from .making import shape_of
 from .map_choice import AssignedSite, maps_for, request_for
@@ -72,7 +72,7 @@ def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
     strength = min(2, len(factors)) if strength is None else strength
     if not 1 <= strength <= len(factors) or len(factors) > MOST_FACTORS:
         raise InvalidRequest(
-            f"cover has {len(factors)} factor(s) and the strength {strength}",
+            f"cover has {counted(len(factors), 'factor')} and the strength {strength}",
             valid=[f"strength=1 to strength={min(len(factors), MOST_FACTORS)}", f"at most {MOST_FACTORS} factors"],
         )
     count = _combinations(factors, strength)
@@ -270,7 +270,7 @@ class RequestedPlan:
         return self.groups("place", "country", "scenario_type" if by_type else "turn")
 
     def groups(self, *names: str) -> Iterator[dict[int, int]]:
-        """Return all combinations of levels of the named factors, or one empty group if there are none."""
+        """Yield all combinations of levels of the given factors, or one empty group if the plan has none of them."""
         saying = [index for index, factor in enumerate(self.factors) if factor.name in names]
         for levels in product(*(range(len(self.factors[index].levels)) for index in saying)):
             yield dict(zip(saying, levels, strict=True))
@@ -285,7 +285,7 @@ class RequestedPlan:
 
 
 def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
-    """Yield turns that an ego cannot make at sites of a type on any map."""
+    """Yield the turns that an ego cannot make at sites of the given type on any map, each with the reason."""
     indices = {factor.name: index for index, factor in enumerate(plan.factors)}
     if "turn" not in indices:
         return
@@ -296,7 +296,7 @@ def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
         for level, name in enumerate(plan.factors[turn].levels):
             if name not in possible:
                 key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
-                yield key, f"an ego cannot make that turn at a site of the type {kind}"
+                yield key, f"an ego cannot make that turn at a {kind} site"
 
 
 def existing_levels(plan: RequestedPlan, context: WorkflowContext) -> list[Levels]:

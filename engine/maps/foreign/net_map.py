@@ -65,7 +65,9 @@ MOST_TRACED = 4_000
 
 
 def untraced_links(path: Path) -> list[str]:
-    """Describe the drivable connections of a network that no lanelet can represent; large networks are checked per cut.
+    """Describe the drivable connections of a network that no lanelet can represent.
+
+    Empty for large networks, which are checked later, cut by cut.
 
     Raises:
         UnsafeInput: the file is hostile, broken or not a SUMO network.

@@ -55,7 +55,7 @@ class Settlement:
 
 @lru_cache(maxsize=4096)
 def settlements_called(text: str) -> tuple[Settlement, ...]:
-    """Return the settlements with a text as one of their names, in any case, the largest first."""
+    """Return the settlements that have a text as one of their names (case is ignored), the largest first."""
     name = unicodedata.normalize("NFC", text).strip()
     if not 2 <= len(name) <= _LONGEST_NAME:
         return ()

@@ -61,7 +61,7 @@ def _towns(steps: list[int]) -> tuple[Position, ...]:
 
 
 def _turned(degrees: float) -> float:
-    """Return an angle between -180° and 180°."""
+    """Return an angle wrapped to [-180°, 180°)."""
     return (degrees + 180.0) % 360.0 - 180.0
 
 

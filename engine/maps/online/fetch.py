@@ -255,7 +255,7 @@ class _Area:
                 if spots:
                     return _nearest_first(spots, middle)
         raise UnknownName(
-            f"no available map shows {roads[0][0]!r}, and OpenStreetMap has no such road in {self.name}",
+            f"no available map contains {roads[0][0]!r}, and OpenStreetMap has no such road in {self.name}",
             next_step="use a map's spelling, or another road",
             reason=NOT_SHOWN,
         )
@@ -405,7 +405,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """Return the name for a map of the place: that of the settlement that it is or belongs to."""
+    """Return a name for the map of a place: its settlement's, or its own if it is a settlement or has no known one."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 

@@ -362,7 +362,7 @@ class ServiceClient:
 
     @contextmanager
     def _turn(self, host: str) -> Iterator[None]:
-        """Wait for a host's turn: one request at a time of all processes on the workspace, with a pause between."""
+        """Wait for a turn at a host: one request at a time for all processes on the workspace, with pauses between."""
         path = Path(self._services.cache) / f"{host.replace(':', '_')}.turn"
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as stream:

@@ -101,7 +101,7 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
 
 
 def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
-    """Return the tagged lanes of one direction; nothing for a direction without traffic."""
+    """Return the lanes that the tags state for one direction; an empty side if it has no traffic."""
     if (oneway > 0 and direction == "backward") or (oneway < 0 and direction == "forward"):
         return Side()
     alone = oneway != 0

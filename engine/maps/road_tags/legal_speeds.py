@@ -1,8 +1,8 @@
-"""Legal speed limits without signs: by country or state and kind of road, from a table that OpenStreetMap maintains.
+"""Legal speed limits where no sign is posted, by country or state and kind of road, from OpenStreetMap's table.
 
 The table is "Default speed limits" of the OpenStreetMap Wiki (https://wiki.openstreetmap.org/wiki/Default_speed_limits,
 CC BY-SA 2.0); ``scripts/pack_legal_speeds.py`` makes this module's data file from it. For every country, it gives the
-limit of each kind of road, and defines kinds of roads in a small language of tags.
+limit for each kind of road, and defines the kinds in a small tag-based language.
 """
 
 import gzip

@@ -201,7 +201,7 @@ def _pieces(
 
 
 def _on_circle(start: OsmNode, end: OsmNode, center: tuple[float, float], radius_m: float) -> list[tuple[float, float]]:
-    """Return points (latitude, longitude) at which a straight segment crosses the circle, in its direction."""
+    """Return the points (latitude, longitude) where a straight segment crosses the circle, in order from ``start``."""
     scale, scale_east = _metres_per_degree(center)
     y = (start.latitude - center[0]) * scale
     x = math.remainder(start.longitude - center[1], 2 * HALF_TURN_DEG) * scale_east

@@ -49,9 +49,9 @@ _DRAWN_WITHIN_M, _DRAWN_EVERY_M, _DRAWN_SHARE = 14.0, 10.0, 0.5
 
 @dataclass(frozen=True)
 class Pavements:
-    """Pavements of some roads by the way's id, and how many km of road have them by the map and by a guess.
+    """Pavements of roads by way id, and how many km of road have them according to the map and to a guess.
 
-    ``crossings``: (latitude, longitude) of the crossings that the map marks. ``mid_block``: nodes of those away from
+    ``crossings``: (latitude, longitude) of the crossings marked on the map. ``mid_block``: the nodes of those away from
     junctions, on roads with pavements on both sides.
     """
 
@@ -143,7 +143,7 @@ def _is_crossing(node: OsmNode) -> bool:
 def _sides_of(
     way: OsmWay, near: Sequence[tuple[OsmNode, OsmNode]], footways: "_FootWays"
 ) -> tuple[Sides, Literal["map", "guess"]]:
-    """Return the sides of a road with pavements, and whether the map states them."""
+    """Return on which sides a road has pavements, and whether the map states this or it is a guess."""
     if way.road_class in _NEVER or way.tags.get("motorroad") == "yes" or way.tags.get("foot") == "no":
         return "no", "map"
     stated = _stated_sides(way.tags)

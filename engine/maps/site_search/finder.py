@@ -1,4 +1,4 @@
-"""Finds the sites on a map: its roundabouts, signalised crossings, ramps, motorways …
+"""Finds the sites on a map: its roundabouts, signalised intersections, ramps, motorways and so on.
 
 A map of any kind and size is searched in at most n log n time: ``nearness`` finds what is nearby. If hundreds of roads
 meet or hundreds of sites share one place, the names of the first ones suffice.

@@ -15,10 +15,10 @@ _PIECE_NODES = 32
 
 
 class Gathering:
-    """Positions, no two of them closer together than a reach.
+    """Positions, no two of them closer together than ``reach_m``.
 
-    Positions are sorted into cubes of the reach's side around the Earth's centre. A chord is never longer than the
-    distance on the ground, so a position within reach is in the same cube or in an adjacent one.
+    Positions are sorted into cubes with an edge length of ``reach_m``, in Earth-centred coordinates. A chord is never
+    longer than the distance on the ground, so a position within reach is in the same cube or in an adjacent one.
     """
 
     def __init__(self, reach_m: float) -> None:

@@ -104,19 +104,20 @@ def _usual_mps(lanelet: "Lanelet") -> float:
 
 
 class DesiredSpeed:
-    """The desired speed on the way to a goal, set by the goal's time while it lasts, otherwise by the lane and its
+    """The desired speed on the way to a goal: set by the goal until its time interval ends, then by the lane and its
     curves.
 
-    While the time of a goal with a position lasts, it is the mean speed to the middle of the goal: first by the middle
-    of the goal's time, and after that by its end. The latter is at most the cruising speed, or the present speed if
-    that is higher, so a late ego does not race. Inside a goal with a speed interval, and for a goal that has one but no
-    position, it is the middle of the interval. In all other cases it is the cruising speed. It stays within 5 m/s of
-    the present speed.
+    For a goal with a position, it is the mean speed that reaches the goal's middle by the middle of the time interval
+    or, once that has passed, by its end. In the latter case it is at most the cruising speed, or the present speed if
+    that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a goal that has one
+    but no position, it is the middle of the speed interval. In all other cases, and after the time interval, it is the
+    cruising speed. It always stays within 5 m/s of the present speed.
 
-    An ego inside a goal without a speed interval still aims at the goal's middle, and waits there for the goal's time.
+    An ego inside a goal without a speed interval still aims for the goal's middle, and waits there until the time
+    interval ends.
 
-    The goal must be one goal state, see :func:`~..goal.select_goal_state`. An instance serves one run and takes the
-    egos in driving order, since the reference path may pass a point twice.
+    The goal must be one goal state, see :func:`~..goal.select_goal_state`. An instance serves one run and must be given
+    the ego's states in driving order, since the reference path may pass a point twice.
     """
 
     def __init__(self, goal: Goal, reference: ReferencePath, step_s: float, cruising: CruisingSpeed) -> None:

@@ -20,7 +20,7 @@ def _kept() -> dict[str, PlannerProcess]:
 
 
 def standing_process(name: str, declared: CommandPlanner) -> PlannerProcess:
-    """Return the process of a long-lived program, a new one if it does not run.
+    """Return the process of a long-lived program, or a new one if it is not running.
 
     Raises:
         PlannerFailure: The program cannot be started.

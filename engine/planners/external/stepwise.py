@@ -36,7 +36,7 @@ class StepwiseDriver:
         return self._log if self._process is None else self._process.log
 
     def reset(self, task: PlanningTask) -> None:
-        """Start the program if it does not run, send it the task, and wait until it is ready.
+        """Start the program if it is not running, send it the task, and wait until it is ready.
 
         Raises:
             PlannerFailure: The program cannot be started, broke a limit, or is not ready for this protocol.

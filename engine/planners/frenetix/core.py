@@ -6,10 +6,10 @@ coordinates are those of the frame, all others are world coordinates.
 
 Pitfalls (tested by ``test_frenetix_traps.py``):
 
-- The core interpolates the reference heading as its smallest angle. On a route that crosses ±π, the heading jumps by
+- The core interpolates the reference heading as an angle within ±π. On a route that crosses ±π, the heading jumps by
   2π and every candidate there fails the yaw-rate check. The core therefore gets coordinates turned to the middle of the
   headings ahead; a route that turns through more than a full circle gets a new frame on the way.
-- It takes the direction of the segment behind a vertex as the heading at the vertex, so its headings run half a segment
+- It takes the direction of the segment after a vertex as the heading at the vertex, so its headings run half a segment
   ahead of its positions. In a curve the ego's heading would differ by up to 40 mrad from the motion of its rear axle,
   which no vehicle can drive. We replace the headings by the tangents at the vertices.
 - It evaluates its polynomials by Horner's scheme without the factor 2 of the second derivative, so the longitudinal and
@@ -22,7 +22,7 @@ Pitfalls (tested by ``test_frenetix_traps.py``):
 - It keeps cost functions until one with the same name replaces them (:func:`add_step_functions`), cannot take an empty
   array of obstacles, and compares its state i with entry i − 1 of a prediction (:func:`_core_prediction`).
 - Its term ``distance_to_obstacles`` keeps a view of the given array, not a copy.
-- It refuses paths that come back over themselves (:func:`_longest_accepted`).
+- It refuses paths that double back over themselves (:func:`_longest_accepted`).
 """
 
 import math
@@ -313,7 +313,7 @@ class PlanningStep:
 
 
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
-    """Add the four constraints that the core really checks; they stay the same during a run.
+    """Add the four constraints that the core actually checks; they stay the same during a run.
 
     The core's accelerations are half of the true ones (see the module), so it gets half of the limit.
     """

@@ -66,10 +66,10 @@ class Screening:
 
 @dataclass(frozen=True)
 class _Steps:
-    """The steps of candidates until and after their end states.
+    """The time steps of candidates, up to and after their end states.
 
-    ``ends`` (n,): the number of steps until the end state; ``times_s`` (n, m): time, at most that of the last of these
-    steps; ``beyond_s`` (n, m): time after it.
+    ``ends`` (n,): the number of steps up to the end state; ``times_s`` (n, m): the time of each step, held constant
+    after the last of these; ``beyond_s`` (n, m): the time elapsed since then.
     """
 
     ends: NDArray[np.intp]

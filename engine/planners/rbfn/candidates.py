@@ -55,8 +55,9 @@ class PathTable:
         self._table = np.column_stack([points, heading, gaussian(turn, _SMOOTHING_M / _SPACING_M)])
 
     def at(self, stations_m: Points) -> Points:
-        """Return x, y, heading and curvature at stations of any shape, as a last axis; the ends' values beyond the
-        ends.
+        """Return x, y, heading and curvature at stations of any shape, along a new last axis.
+
+        Beyond either end, the values are those at the end.
         """
         place = np.clip(stations_m / _SPACING_M, 0.0, len(self._table) - 1.000001)
         left = place.astype(np.intp)
@@ -190,7 +191,7 @@ class Candidates:
         return len(self.known)
 
     def part(self, rows: slice) -> "Candidates":
-        """Return some of the candidates."""
+        """Return the candidates in these rows."""
         motions = Motions(*(values[rows] for values in _arrays(self.motions)))
         return Candidates(motions, *(values[rows] for values in _arrays(self)[1:]))
 

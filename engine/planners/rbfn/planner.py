@@ -86,7 +86,7 @@ class RadialBasisPrimitives:
         return self._fallback(step)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return feasible candidates of the last planning step."""
+        """Return at most ``most`` feasible candidates of the last planning step."""
         order = list(self._cheapest_first(self._step))
         return [self._trajectory(self._step, order[i]).positions for i in evenly_chosen(len(order), most)]
 

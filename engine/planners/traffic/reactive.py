@@ -168,7 +168,7 @@ class _ReactiveTraffic:
         self.moving = tuple(sorted(tracks, key=lambda track: track.obstacle_id))
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the first obstacle (by id) that overlaps the ego's rectangle at its step, or None."""
+        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
         hit = self._roles.replayed.hit_by(ego, vehicle)
         own = rectangle(ego, vehicle)
         for track in self.driven:

@@ -52,7 +52,7 @@ class Traffic(Protocol):
         """Advance to the step of the ego's new state; called for every step in order, before that step is read."""
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the first obstacle (by id) that overlaps the ego's rectangle at its step, or None."""
+        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
 
 
 class RecordedTraffic:
@@ -100,7 +100,7 @@ class RecordedTraffic:
         """Do nothing, since a recording does not depend on the ego."""
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
-        """Return id and type of the first obstacle (by id) that overlaps the ego's rectangle at its step, or None."""
+        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
         from commonroad_dc import pycrcc
 
         body = pycrcc.TimeVariantCollisionObject(ego.step)

@@ -182,7 +182,7 @@ class PlayerView(Model):
 
 
 class BoardColumn(Model):
-    """One column of a board: a configuration under one prediction and traffic, of one batch if there are several.
+    """One column of a board: the runs of one batch (if any) with the same configuration, prediction, traffic and seed.
 
     ``success``: the rate in words, with its interval; ``outcomes``: the number of runs per outcome.
     """

@@ -251,7 +251,7 @@ def _write_short_road(
 def _write_short_lane(
     road: etree._Element, key: int, index: int, plan: RoadPlan, lanelets: "Mapping[int, Lanelet]", *, is_behind: bool
 ) -> etree._Element:
-    """Write the next lane of a short road, as wide as a lane of another road ends or starts."""
+    """Write the next lane of a short road, with the width that a lane of another road has at its end or start."""
     right: etree._Element = road.find("lanes/laneSection/right")  # type: ignore[assignment]  # it was written there
     kind = _lane_type(lanelets[plan.roads[key][index]])
     lane = _add(right, "lane", id=str(-1 - len(right)), type=kind, level="false")

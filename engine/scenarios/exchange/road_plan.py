@@ -358,7 +358,7 @@ _Corner = tuple[int, str, int]
 
 
 def _common(points: Points) -> Points:
-    """Return the place of most points, to the millimetre; without one, their mean."""
+    """Return the most frequent of the points (equal to the millimetre), or their mean if there is a tie."""
     places, counts = np.unique(np.round(points, 3), axis=0, return_counts=True)
     most = np.flatnonzero(counts == counts.max())
     if len(most) > 1:

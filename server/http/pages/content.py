@@ -185,7 +185,7 @@ def _listed(written: str) -> list[str]:
 
 
 def _last_lines(path: Path) -> Iterator[str]:
-    """Yield the lines at the end of a file, the last one first; a cut first line is left out."""
+    """Yield the last lines of a file in reverse order, without a first one that may be incomplete."""
     if not path.is_file():
         return
     with path.open("rb") as file:

@@ -56,7 +56,7 @@ def test_a_collision_at_the_start_is_the_problems_fault() -> None:
 def test_an_ego_off_the_road_is_the_problems_fault() -> None:
     run = drive(scenario_on(straight_road()), problem_for(FAR_GOAL, position=(0.0, 30.0)))
     assert run.final.outcome == "invalid"
-    assert "no lanelet" in run.final.reason
+    assert "not on a lanelet" in run.final.reason
 
 
 def test_a_goal_without_a_route_is_the_problems_fault() -> None:

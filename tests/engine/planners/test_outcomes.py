@@ -63,7 +63,7 @@ AT_40 = rectangle_at(40.0, 0.0)
     [
         (lambda: cruise(goal_state((35, 45), AT_40)), "goal_reached", "step 35"),
         (lambda: cruise(goal_state((70, 80), AT_40)), "goal_early", "its time is 7.0 to 8.0 s"),
-        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "0.4 s after its time"),
+        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "0.4 s too late"),
         (lambda: cruise(goal_state((35, 45), AT_40, speed=(2.0, 4.0))), "goal_missed", "drove out of the goal"),
         (lambda: cruise(goal_state((20, 30), AT_40, speed=(2.0, 4.0))), "goal_late", "drove out of the goal"),
         (
@@ -71,7 +71,7 @@ AT_40 = rectangle_at(40.0, 0.0)
             "goal_missed",
             "without entering it",
         ),
-        (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "without its conditions"),
+        (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "conditions unmet"),
         (lambda: cruise(goal_state((35, 45), AT_40), stop_m=20.0), "timeout", "before the goal's end"),
         (lambda: cruise(goal_state((60, 70), AT_40, speed=(2.0, 4.0)), stop_m=40.0), "goal_missed", "was in the goal"),
     ],
@@ -110,9 +110,9 @@ def at_start_of(*goals: object, **changes: object) -> DrivenRun:
             "initial_collision",
             "obstacle 9",
         ),
-        (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, 30.0)), "ego_off_road", "on no lanelet"),
+        (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, 30.0)), "ego_off_road", "not on a lanelet"),
         (lambda: at_start_of(goal_state((35, 45), AT_40), position=(0.0, -2.5)), "ego_off_road", "off the road"),
-        (lambda: at_start_of(goal_state((35, 45), rectangle_at(40.0, 60.0))), "goal_unreachable", "no lanelet"),
+        (lambda: at_start_of(goal_state((35, 45), rectangle_at(40.0, 60.0))), "goal_unreachable", "lanelet"),
         (lambda: at_start_of(goal_state((20, 21), rectangle_at(300.0, 0.0))), "goal_out_of_time", "294.0 m away"),
         (
             lambda: at_start_of(goal_state((10, 12), rectangle_at(12.0, 0.0), speed=(25.0, 30.0))),
