@@ -260,7 +260,7 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ordinarily driving ego; None if no road user is near, or none is met within 60 s.
+    """The most critical figures of an ordinarily driving ego; None if no road user is near or met within 60 s.
 
     ``risk_score`` runs from 0 collision over 1 extreme, 2 high, 3 medium and 4 low to 5 negligible (From Words to
     Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision, otherwise the

@@ -510,7 +510,7 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Ma
 
     A condition with one value on all of a side and another on all of the other is the subject of the comparison: it is
     left out of the key and reported. The remaining runs are paired by lineage: with the only run of the other side that
-    has a scenario from the same root. If there are several candidates, none is paired.
+    has a scenario from the same root. If there are several candidates, the run stays unpaired.
 
     Raises:
         InvalidRequest: a side contains two runs of the same problem under the same conditions.

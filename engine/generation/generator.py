@@ -207,10 +207,10 @@ class _Attempts:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def turn(self, *, is_drawn: bool) -> None:
-        """Route vehicles by the requested turn, if the traffic so far has none that makes it, until one can be the ego.
+        """Route vehicles by the requested turn, if no vehicle so far makes it, until one can be the ego.
 
         If they wait at red lights, the lights are shifted in their cycles, unless the map states their programs
-        (``is_drawn``: it states none). A request with a limit on rounds or sites skips this step.
+        (``is_drawn``: it states no programs). A request with a limit on rounds or sites skips this step.
         """
         lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
         if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):

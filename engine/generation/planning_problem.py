@@ -2,9 +2,9 @@
 goal.
 
 The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
-have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
-with a reference path can follow. Maps have corners, and netconvert joins lanes that do not face each other with
-sideways jogs. Recorded cars cut these; a planner that follows the centre lines may find no trajectory there.
+have the goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner with
+a reference path can follow. Maps have corners, and netconvert joins lanes that do not face each other with sideways
+jogs. Recorded cars cut these; a planner that follows the centre lines may find no trajectory there.
 """
 
 import itertools
@@ -112,8 +112,9 @@ def choose_task(
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
-    spot; if the goal must be beyond the site, it leaves the site and takes most of the duration; its lanes can be
-    followed. Of equal cars the first is taken. A task that ``accepts`` rejects does not count.
+    spot; it suits a goal beyond the site; its lanes can be followed. A path suits a goal that must be beyond the site
+    if it leaves the site and takes most of the duration. Of equal cars the first is taken. A task that ``accepts``
+    rejects does not count.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.

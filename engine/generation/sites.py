@@ -573,12 +573,12 @@ class SiteFocus:
 
     def missed(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes no area; ``only_car``: no other could be chosen."""
-        who = "the ego's route to its goal misses" if only_car else "every car's route to such a goal misses"
+        who = "the ego's route to its goal misses" if only_car else "every car's route to a goal like this misses"
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes another junction nearby; ``only_car``: no other could be chosen."""
-        who = "the ego's route to its goal" if only_car else "the route of every car with such a goal"
+        who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
         return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
 
 

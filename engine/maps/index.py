@@ -1,4 +1,4 @@
-"""Finds an available map by what the user calls it: place, street, crossing, road number, id, box.
+"""Finds an available map by the user's words for it: place, street, crossing, road number, id, box.
 
 The database stores the result for each file in the map folders, so that a file is unpacked and read once only.
 """
@@ -478,7 +478,7 @@ def _not_shown_error(
     ]
     if nameless:
         return UnknownName(
-            f"no map contains {place!r}; {nameless[0].map_id} has such a road, but does not state its place",
+            f"no map contains {place!r}; {nameless[0].map_id} has a road of this name, but does not state its place",
             valid=[facts.map_id for facts in nameless],
             next_step="give the road alone, give its country, or add the map with its place",
             reason=NOT_SHOWN,
@@ -585,8 +585,8 @@ def _sound(text: str) -> str:
 def _match(entry: MapEntry, place: str, country: str | None, closeness: Closeness) -> MapMatch | None:
     """Return the map with the requested streets if it covers every part of the place, or None.
 
-    A part that the map lacks is accepted if another part is a street on the map, and the map is also identified: by a
-    part that refers to it or, if it has no place names, by the caller's country.
+    A part that the map lacks is accepted if another part is a street on the map, and the map is also identified. A part
+    that refers to the map identifies it or, if the map has no place names, the caller's country does.
     """
     facts = entry.facts
     reading = _read_whole(place, facts)

@@ -2,7 +2,7 @@
 
 Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (values
 that the request leaves open are open or take their default), ``load``, ``traffic``, ``runnable`` (the default planner
-finishes a trajectory); additional ones are ``place``, ``type``, ``vehicles`` and ``count``.
+finishes a trajectory). Additional columns are ``place``, ``type``, ``vehicles`` and ``count``.
 """
 
 from collections.abc import Mapping

@@ -233,7 +233,7 @@ class IndexedExtract(Model):
 
 
 class CutExtractRequest(Model):
-    """A part of an extract to cut out as a map: the words for it, or a box, or any part with such a site.
+    """A part of an extract to cut out as a map: the words for it, or a box, or any part with a site of the type.
 
     ``seed`` chooses among several matches. ``facts`` are those of the extract, with the names that the words may
     contain.
@@ -298,7 +298,7 @@ class CoverageReport(Model):
     """The progress of a coverage plan, and its next rows as one level per factor, by index.
 
     ``allowed`` counts the possible combinations, ``covered`` and ``left`` those of them. ``cannot`` are those that were
-    tried often enough, and those that imply such a combination.
+    tried often enough, and those that imply one of these.
     """
 
     rows: tuple[tuple[int, ...], ...]

@@ -234,7 +234,7 @@ class RequestedPlan:
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """Return the maps for some levels, or those of all places and countries if the levels contain none."""
+        """Return the maps for some levels, or those of all places and countries if the levels name neither."""
         names = ("place", "country")
         where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
         fitting = (matches for key, matches in self.shown.items() if where <= set(key))

@@ -41,7 +41,7 @@ async def make_scenario(
 ) -> ScenarioSummary:
     """Return one scenario: the stored one of the same recipe, otherwise a new one.
 
-    Of a million scenarios, some dozens would get the id of another one. Such a scenario is generated again with other
+    Of a million scenarios, some dozens would get the id of another one. These scenarios are generated again with other
     digits of its digest in the id.
 
     Raises:

@@ -160,7 +160,7 @@ def _uncovered_box_notes(box: Box, matches: Sequence[MapMatch]) -> list[str]:
 async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: GenerationPlan) -> GenerationPlan:
     """Return the plan with the whole map if the streets are outside the circle of the given town.
 
-    Only a map with such a circle is examined. If the whole map lacks the streets too, the original request is refused.
+    Only maps with a circle are examined. If the whole map lacks the streets too, the original request is refused.
     """
     matches: list[MapMatch] = []
     notes = list(plan.notes)
@@ -180,7 +180,7 @@ async def without_refused(
 ) -> PlannerForgeError:
     """Return the refusal of a place without proposed places that have no such site and would be refused too.
 
-    If all would be, it proposes the towns of local maps with such a site.
+    If all would be, it proposes the towns of local maps that have a site of this type.
     """
     places = [place for remedy in refusal.remedies if (place := _other_place(remedy)) is not None]
     if not places or spec.scenario_type == "any":
@@ -415,7 +415,7 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "until then, only local maps are searched; these are their nearest names"
+        "while this lasts, only local maps are searched; these are their nearest names"
     )
     return ServiceFailure(
         message,
