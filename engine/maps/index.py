@@ -25,6 +25,7 @@ from .naming.regions import region_of
 from .naming.spellings import (
     MOST_KEPT,
     distinctive,
+    is_only_a_kind,
     kinds_of_road,
     names_a_street,
     road_keys,
@@ -998,6 +999,8 @@ def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
 def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """Read the text as a road and a place with nothing between (``I-5 Seattle``, ``上海中山北路``), in either order."""
     for head, tail in _splits(text):
+        if is_only_a_kind(head) or is_only_a_kind(tail):  # ``Massachusetts Avenue`` is not an avenue in Massachusetts
+            continue
         if (one := _read_road(head, facts, whole=True)) and (other := _read_road(tail, facts, whole=True)):
             return one + other
         for first, second in ((head, tail), (tail, head)):

@@ -297,6 +297,12 @@ def without_kinds(words: frozenset[str]) -> frozenset[str]:
     return words - _KINDS - _PARTICLES
 
 
+def is_only_a_kind(name: str) -> bool:
+    """Return True for words that only say what kind of road it is (``Avenue``, ``rue de la``)."""
+    readings = road_readings(name)
+    return bool(readings) and not any(map(without_kinds, readings))
+
+
 def kinds_of_road(name: str) -> frozenset[str]:
     """Return the kinds of road in any reading of a name (``street``, ``boulevard``)."""
     return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)

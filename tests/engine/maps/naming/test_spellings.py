@@ -81,6 +81,11 @@ def test_a_direction_may_be_the_whole_name_of_a_street_of_a_crossing(words: str)
     assert {name for street in roads(entry, words) for name in street} == {"Новороссийская улица", "Северная улица"}
 
 
+def test_a_street_called_by_a_state_is_not_any_street_of_its_kind() -> None:
+    with pytest.raises(UnknownName):
+        roads(a_map("Hovey Avenue", "Francis Avenue"), "Washington Avenue, Seattle")
+
+
 def test_no_street_of_a_crossing_is_dropped() -> None:
     entry = a_map("Новороссийская улица", "Новая улица")
     with pytest.raises(UnknownName):
