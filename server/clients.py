@@ -59,7 +59,7 @@ def client_of(context: ServerRequestContext[Any]) -> ClientIdentity:
 
 
 def principal_of(scope: Scope) -> str:
-    """Return the owner of a request's token: its name, or client and subject of an OAuth token; empty if none."""
+    """Return the owner of a request's token: its name, or client and subject of an OAuth token; empty if absent."""
     user = scope.get("user")
     if not isinstance(user, AuthenticatedUser):
         return ""

@@ -23,7 +23,7 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
     """Return the configuration with an id, the one for ``PLANNER:PRESET``, or the current one.
 
     The current one is what the client configured or imported last, otherwise the workspace's newest (with a remark), or
-    ``frenetix:Default`` if there is none.
+    ``frenetix:Default`` if nothing is configured.
 
     Raises:
         UnknownName: an unknown name.
@@ -46,7 +46,7 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
         raise UnknownName(
             f"there is no configuration '{text}'",
             valid=[*closest(text, known), "current", DEFAULT_CONFIGURATION],
-            next_step="call list_planners for configurations, or configure_planner for a new one",
+            next_step="choose an existing one, or call configure_planner for a new one",
         )
     return preset
 

@@ -208,7 +208,7 @@ async def make_view(words: Sequence[str], context: WorkflowContext, *, whole: bo
         whole: whether a board includes the data of its player; otherwise the viewer requests each run.
 
     Raises:
-        InvalidRequest: no view shows these artifacts, or none shows them together.
+        InvalidRequest: no view shows these artifacts, or not together.
         UnknownName: an unknown name.
         NotPossible: the view would be too large, or it has no run.
     """

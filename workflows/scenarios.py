@@ -96,7 +96,7 @@ def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, 
 
 
 def one_scenario(word: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
-    """Return the scenario of an id or ``ID#problem``, and the planning problem, or None if none is given.
+    """Return the scenario of an id or ``ID#problem``, and the planning problem, or None if no problem is given.
 
     Raises:
         UnknownName: there is no such scenario or planning problem.

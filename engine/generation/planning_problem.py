@@ -2,9 +2,9 @@
 goal.
 
 The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
-have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
-with a reference path can follow. Maps have corners, and netconvert joins lanes that do not face each other with
-sideways jogs. Recorded cars cut these; a planner that follows the centre lines may find no trajectory there.
+have the goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner with
+a reference path can follow. Maps have corners, and netconvert joins lanes that do not face each other with sideways
+jogs. Recorded cars cut these; a planner that follows the centre lines may find no trajectory there.
 """
 
 import itertools
@@ -16,6 +16,7 @@ import numpy as np
 
 from ...schemas.errors import NotPossible, UnknownName, closest, with_values
 from ...schemas.generation import AskedEgo, AskedGoal, LaneletGoal, Turn
+from ...schemas.text import counted
 from ..geometry import (
     Points,
     Values,
@@ -111,8 +112,9 @@ def choose_task(
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
-    spot; if the goal must be beyond the site, it leaves the site and takes most of the duration; its lanes can be
-    followed. Of equal cars the first is taken. A task that ``accepts`` rejects does not count.
+    spot; it suits a goal beyond the site; its lanes can be followed. A path suits a goal that must be beyond the site
+    if it leaves the site and takes most of the duration. Of equal cars the first is taken. A task that ``accepts``
+    rejects does not count.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
@@ -125,7 +127,7 @@ def choose_task(
     cars = [vehicle for vehicle in cars if vehicle.motion.speeds_mps[0] <= top_mps]
     if index is not None and index >= len(cars):
         raise NotPossible(
-            f"ego index:{index} requests car number {index}, but the traffic has {len(cars)} to choose from",
+            f"ego index:{index} is out of range: the traffic has {counted(len(cars), name)} that can be the ego",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
             remedies=[with_values(ego=None)],
@@ -139,8 +141,8 @@ def choose_task(
     if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"of {len(choice) + len(others)} possible {name}(s), not one has a goal {goal.in_words()} on its route "
-        f"(at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
+        f"no candidate ego ({counted(len(choice) + len(others), name)} tried) has a goal {goal.in_words()} on its "
+        f"route (at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",

@@ -1,6 +1,6 @@
 """Searches directed graphs, and provides the graph of a lanelet network.
 
-The searches are our own rather than networkx's or scipy's: of several equally cheap routes, they take the one with the
+The searches are our own rather than networkx's or scipy's. Of several equally cheap routes, they take the one with the
 lower node ids, whatever the order in the file. networkx takes the first one it finds, and scipy's csgraph does not
 specify which. On straight roads, where an early lane change costs as much as a late one, routes would then vary, and
 with them everything computed along them.

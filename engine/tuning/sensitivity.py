@@ -5,9 +5,9 @@ random paths through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is 
 index is the share of the objective's variance to which a weight contributes. Intervals are SALib's bootstraps.
 
 A change of a weight that turns some scenarios to success and as many to failure also moves the mean a little. So a
-weight matters only if its effect is larger than expected if each scenario's changes were as likely to have the opposite
-sign (a permutation test with the scenario as the unit), and if its bootstrapped interval is above 0; both conditions
-are adjusted for the number of tested weights (Bonferroni).
+weight matters only if it passes a permutation test and its bootstrapped interval is above 0. The test has the scenario
+as the unit: the effect must be larger than expected if each scenario's changes were as likely to have the opposite
+sign. Both conditions are adjusted for the number of tested weights (Bonferroni).
 """
 
 from collections.abc import Sequence

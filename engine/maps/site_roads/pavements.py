@@ -85,8 +85,8 @@ def find_pavements(
 ) -> Pavements:
     """Find the pavements of roads within a circle around (latitude, longitude); ``lefthand``: traffic keeps left.
 
-    A ring has none on its inner side: pedestrians do not walk there, and a pavement against the traffic would not form
-    a ring.
+    A ring has no pavement on its inner side: pedestrians do not walk there, and a pavement against the traffic would
+    not form a ring.
     """
     footways = _FootWays(osm, center, radius_m)
     sides: dict[int, Sides] = {}

@@ -167,7 +167,7 @@ class SiteFinder:
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
-        """Return all sites of a kind, with near ones merged; none if the map has hardly any road."""
+        """Return all sites of a kind, with near ones merged; empty if the map has hardly any road."""
         if kind not in self._found:
             sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
             self._found[kind] = tuple(

@@ -1,8 +1,8 @@
 """Sets the speed of each lane: from posted limits, recorded speeds, and curves.
 
-A lane has the posted speed limit, or 50 km/h if the file posts none, and more if a vehicle was recorded faster. Curves
-lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the friction
-circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For these,
+A lane has the posted speed limit, or 50 km/h if the file posts no limit, and more if a vehicle was recorded faster.
+Curves lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the
+friction circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For these,
 ``slow_places`` returns where to slow down, for a co-simulation that sets SUMO's speeds step by step.
 """
 

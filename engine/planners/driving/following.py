@@ -1,7 +1,7 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
 A plan is a sequence of states, and no steering may lead from one to the next. Here the rear axle moves as in the
-kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020): with speed v,
+kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020). With speed v,
 steering angle δ and wheelbase L, the heading turns by v · tan δ / L, and the inputs of a time step are a constant
 acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the front
 axle as near as possible to the whole plan, a least-squares problem with bounds: the vehicle starts to steer before a

@@ -3,7 +3,7 @@
 Lane 0 is the band around the path itself, as wide as the lane under it, so a path that changes lanes leads the planner
 from one lane to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, if a lane change
 is allowed. A missing lane has a band of zero width: the core samples no end states in bands that are narrower than the
-vehicle, and such a band adds nothing to the road.
+vehicle, and a band of zero width adds nothing to the road.
 """
 
 from collections.abc import Collection, Iterator
