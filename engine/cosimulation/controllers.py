@@ -48,8 +48,8 @@ def next_speed_mps(
 ) -> float | None:
     """Return the speed after the next step of a vehicle that must slow down, or None if it is not limited.
 
-    The vehicle should slow down within a distance and must do so within an additional one. ``usual_mps2``: the driver's
-    own deceleration. ``final_mps``: the speed to reach, by default 0. There may be several points (n,), each with its
+    The vehicle should slow down within ``room_m`` and must do so within ``left_m``. ``usual_mps2``: the driver's own
+    deceleration. ``final_mps``: the speed to reach, by default 0. There may be several points (n,), each with its
     distance and its speed. ``hardest_mps2``: the hardest braking.
     """
     room_m = np.maximum(room_m - speed_mps * step_s, 0.0)
