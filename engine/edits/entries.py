@@ -421,7 +421,7 @@ class _Conflict:
 
 
 def _check_not_run_over(simulated: SimulatedEdits) -> None:
-    """Refuse an entry if a recorded vehicle hits it at once and cannot brake enough, as in an entry's own lane."""
+    """Refuse an entry if a recorded vehicle, even from another lane, hits it at once and cannot brake enough."""
     scene = simulated.scene
     for conflict in _conflicts(simulated):
         plan, other = conflict.plan, conflict.other

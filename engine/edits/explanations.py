@@ -521,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits replace all parameters that an edit sets, whatever their values were."""
+    """Return True if later edits set all of an edit's parameters to values independent of the earlier ones."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
