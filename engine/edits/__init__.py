@@ -3,7 +3,7 @@
 ``SCENARIO_FILE``: the name of an edited scenario's file.
 ``apply_edits``: applies either all edits of a request or none, in one re-simulation; returns files and reports.
 ``Changes``: everything that a list of edits requests, before anything is simulated; immutable.
-``select``: returns the ids of the vehicles that several selectors match together, ascending.
+``select``: returns the ids of the vehicles that selectors match, ascending.
 ``scene_of``: returns the scene of a file with its lanes and SUMO network, cached for the next request.
 """
 

@@ -41,7 +41,7 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Return the ids of all vehicles that any of the selectors matches, ascending.
+    """Return the ids of the vehicles that the selectors match, without excluded ones, ascending.
 
     Vehicles that earlier edits added count like recorded ones; removed ones do not count.
 
