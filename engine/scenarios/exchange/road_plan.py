@@ -172,7 +172,7 @@ class RoadPlan:
 
     @cached_property
     def bridges_behind(self) -> dict[int, int]:
-        """Connecting road → id of the bridge behind it, because it would be the incoming road of a connecting one."""
+        """Connecting road → id of the bridge after it: it must not be the incoming road of a connecting road."""
         needed = [
             road
             for road in sorted(self.connecting)
