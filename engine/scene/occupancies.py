@@ -112,7 +112,7 @@ def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
 
 
 def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], float, tuple[float, float]]:
-    """Return centre in m, direction of one side in rad, and the sides in m (that one first) of a bounding rectangle."""
+    """Return a bounding rectangle: centre in m, direction of one side in rad, and the sides in m (that side first)."""
     if hasattr(shape, "length") or hasattr(shape, "radius"):
         x, y = center_of(shape)
         return (float(x), float(y)), float(getattr(shape, "orientation", heading_rad)), size_of(shape)
