@@ -3,7 +3,7 @@
 These figures are computed only here, for both runs and edits. Lengths in m, times in s, headings in rad. The time to
 collision is that of two road users that keep their present courses and speeds in the plane (Hayward, "Near-miss
 determination through use of a scale of danger", 1972). The catalogue's time to conflict is a different quantity: there
-the ego follows its lanes and the others their recording (``scenarios/facts.py``).
+the ego follows its lanes and other road users their recording (``scenarios/facts.py``).
 """
 
 from collections.abc import Iterable

@@ -458,7 +458,7 @@ class _Pace:
             needed = 2 * (speed - max(begin + end, 0.0) / 2 / left_s) / left_s
             yield _Cause("braked_for_goal", needed_mps2=min(needed, NEEDED_MPS2))
 
-    # the others
+    # the other road users
 
     def _leader(self, index: int) -> Ahead | None:
         """Return the nearest vehicle ahead on the path."""

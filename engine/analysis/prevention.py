@@ -3,7 +3,7 @@
 The drivers are those of ``engine/planners/reference_drivers``: UN R157's careful driver, the fuzzy safety model, RSS,
 full braking, and a driver that keeps its lane and speed. Each driver is judged from two starts:
 
-* ``before_contact``: it follows the path that the ego drove, straight on after its end, at the ego's speeds, until it
+* ``before_contact``: it follows the path that the ego drove, extended straight ahead, at the ego's speeds, until it
   reacts to the road user that was hit. This start shows what an ego could have done in this encounter.
 * ``start``: it keeps its lane and the initial speed until it reacts to any road user. This start shows whether the ego
   caused the encounter.

@@ -29,7 +29,7 @@ Cause = Literal["edited", "added", "handed_over"]
 
 @dataclass(frozen=True)
 class JunctionLaneChange:
-    """A lane change inside a junction: SUMO uses ``lanelet_id`` at once, and the motion gets there as it rolls.
+    """A lane change inside a junction: SUMO uses ``lanelet_id`` at once; the motion moves over while rolling.
 
     ``within_m``: the distance of the change along the lane, from the hand-over.
     """

@@ -1,4 +1,4 @@
-"""Scripted motion: a road user moves as prescribed, regardless of the others.
+"""Scripted motion: a road user moves as prescribed, regardless of other road users.
 
 A script changes an existing track: its speed, with a prescribed acceleration from some step, and its lateral position,
 in a prescribed time. Acts apply in sequence: each act changes the result of the previous ones. To be drivable, the

@@ -374,7 +374,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """Return the former ego as a vehicle of its class that drives to the former goal, or straight on."""
+    """Return the former ego as a vehicle of its class that drives to the former goal, or straight ahead."""
     if not ego.lanelets:
         raise NotPossible("the former ego is not on a lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)

@@ -209,7 +209,7 @@ class _Branch:
 
 
 def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
-    """Return the branches of the first fork of a lanelet's own lane; empty if the lane ends without one."""
+    """Return the branches of the first fork of a lanelet's own lane; empty if the lane ends without a fork."""
     successors = scene.layout.table.successors
     current, seen = start, {start}
     while len(successors[current]) == 1 and successors[current][0] not in seen:

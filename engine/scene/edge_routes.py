@@ -126,7 +126,7 @@ class EdgeGraph:
         return [*before, *outside, *after]
 
     def _inside_exits(self, lanelets: Sequence[int]) -> list[str]:
-        """Return exits of paths that use all leading internal lanelets: they distinguish paths that share the first."""
+        """Return the exits of paths through all leading internal lanelets, which separate paths with equal starts."""
         inside: list[int] = []
         for key in lanelets:
             if key in self.layout.lane_of:
