@@ -15,7 +15,7 @@ def lazy_face(package: str, file: str) -> tuple[Callable[[str], object], Callabl
     """Return ``__getattr__`` and ``__dir__`` for a package that imports a name's module on first use of the name.
 
     The names are those that the package imports by relative paths under ``TYPE_CHECKING``, where type checkers, editors
-    and import graphs read them too. The server's process imports many faces and must not load numpy for this.
+    and import graphs read them too. The server's process imports many faces, and these imports must not load numpy.
 
     Args:
         package: the package's ``__name__``.

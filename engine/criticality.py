@@ -1,9 +1,9 @@
 """How critical a drive was: gaps, times to collision, time headways and a risk score.
 
-The single place where these figures are computed, for runs and edits. Lengths in m, times in s, headings in rad. The
-time to collision is that of two road users that keep their present courses and speeds in the plane (Hayward, "Near-miss
+These figures are computed only here, for both runs and edits. Lengths in m, times in s, headings in rad. The time to
+collision is that of two road users that keep their present courses and speeds in the plane (Hayward, "Near-miss
 determination through use of a scale of danger", 1972). The catalogue's time to conflict is a different quantity: there
-the ego follows its lanes and the others their recording (``scenarios/facts.py``).
+the ego follows its lanes and other road users their recording (``scenarios/facts.py``).
 """
 
 from collections.abc import Iterable
@@ -33,7 +33,7 @@ _PAIRS_AT_ONCE = 2000
 
 @dataclass(frozen=True)
 class _Criticality:
-    """The most critical figures of a drive; None if no other came within 60 m (or, for times, no closing one)."""
+    """The most critical figures of a drive; None if no road user (for times: no closing one) came within 60 m."""
 
     minimum_distance_m: float | None = None
     minimum_time_to_collision_s: float | None = None
@@ -59,9 +59,9 @@ class MovingRectangles:
 
 @dataclass(frozen=True)
 class _Encounters:
-    """All pairs of a driven state (``state``, an index) and another near it; ``ego`` and ``other`` of shape (n,).
+    """All pairs of a driven state (``state``, an index) and a nearby road user; ``ego`` and ``other`` have shape (n,).
 
-    ``track``: an index into the moving and then the standing ones.
+    ``track``: an index into the moving road users, followed by the standing ones.
     """
 
     state: NDArray[np.intp]
@@ -75,8 +75,8 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
 
     Args:
         ego: the drive, with the ego's size.
-        moving: the others while they are there, from their first to their last step.
-        standing: others that are there at every step, as tracks of a single state.
+        moving: the other road users while they are present, from their first to their last step.
+        standing: road users that are present at every step, as tracks of a single state.
     """
     met = encounters(ego, moving, standing)
     if not len(met.state):
@@ -94,7 +94,7 @@ def drive_criticality(ego: Track, moving: Iterable[Track], standing: Iterable[Tr
 
 
 def encounters(ego: Track, moving: Iterable[Track], standing: Iterable[Track] = ()) -> _Encounters:
-    """Return the pairs of all states of the ego and others within 60 m of it, centre to centre."""
+    """Return all pairs of a state of the ego and a road user within 60 m of it, centre to centre."""
     steps = np.arange(ego.first_step, ego.last_step + 1)
     centers = ego.positions
     chosen, states, sizes = [], [], []
@@ -130,10 +130,10 @@ def corners_of(bodies: MovingRectangles) -> NDArray[np.float64]:
 
 
 def times_to_collision_s(ones: MovingRectangles, others: MovingRectangles) -> Values:
-    """Return seconds until the i-th rectangles first touch, 0 while they overlap, infinite if they never will; (n,).
+    """Return the times (n,) in s until paired rectangles first touch; 0 while they overlap, infinite if they never do.
 
-    Both move without turning (Hayward 1972). On every axis that is normal to a side, their projections overlap during a
-    time interval; the rectangles overlap while all four projections do (separating axes).
+    The rectangles move without turning (Hayward 1972). On every axis that is normal to a side, their projections
+    overlap during a time interval; the rectangles overlap while all four projections do (separating axes).
     """
     first, second = corners_of(ones), corners_of(others)
     closing = ones.velocities - others.velocities
@@ -174,7 +174,7 @@ def gaps_m(met: _Encounters) -> Values:
 
 
 def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
-    """Return the seconds in which the ego at its speed drives a distance; infinite while it stands.
+    """Return the time in s in which the ego covers a distance at its speed; infinite while it stands.
 
     Time headway as in Vogel 2003 (a comparison of headway and time to collision) is from front to front, the time gap
     (ISO 15622) from the ego's front to the rear of the vehicle ahead.
@@ -186,9 +186,9 @@ def driving_times_s(ahead_m: Values, met: _Encounters) -> Values:
 
 @dataclass(frozen=True)
 class _Ahead:
-    """Others along the ego's path, one value per pair: ``gaps_m`` from its front to their rear, infinite if not ahead.
+    """Others along the ego's path, per pair: ``gaps_m`` from the ego's front to their rear, infinite if not ahead.
 
-    ``speeds_mps``: theirs along the path; ``aside_m``: how far their centres are from it.
+    ``speeds_mps``: their speeds along the path; ``aside_m``: how far their centres are from it.
     """
 
     gaps_m: Values
@@ -197,9 +197,9 @@ class _Ahead:
 
 
 def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
-    """Return how far ahead along the ego's path others are, and how fast they move along it.
+    """Return how far ahead other road users are along the ego's path, and how fast they move along it.
 
-    The path is what the ego drove from then on, straight on after its end; a vehicle is ahead if it is on that path
+    The path is what the ego drove afterwards, extended straight ahead; a vehicle is ahead if it is on that path
     (lateral overlap of the bodies) and heads within 45° of it.
     """
     last = np.array([np.cos(ego.headings_rad[-1]), np.sin(ego.headings_rad[-1])])
@@ -214,12 +214,12 @@ def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
 
 
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
-    """Return 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible risk, for gaps in m and times in s, (n,).
+    """Return risk scores (n,): 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible; gaps in m, times in s.
 
-    The scale of From Words to Collisions (TUM-AVS, ITSC 2025) has one score for distance and one for the time to
-    collision. Each is 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), and their mean is cut to an integer. The
-    most dangerous other at the most dangerous step counts. Here with the gap between the rectangles and the time to
-    collision in the plane, while the source weights longitudinal and lateral parts by the direction of the other.
+    The scale comes from "From Words to Collisions" (TUM-AVS, ITSC 2025). Distance and time to collision each get a
+    score, 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), and the mean is rounded down. The most dangerous road
+    user at the most dangerous step counts. We use the gap between the rectangles and the time to collision in the
+    plane; the source weights longitudinal and lateral parts by the other road user's direction.
     """
     distance = np.searchsorted(_RISK_STEPS_M, gaps_m, side="left")
     time = np.searchsorted(_RISK_STEPS_S, times_to_collision, side="left")
@@ -228,9 +228,10 @@ def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
 
 
 def _on_path(path: Points, stations: Values, met: _Encounters) -> tuple[Values, Values, Values]:
-    """Return arc length, distance and heading of the path at the point nearest to each other, shapes (n,).
+    """Return the path's arc length, distance and heading at the point nearest to each road user, shapes (n,).
 
-    Only the path from the ego's state on counts: a route that crosses itself must not find others behind the ego.
+    Only the path after the ego's state counts: on a route that crosses itself, road users behind the ego must not be
+    found.
     """
     blocks = range(0, len(met.state), _PAIRS_AT_ONCE)
     parts = [
@@ -255,6 +256,6 @@ def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.i
 
 
 def _least(values: Values) -> float | None:
-    """Return the least of some times in s, or None if no time is within 100 s."""
+    """Return the shortest of some times in s, or None if no time is within 100 s."""
     least = float(values.min())
     return least if least <= _LONGEST_S else None

@@ -1,7 +1,7 @@
 """The figures of the ego's own motion in a drive, as ``schemas/measures.py`` defines them.
 
-The single place where they are computed: a run stores those that are fields of ``RunMetrics``, and analysis reports all
-of them with their times. Lengths are in m, times in s, angles in rad.
+The figures are computed only here. A run stores those that are fields of ``RunMetrics``, and analysis reports all of
+them with their times. Lengths are in m, times in s, angles in rad.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from .geometry import Values, wrap_angles
 class MotionSeries:
     """A quantity over a drive; its largest value is the measure ``name``.
 
-    ``values``: one for each driven state from ``first_state`` on, so that the time of the largest is known.
+    ``values``: one for each driven state, starting at ``first_state``, so the time of the largest value is known.
     """
 
     name: str

@@ -1,27 +1,27 @@
-"""What planner runs show: rates, costs, findings and paired comparisons.
+"""Analyses planner runs: rates, costs, findings and paired comparisons.
 
-``analyse``: operation that returns the rates, metrics, costs and findings of runs.
-``compare``: operation that compares every side of a request with the first, paired by scenario and conditions.
+``analyse``: the operation that returns the rates, metrics, costs and findings of runs.
+``compare``: the operation that compares every side of a request with the first, paired by scenario and conditions.
 ``Limit``: a bound on figures of runs, or the requirement that they are not worse than a baseline.
-``Judged``: the runs of a configuration that limits are judged on.
+``Judged``: the runs of a configuration to which limits are applied.
 ``parse_limit``: parses the text of a limit; raises an error if it is not a limit.
-``write_step_table``: operation that writes the steps of a run as a table, with its series and debug values.
-``write_run_table``: operation that writes the table of a batch, one row per run.
+``write_step_table``: the operation that writes the steps of a run as a table, with its series and debug values.
+``write_run_table``: the operation that writes the table of a batch, one row per run.
 ``Course``: a run over time: motions, gap to the nearest other road user, time to collision.
 ``course_of``: returns a run over time, or None if its steps are missing.
-``look_at_runs``: operation that examines each run once; the result is stored with the run.
+``look_at_runs``: the operation that examines each run once; the result is stored with the run.
 ``known_contacts``: returns how the collisions of runs came about.
-``METRICS``: the metrics of a run with unit, direction and the runs in which they may be compared.
+``METRICS``: the metrics of a run, with their units, directions and the runs in which they may be compared.
 ``MetricSpec``: one of these metrics.
-``cost_shares``: returns the mean weighted cost of each term and its share, by configuration, the largest first.
-``review_runs``: operation that returns who hit whom, the closest approach and the largest motions of each run.
+``cost_shares``: returns the mean weighted cost of each term and its share, by configuration, largest share first.
+``review_runs``: the operation that returns who hit whom, the closest approach and the largest motions of each run.
 ``RunSet``: a set of runs with their steps, configurations and scenarios.
 ``driven_tracks``: returns the tracks of the obstacles of reactive traffic in a run, by id.
 ``read_series``: returns the series of a run, or None if it was stored without them.
 ``read_steps``: returns the steps of a run, or None if they were not kept.
 ``mcnemar_exact``: returns the two-sided p of the exact McNemar test on discordant pairs.
 ``rate``: returns a share with its 95 % Wilson interval.
-``success_rates``: operation that returns the rates of sets of trials, with the scenario as the unit.
+``success_rates``: the operation that returns the rates of sets of trials, with the scenario as the unit.
 ``wilson_interval``: returns the Wilson score interval of a binomial share.
 """
 

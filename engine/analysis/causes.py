@@ -1,7 +1,8 @@
-"""What else decides the rates of runs besides the planner: unpreventable collisions, and goals met without driving.
+"""Causes of rates other than the planner: unpreventable collisions, and goals met without driving.
 
-Both are reported next to the rate over all valid runs and never replace it. All runs with a stored review (``RunLook``)
-are counted; a random sample of the others is examined and reported as a sample, with its interval.
+The two causes are reported next to the rate over all valid runs and never replace it. All runs with a stored review
+(``RunLook``) are counted; a random sample of the remaining runs is examined and reported as a sample, with its
+interval.
 """
 
 from collections import Counter
@@ -42,9 +43,10 @@ def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksRespo
 
 
 def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[RunRecord]:
-    """Return all runs if each has a stored review or they are few, and otherwise a random sample of at least ``most``.
+    """Return all runs if they are few or all have stored reviews, else a random sample of at least ``most``.
 
-    Beyond ``most``, it contains only runs with a stored review. It keeps the order of the runs.
+    More than ``most`` runs are included only as long as the further ones have stored reviews. The order of the runs is
+    kept.
     """
     chosen: set[str] = set()
     wanted = list(records)
@@ -56,7 +58,7 @@ def sample_of(runs: RunSet, records: Iterable[RunRecord], most: int) -> list[Run
 
 
 def collision_causes(runs: RunSet, *, with_rate: bool = True) -> CollisionCauses | None:
-    """Return the kinds of collisions and how many no reference driver prevents, or None if no collision is known.
+    """Return collisions by kind and the number that no reference driver prevents; None if no collision is known.
 
     ``with_rate``: whether to add one rate over all these runs.
     """
@@ -106,7 +108,8 @@ def _is_among(run_ids: Sequence[str]) -> Callable[[RunRecord], bool]:
 def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
     """Return the rate of goals without unpreventable collisions, estimated from a sample of the collisions.
 
-    Its interval covers both uncertainties: each end uses the farther end of the sample's interval.
+    The interval covers the uncertainty of the rate and of the sample: each end uses the farther end of the sample's
+    interval.
     """
     goals, valid = len(runs.successes), len(runs.valid)
     if unpreventable.share is None or unpreventable.low is None or unpreventable.high is None:
@@ -118,7 +121,7 @@ def _estimated_without(runs: RunSet, hits: int, unpreventable: Rate) -> Rate:
 
 
 def known_contacts(runs: RunSet) -> dict[str, Contact]:
-    """Return contacts by run id for all collisions with another or a random sample, without unknown courses."""
+    """Return contacts by run id for collisions with road users, all or sampled, where the course is known."""
     return _contacts(runs, sample_of(runs, (one for one in runs.valid if hit_another(one)), MOST_COLLISIONS))
 
 

@@ -1,10 +1,10 @@
 """Compare A with B, paired per scenario (or its edited version), problem, prediction, traffic and seed.
 
 The scenario is the unit of all tests (``statistics.py``). Success is tested by McNemar's exact test or, if scenarios
-have several pairs, by flipping the signs of scenarios; each metric by Wilcoxon's signed-rank test on the means of
-scenarios. All p values of one answer are adjusted together (``_with_holm``), including those between the sides of a
-ranking, so that headline, table and ranking cannot contradict each other. The verdict states what happened, then what
-the tests show about it.
+have several pairs, by flipping the signs of scenarios; each metric is tested by Wilcoxon's signed-rank test on the
+scenarios' means. All p values of one answer are adjusted together (``_with_holm``), including those between the sides
+of a ranking. Headline, table and ranking therefore cannot contradict each other. The verdict states what happened, then
+what the tests show about it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -103,7 +103,7 @@ def compare(request: CompareRequest, report: ProgressReporter) -> CompareResults
 
 
 def _is_shown(test: "SuccessTest") -> bool:
-    """Return True if success differs, both by the exact test after Holm's adjustment and by the interval."""
+    """Return True if both the exact test (after Holm's adjustment) and the interval show a difference in success."""
     if test.p_holm is None or test.low is None or test.high is None:
         return False
     return test.p_holm < LEVEL and not test.low <= 0 <= test.high
@@ -112,7 +112,7 @@ def _is_shown(test: "SuccessTest") -> bool:
 def _ranking(
     sides: Sequence[Side], runs: RunSet, records: dict[str, RunRecord], tests: Mapping[tuple[int, int], SuccessTest]
 ) -> tuple[RankedSide, ...]:
-    """Return the sides by success, with ties, by the adjusted tests of every side against every other."""
+    """Rank the sides by success; adjusted tests of each pair of sides decide which are tied."""
     worse: dict[int, list[int]] = {}
     for (first, second), test in tests.items():
         if _is_shown(test):
@@ -225,7 +225,7 @@ def _paired(before: Side, after: Side, pairing: "_Pairing") -> str:
 
 
 def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> tuple[str, ...]:
-    """Return runs to check a headline by: those that flipped, else the pairs that differ most, else the first pair."""
+    """Return runs as evidence for a headline: those that flipped, else the pairs that differ most, else the first."""
     clearest = [pair for one in metrics if one.run_ids for pair in pairs if pair[0].run_id == one.run_ids[0]]
     chosen = {pair[0].run_id: pair for pair in (flipped or clearest or pairs)}
     return tuple(record.run_id for pair in list(chosen.values())[: _CHECKED // 2] for record in pair)
@@ -234,7 +234,7 @@ def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> 
 def _cost(
     pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], asked: Sequence[MetricName]
 ) -> UncomparedCost | None:
-    """Return the cost of both sides if it is not comparable; None if it was compared or a side has no cost."""
+    """Return the two sides' costs if they are not comparable; None if they were compared or a side has no cost."""
     if any(one.name == _COST and one.pairs for one in tested) or (asked and _COST not in asked):
         return None
     costs = [[one.metrics.mean_total_cost for one in runs if one.metrics] for runs in zip(*pairing.pairs, strict=True)]
@@ -271,7 +271,7 @@ def _across_rules(request: CompareRequest, records: dict[str, RunRecord]) -> tup
 
 
 def _weight_changes(before: str, after: str, configs: Sequence[ConfigWeights]) -> tuple[WeightChange, ...]:
-    """Return the weights and settings that differ between two configurations, by name; empty if one of them is unknown.
+    """Return the weights and settings that differ, by name; empty if one of the configurations is unknown.
 
     The value is None for a setting that has its default and for a weight that the planner does not have.
     """
@@ -357,7 +357,7 @@ def _metric(spec: MetricSpec, pairs: _Pairs, runs: RunSet) -> MetricTest:
 
 
 def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better", "worse", "same", "changed"]:
-    """Return the direction from before to after; values with the same three shown digits count as the same."""
+    """Return the direction from before to after; values that agree in the three displayed digits count as equal."""
     if spec.difference(before, after) == 0 or figure(before) == figure(after):
         return "same"
     if spec.better is None:
@@ -366,7 +366,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """Return what distinguishes the two scenarios of a pair by lineage: their edits from the first difference on."""
+    """Return what distinguishes the scenarios of a pair by lineage: their edits, from the first difference."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -401,10 +401,10 @@ def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple
 def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest | MetricTest]":
     """Return the tests of one answer with Holm's adjustment within success and within the metrics.
 
-    These two families share the level evenly (Bonferroni), so that an answer with many metrics can still show a
-    difference in success, and at most 5 % of the answers in which nothing differs report a difference. A test that
-    cannot fall below 5 %, regardless of the signs of its differences, is not counted and has no adjusted p (Tarone
-    1990, "A modified Bonferroni method for discrete data").
+    These two families share the level evenly (Bonferroni), so an answer with many metrics can still show a difference
+    in success. At most 5 % of the answers in which nothing differs report a difference. A test that cannot fall below 5
+    %, regardless of the signs of its differences, is not counted and has no adjusted p (Tarone 1990, "A modified
+    Bonferroni method for discrete data").
     """
     families = [
         [place for place, test in enumerate(tests) if isinstance(test, kind) and _can_show(test)]
@@ -508,9 +508,10 @@ class _Pairing:
 def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Mapping[str, Lineage]) -> _Pairing:
     """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
 
-    A condition with one value on all of a side and another on all of the other is the subject of the comparison: it is
-    left out of the key and reported. The remaining runs are paired by lineage: with the only run of the other side that
-    has a scenario from the same root. If there are several candidates, the run stays unpaired.
+    A condition that has one value in all runs of one side and a different value in all runs of the other side is the
+    subject of the comparison: it is left out of the key and reported. The remaining runs are paired by lineage: each
+    with the only run of the opposite side whose scenario has the same root. If there are several candidates, none is
+    paired.
 
     Raises:
         InvalidRequest: a side contains two runs of the same problem under the same conditions.
@@ -575,7 +576,7 @@ def _by_key(label: str, side: list[RunRecord], conditions: tuple[str, ...]) -> d
 
 
 def _headline_code(success: SuccessTest, pairs: _Pairs, strata: Sequence[Stratum]) -> HeadlineCode:
-    """Return the code for what the pairs show about success (``HeadlineCode``)."""
+    """Return the ``HeadlineCode`` that summarises what the pairs show about success."""
     if not pairs:
         return "no_valid_pair"
     if len(pairs) == 1:
@@ -593,12 +594,12 @@ def _headline_code(success: SuccessTest, pairs: _Pairs, strata: Sequence[Stratum
 
 
 def _is_alike(test: SuccessTest) -> bool:
-    """Return True if the interval of the difference lies within the margin on either side of 0."""
+    """Return True if the interval of the difference is within ± the margin."""
     return test.low is not None and test.high is not None and -_MARGIN <= test.low <= test.high <= _MARGIN
 
 
 def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
-    """Return the code for the metrics that are shown to differ (``MetricsCode``)."""
+    """Return the ``MetricsCode`` for the metrics that differ significantly."""
     if all(test.p is None for test in metrics):
         return "untested"
     telling = [test for test in metrics if _tells(test)]
@@ -619,7 +620,7 @@ def _verdict(success: SuccessTest, metrics: Sequence[MetricTest], pairs: _Pairs,
 
 
 def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
-    """Return what one pair shows; the metrics follow below, because no test supports them."""
+    """Return what a single pair shows; its metrics are listed separately, because no test supports them."""
     only = "one pair supports no general conclusion."
     mastered = _mastered(pair)
     if mastered[0] != mastered[1]:

@@ -1,4 +1,4 @@
-"""Conflicts of the ego with others: the time left to act, the worst possible case, and crossing paths.
+"""Conflicts of the ego with other road users: time left to act, the worst possible case, and crossing paths.
 
 Unless stated otherwise, arrays have one entry per pair of a driven state of the ego and another road user
 (``criticality.encounters``). Formulas and parameters are those of ``schemas/measures.py``.
@@ -36,10 +36,10 @@ _CROSSING_RAD = np.pi / 4
 def times_left_to_crossing(
     ego: MovingRectangles, other: MovingRectangles, collision_s: Values, vehicle: VehicleParameters
 ) -> tuple[Values, Values]:
-    """Return the seconds until full braking, and until the best manoeuvre, can no longer prevent a collision; (n,).
+    """Return the times in s until full braking, or the best manoeuvre, cannot prevent a collision; two arrays (n,).
 
-    The other keeps course and speed, and so does the ego until it brakes, swerves to either side or accelerates. 0
-    means too late.
+    The other road user keeps its course and speed. The ego does so until it brakes, swerves to either side or
+    accelerates. 0 means too late.
 
     Args:
         ego, other: the bodies, on a collision course.
@@ -100,11 +100,11 @@ def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """Bodies that will touch: their separation on the four axes of both, and how manoeuvres change it.
+    """Bodies that will touch: their separation along their four axes, and how manoeuvres change it.
 
-    ``apart`` (n, times, 4): the difference of the centres on each axis while both keep their motion. ``along``,
-    ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left. ``needed_m`` (n, 1, 4): the
-    difference from which they are clear. ``times_s`` (n, times).
+    ``apart`` (n, times, 4): the difference between the centres on each axis while the two bodies keep their motion;
+    ``along``, ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left; ``needed_m`` (n, 1, 4):
+    the difference at which the bodies are clear of each other. ``times_s`` (n, times).
     """
 
     times_s: Values
@@ -117,7 +117,7 @@ class _Conflict:
 
     @classmethod
     def of(cls, ego: MovingRectangles, other: MovingRectangles, collision_s: Values) -> "_Conflict":
-        """Return the conflicts of all pairs, from now until some time after their collision."""
+        """Return the conflicts of all pairs, from the present state until some time after the collision."""
         axes = np.stack([*_axes(ego.headings_rad), *_axes(other.headings_rad)], axis=1)
         halves = sum(
             np.abs(np.einsum("nkd,nd->nk", axes, side)) * bodies.sizes_m[:, number, None] / 2
@@ -141,7 +141,8 @@ class _Conflict:
     def latest(self, manoeuvre: _Manoeuvre) -> Values:
         """Return the latest start in s of a manoeuvre that stays clear; 0 if there is none.
 
-        Start times are tried evenly, because a later one may be clear when an earlier one is not; then by bisection.
+        Evenly spaced start times are tried first, because a later one may be clear when an earlier one is not. The
+        result is then refined by bisection.
         """
         low, span_s = np.full(len(self.collision_s), -1.0), self.collision_s / _BEGINS
         for number in range(_BEGINS):
@@ -169,14 +170,14 @@ def _axes(headings_rad: Values) -> tuple[Points, Points]:
 
 
 def worst_times_s(ego: MovingRectangles, other: MovingRectangles, stands: NDArray[np.bool_]) -> Values:
-    """Return worst times to collision (Wachenfeld et al. 2016), shape (n,); 0 if the discs of both overlap now.
+    """Return worst times to collision (Wachenfeld et al. 2016), shape (n,); 0 if the bodies' discs overlap now.
 
     Each body is covered by three discs, a third of its length apart, that keep its velocity and grow with a t² ÷ 2. The
     first solution of |Δp + Δv t| = R + A t² ÷ 2 is a root of a polynomial of degree four.
 
     Args:
         ego, other: the bodies.
-        stands: the others that never move.
+        stands: whether the other road user never moves.
     """
     if not len(stands):
         return np.zeros(0)
@@ -196,7 +197,7 @@ def _thirds(bodies: MovingRectangles) -> list[Points]:
 
 
 def _first_meeting_s(away: Points, change: Points, radius_m: Values, grows_mps2: Values) -> Values:
-    """Return when discs first touch that move by ``change`` and grow by ``grows_mps2`` · t² ÷ 2; 0 if they touch."""
+    """Return when discs that move by ``change`` and grow by ``grows_mps2`` · t² ÷ 2 touch; 0 if they do already."""
     fourth = -(grows_mps2**2) / 4
     square = (change**2).sum(axis=1) - grows_mps2 * radius_m
     linear = 2 * (away * change).sum(axis=1)
@@ -220,7 +221,7 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class Crossing:
-    """A crossing of the ego's path and another's: the road user, and when each is in the common area.
+    """A crossing of the paths of the ego and another road user, and when each of them is in the common area.
 
     Times in s since the ego's first state. ``ego_whole``: whether the ego both entered and left the area;
     ``turned_rad``: the difference of their headings there, 0 to π.
@@ -234,17 +235,17 @@ class Crossing:
 
     @property
     def post_encroachment_s(self) -> float:
-        """The time between the first road user's exit and the second one's entry; 0 if both were there together."""
+        """The time from the first road user's exit to the second one's entry; 0 if they were in the area together."""
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property
     def second_comes_s(self) -> float:
-        """The time at which the second one enters."""
+        """The time at which the second road user enters the area."""
         return max(self.ego_s[0], self.other_s[0])
 
 
 def nearest_crossing(ego: Track, others: Sequence[Track], step_s: float, within_s: float) -> Crossing | None:
-    """Return the crossing with the least post-encroachment time, up to ``within_s``, or None if there is none."""
+    """Return the crossing with the shortest post-encroachment time, up to ``within_s``, or None if there is none."""
     import shapely
 
     swept = [_bodies(track, step_s) for track in (ego, *others)]
@@ -269,7 +270,7 @@ _MOVED_M = 0.5
 
 @dataclass(frozen=True)
 class _Bodies:
-    """A road user's body at each of its steps, as polygons, with the track and time step."""
+    """A road user's body at each of its steps, as polygons, with its track and time step."""
 
     track: Track
     step_s: float
@@ -284,10 +285,10 @@ class _Bodies:
         return shapely.union_all(swept)
 
     def inside(self, band: object, begin: int, end: int) -> tuple[float, float, bool]:
-        """Return the first and last time in a band, and whether it is outside before and after.
+        """Return the first and last times in a band, and whether the body is outside before and after.
 
-        Times are in s since its first state. The search covers one step before the first index to one step after the
-        last, linear between the steps.
+        Times are in s since the track's first state. The search covers one step before the first index to one step
+        after the last, linear between the steps.
         """
         import shapely
 
@@ -324,13 +325,13 @@ def _polygons(track: Track, centers: Points, headings_rad: Values) -> NDArray[np
 def _crossing(
     number: int, ego: _Bodies, other: _Bodies, own: NDArray[np.intp], at: NDArray[np.intp], ego_later_steps: int
 ) -> Crossing:
-    """Return when each is in the band of the other, around the pair of states that is nearest in time.
+    """Return when each body is in the other's band, around the pair of states that is nearest in time.
 
     Args:
         number: index of the other road user.
         ego, other: the bodies.
         own, at: states in which the bodies overlap.
-        ego_later_steps: steps from the other's first state to the ego's.
+        ego_later_steps: steps from the other road user's first state to the ego's.
     """
     nearest = int(np.argmin(np.abs(at - own - ego_later_steps)))
     own_span, other_span = _run_around(own, own[nearest]), _run_around(at, at[nearest])
@@ -342,7 +343,7 @@ def _crossing(
 
 
 def _run_around(indices: NDArray[np.intp], middle: int) -> tuple[int, int]:
-    """Return the first and last of the consecutive indices around one of them."""
+    """Return the first and last indices of the consecutive run that contains an index."""
     known = np.unique(indices)
     place = int(np.searchsorted(known, middle))
     breaks = np.flatnonzero(np.diff(known) > 1)

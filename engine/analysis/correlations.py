@@ -1,8 +1,8 @@
-"""Which features of scenarios correlate with success: rank correlations per scenario, also with other features fixed.
+"""Rank correlations between features of scenarios and success, also with other features held fixed.
 
 Features are known before a run (traffic, speed at the start), never results of it. They correlate with each other too:
-dense traffic is slow, and motorways are fast. Therefore each is also correlated with the others and the kind of road
-held fixed.
+dense traffic is slow, and motorways are fast. Therefore each feature is also correlated while the other features and
+the kind of road are held fixed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -35,7 +35,7 @@ Note = tuple[str, Mapping[str, float]]
 
 
 def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
-    """Return Spearman correlations of features with success, the strongest first, and a note if there are none."""
+    """Return Spearman correlations of features with success, strongest first, and a note if there are none."""
     seen = _scenarios(runs)
     if len(seen) < _FEWEST_SCENARIOS:
         words = f"no correlations: valid runs cover {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
@@ -88,7 +88,7 @@ def _count(seen: Sequence[_Scenario], name: str) -> int:
 
 
 def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
-    """Return ρ and its p over the scenarios that have the feature; None if they are too few or one does not vary."""
+    """Return ρ and p over the scenarios with the feature; None if these are too few, or either quantity is constant."""
     rows = [(scenario.features[name], scenario.success) for scenario in seen if name in scenario.features]
     return rank_correlation(rows) if len(rows) >= _FEWEST_SCENARIOS else None
 
@@ -96,7 +96,7 @@ def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
 def _held_fixed(
     seen: Sequence[_Scenario], name: str, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[float, float] | None]:
-    """Return the features that can be held fixed, and the resulting ρ and p; None if nothing can be or is left."""
+    """Return the features held fixed, with the resulting ρ and p; None if no feature can be, or nothing is left."""
     known = [scenario for scenario in seen if {name, *others} <= scenario.features.keys()]
     counts: dict[str, int] = {}
     for scenario in known:

@@ -38,7 +38,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
     """Return the runs that meet all conditions.
 
     Raises:
-        UnknownName: no run has the field or value; the error lists the nearest.
+        UnknownName: no run has the field or value; the error lists the nearest valid ones.
         InvalidRequest: a condition cannot be parsed.
     """
     kept = runs.sources
@@ -50,7 +50,7 @@ def matching(runs: RunSet, conditions: Sequence[str]) -> RunSet:
 
 
 def on_outcome(conditions: Sequence[str]) -> tuple[str, ...]:
-    """Return the conditions that select runs by outcome: a rate of goals over them says nothing about the planner."""
+    """Return the conditions on outcomes: among runs selected by outcome, the rate of goals says nothing."""
     return tuple(text for text in conditions if parse_condition(text, words=True).name == "outcome")
 
 
@@ -58,7 +58,7 @@ _WINDOW = "time_s"
 
 
 def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | None]:
-    """Return the conditions on runs, and the interval of ``time_s=2..4`` for a timeline, or None if there is none.
+    """Return the conditions on runs, and a timeline's interval (``time_s=2..4``), or None if there is no interval.
 
     Raises:
         InvalidRequest: the interval cannot be parsed or is given twice.

@@ -1,9 +1,9 @@
 """Findings: statements about what runs have in common, with the runs behind them and alternative explanations.
 
 A finding is a generator ``(evidence) -> findings`` that carries the finding's name. To add one, write the function,
-insert it into ``FINDINGS`` at its place in the order of statements, and test it. Statements hold run by run: a share is
-that of the median run, not of a sum that one run may dominate. What others do to the ego is not attributed to its
-planner.
+insert it into ``FINDINGS`` at the right position in the order of statements, and test it. Statements describe single
+runs: a share is that of the median run, not of a sum that one run may dominate. What other road users do to the ego is
+not attributed to its planner.
 """
 
 from collections import Counter
@@ -41,14 +41,14 @@ class Evidence:
         self._paces: dict[str, tuple[PaceMoment, ...]] = {}
 
     def contact(self, record: RunRecord) -> Contact | None:
-        """Return how a run's collision came about, or None without a collision or if it is not in the sample."""
+        """Return how a run's collision came about, or None if there is no collision or it is not in the sample."""
         if record.run_id not in self._contacts:
             sampled = not hit_another(record) or record.run_id in self._sampled_hits
             self._contacts[record.run_id] = contact_of(self.runs, record) if sampled else None
         return self._contacts[record.run_id]
 
     def review(self, record: RunRecord) -> RunReview:
-        """Return the moments of a run."""
+        """Return the decisive moments of a run."""
         if record.run_id not in self._reviews:
             self._reviews[record.run_id] = review(self.runs, record)
         return self._reviews[record.run_id]
@@ -64,7 +64,7 @@ class Evidence:
         return sample_of(self.runs, records, _MOST_LOOKED_AT)
 
     def hits(self) -> list[RunRecord]:
-        """Return the runs that ended in a collision with another road user: all, or a random sample of them."""
+        """Return the runs that ended in a collision with another road user, or a random sample of these runs."""
         return [one for one in self.runs.failures if hit_another(one) and one.run_id in self._sampled_hits]
 
     @cached_property
@@ -83,14 +83,14 @@ class Evidence:
 
     @cached_property
     def sampled_hits(self) -> dict[str, float]:
-        """The figures of ``among_hits``."""
+        """The figures in the note of ``among_hits``."""
         hits = sum(map(hit_another, self.runs.failures))
         return _sample_figures(len(self._sampled_hits), collisions=hits)
 
     def is_the_others(self, record: RunRecord) -> bool:
         """Return True if another vehicle hit the ego from behind, or if no reference driver prevents the collision.
 
-        A collision that the ego caused is not attributed to the others.
+        A collision that the ego caused is not attributed to the other road users.
         """
         contact = self.contact(record)
         if contact is None or contact.laid_to == "ego":
@@ -119,7 +119,7 @@ def find_all(runs: RunSet) -> tuple[Finding, ...]:
 
 
 def _by_configuration(find: "_Find", evidence: Evidence) -> Iterator[Finding]:
-    """Yield the findings of a function; with several configurations, the findings of each configuration separately."""
+    """Yield the findings of a function, separately for each configuration if there are several."""
     runs = evidence.runs
     if runs.is_of_one_configuration:
         yield from find(evidence)
@@ -160,7 +160,7 @@ _FEW = 2
 
 
 def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
-    """Yield collisions with others that moved differently than predicted and would have been missed otherwise."""
+    """Yield collisions that would not have happened if the other road user had moved as predicted."""
     hits = [one for one in evidence.hits() if not evidence.is_the_others(one) and one.prediction != "ground_truth"]
     known = [one for one in hits if (contact := evidence.contact(one)) and contact.predicted_gap_m is not None]
     missed = [one for one in known if (contact := evidence.contact(one)) and contact.unforeseen]
@@ -242,7 +242,8 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
     """Yield, per configuration, collisions in which obstacles made up under 10 % of the cost in the last second.
 
     The chosen candidate passed the collision check against the prediction; a small share means that only that check
-    kept the ego away from others. The finding needs at least half of the collisions that the ego could have prevented.
+    kept the ego away from other road users. The finding needs at least half of the collisions that the ego could have
+    prevented.
     """
     runs = evidence.runs
     hits = [record for record in evidence.hits() if not evidence.is_the_others(record)]
@@ -313,12 +314,12 @@ _LATE: tuple[tuple[str, tuple[PaceCode, ...], str, str], ...] = (
 
 
 def _late(evidence: Evidence) -> Iterator[Finding]:
-    """Yield findings on late runs: goals out of reach, what the egos waited for, and what delayed the others.
+    """Yield findings on late runs: goals out of reach, what egos waited for, and what delayed the remaining runs.
 
     Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
-    the drive, if it took at least 40 %. The rest is reported per configuration by the median run's largest cost term.
-    If that is the speed offset, the planner pays for being slow and still is: its weight is too small. If it is another
-    term, that term holds the ego back.
+    the drive, if it took at least 40 %. The remaining runs are reported per configuration with the median run's largest
+    cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too small. Any
+    other term holds the ego back.
     """
     runs = evidence.runs
     late = [record for record in runs.failures if record.outcome in ("timeout", "goal_late")]
@@ -359,7 +360,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """Return the name of the cause that took most of a late drive if it took at least 40 %, else an empty string."""
+    """Return the cause that took most of a late drive and at least 40 % of it, else an empty string."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -404,7 +405,7 @@ def _own_doing(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _figures_of(moment: PaceMoment) -> dict[str, float]:
-    """Return the figures that the text of a stretch contains."""
+    """Return the figures for the text about a stretch."""
     names = ("since_s", "until_s", "largest_mps2", "distance_m", "obstacle_id")
     return {name: value for name in names if (value := getattr(moment, name)) is not None}
 
@@ -501,7 +502,7 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _most(counts: Mapping[str, int]) -> str:
-    """Return the name with the largest count; of equal counts, the first in the alphabet."""
+    """Return the name with the largest count; if counts are equal, the first in alphabetical order."""
     return min(counts, key=lambda name: (-counts[name], name))
 
 
@@ -512,7 +513,8 @@ _ROLLING_MPS = 2.0
 def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     """Yield, per configuration, successes in which the moving ego came close to a road user ahead or crossing.
 
-    Road users behind, alongside or oncoming in their own lane decide how close they come; they are counted separately.
+    Road users that are behind, alongside or oncoming in their own lane decide themselves how close they come. They are
+    counted separately.
     """
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
@@ -576,7 +578,7 @@ _COMFORTABLE_MPS2 = 3.0
 
 
 def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, successes above 3 m/s² of lateral acceleration if they are at least a quarter."""
+    """Yield, per configuration, successes with over 3 m/s² lateral acceleration if they are at least a quarter."""
     runs = evidence.runs
     for config_id, records in runs.by_config(runs.successes).items():
         values = {r.run_id: r.metrics.maximum_lateral_acceleration_mps2 for r in records if r.metrics is not None}
@@ -676,10 +678,11 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield classes of obstacles or kinds of road with scenarios that fail more often than the others.
+    """Yield classes of obstacles or kinds of road whose scenarios fail more often than the remaining scenarios.
 
-    Tested by Fisher's exact test. A scenario counts once, as reached if most of its runs reached the goal. The p values
-    of all groups are adjusted by Holm. Collisions that are attributed to others are left out.
+    The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
+    reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road
+    users are left out.
     """
     runs = evidence.runs
     reached: dict[str, list[bool]] = {}
@@ -726,7 +729,7 @@ _FEWEST_OF_A_GROUP = 4
 
 
 def _two_groups(members: set[str], seen: set[str], mastered: set[str]) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Return (mastered, total) inside and outside of a group."""
+    """Return (mastered, total) inside and outside a group."""
     inside, outside = members & seen, seen - members
     return (len(inside & mastered), len(inside)), (len(outside & mastered), len(outside))
 
@@ -734,7 +737,7 @@ def _two_groups(members: set[str], seen: set[str], mastered: set[str]) -> tuple[
 def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
     """Yield the scenarios that failed under every one of two or more configurations: better weights will not help.
 
-    Scenarios are left out if all their failures are attributed to others that follow a recording.
+    Scenarios are left out if all their failures are attributed to other road users that follow a recording.
     """
     runs = evidence.runs
     by_scenario: dict[str, list[RunRecord]] = {}

@@ -69,11 +69,11 @@ _CheckResult = tuple[bool, str, list[str]]
 
 @dataclass(frozen=True)
 class Judged:
-    """The runs of one configuration that limits are judged on, its cells without a run, and what else is known.
+    """The runs of a configuration to which limits are applied, its cells without a run, and related facts.
 
-    ``unpreventable``: runs that ended in a collision that no reference driver prevents. ``against``: by baseline, the
-    paired test of its runs (before) and these (after), and the scenarios that only the baseline mastered. ``roots``:
-    the root scenario of each edited scenario.
+    ``unpreventable``: runs with a collision that no reference driver prevents; ``against``: by baseline, the paired
+    test of its runs (before) and these (after), and the scenarios that only the baseline mastered; ``roots``: the root
+    scenario of each edited scenario.
     """
 
     configuration: str
@@ -85,7 +85,7 @@ class Judged:
 
     @property
     def valid(self) -> list[RunRecord]:
-        """Runs that could be attempted."""
+        """The runs that could be attempted."""
         return [record for record in self.records if record.outcome != "invalid"]
 
 
@@ -210,7 +210,7 @@ def parse_limit(text: str) -> Limit:
 
     Raises:
         InvalidRequest: the text is not a limit, or a share is not between 0 and 1.
-        UnknownName: it bounds something that runs do not have.
+        UnknownName: the limit refers to something that runs do not have.
     """
     plain = " ".join(text.split())
     found = _BASELINE.fullmatch(plain)

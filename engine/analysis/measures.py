@@ -1,7 +1,7 @@
-"""The measures of runs (``schemas/measures.py``), each with the road user, its relation and the time that decide it.
+"""The measures of runs (``schemas/measures.py``), each with its decisive road user, relation and time.
 
-They are computed on request, from the driven steps and the tracks of all others. A stored metric keeps its stored
-value; it has a time only if the tracks give the same value.
+They are computed on request, from the driven steps and the tracks of all other road users. A stored metric keeps its
+stored value; its time is given only if the tracks yield the same value.
 """
 
 from collections.abc import Iterator, Sequence
@@ -100,7 +100,7 @@ def _spread(measure: Measure, measured: Sequence[tuple[str, MeasuredValue]]) -> 
 
 
 def _with_stored_value(measure: Measure, record: RunRecord, found: MeasuredValue) -> MeasuredValue:
-    """Return a measure with its stored value if it has one; with its time only if the computed value agrees."""
+    """Return a measure with its stored value, if any; its time is included only if the computed value agrees."""
     stored: float | None = getattr(record.metrics, measure.name, None) if measure.stored else None
     if measure.name == "risk_score" and record.outcome == "off_road":
         stored = None
@@ -139,9 +139,9 @@ def _measured_drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "Measur
 class Leaders:
     """The nearest vehicle ahead on the ego's path, one entry per state that has one (``state``, an index).
 
-    ``track``: an index into the others; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``, ``speeds_mps`` and
-    ``accelerations_mps2`` (of the leader) along the path; ``across_m``: lateral overlap of the two bodies;
-    ``hardest_mps2``: the deceleration that the tyres allow on this road.
+    ``track``: an index into the other road users' tracks; ``gaps_m`` bumper to bumper, at least 0; ``ego_mps``,
+    ``speeds_mps`` and ``accelerations_mps2`` (of the leader) along the path; ``across_m``: lateral overlap of the two
+    bodies; ``hardest_mps2``: the deceleration that the tyres allow on this road.
     """
 
     state: NDArray[np.intp]
@@ -182,7 +182,7 @@ class Leaders:
 
     @cached_property
     def times_to_brake_s(self) -> Values:
-        """How long the ego may keep its speed and still brake to the leader's; infinite if it is not closing."""
+        """How long the ego may keep its speed and still brake to the leader's; infinite if the gap is not closing."""
         left = self.gaps_m - self.closing_mps**2 / (2 * self.hardest_mps2)
         return np.maximum(_ratio(left, self.closing_mps), 0.0)
 
@@ -200,10 +200,10 @@ def _ratio(over: Values, under: Values) -> Values:
 
 @dataclass(frozen=True)
 class MeasuredDrive:
-    """The input of the measures: the driven states with the vehicle, and the tracks of all others.
+    """The input of the measures: the driven states, the vehicle, and the tracks of all other road users.
 
-    ``standing``: ids of others that never move; ``hit``: the road user that the ego collided with at its last state;
-    ``progress``: the share of the path to the goal, or None if it is unknown.
+    ``standing``: ids of road users that never move; ``hit``: the road user that the ego collided with at its last
+    state; ``progress``: the share of the path to the goal, or None if it is unknown.
     """
 
     ego: Track
@@ -216,7 +216,7 @@ class MeasuredDrive:
     progress: float | None = None
 
     def measured(self) -> Iterator[MeasuredValue]:
-        """Yield the measures that exist, and those that are missing for a specific reason."""
+        """Yield the available measures, and the missing ones that have a specific reason."""
         yield from self._nearness()
         yield from self._following()
         yield from self._time_left()
@@ -265,7 +265,7 @@ class MeasuredDrive:
         )
 
     def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
-        """Return the accelerations of others at some states of the ego: differences of speed, within ±8 m/s²."""
+        """Return other road users' accelerations at some states of the ego: differences of speed, within ±8 m/s²."""
         found = np.zeros(len(states))
         for number in np.unique(tracks):
             track, chosen = self.others[int(number)], tracks == number
@@ -367,7 +367,7 @@ class MeasuredDrive:
             )
 
     def _crash(self) -> Iterator[MeasuredValue]:
-        """Yield the change of velocity if the ego hit another road user with a known track."""
+        """Yield the change of velocity if the ego hit a road user that has a known track."""
         number = next((i for i, track in enumerate(self.others) if track.obstacle_id == self.hit), None)
         last = len(self.ego.positions) - 1
         other = None if number is None else self.others[number]
@@ -439,7 +439,7 @@ class MeasuredDrive:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Pairs of a driven state and another road user near it, with what is between them; all (n,), times in s."""
+    """Pairs of a driven state and a nearby road user, with the quantities between them; all (n,), times in s."""
 
     state: NDArray[np.intp]
     track: NDArray[np.intp]

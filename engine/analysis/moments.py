@@ -1,7 +1,7 @@
 """The decisive moments of one run: who hit whom, the closest approach, the largest motions, and the last seconds.
 
 Kinds of contacts and comfort limits are defined in ``docs/runs.md``. The rules are deterministic and read only the
-driven steps and the tracks of the others.
+driven steps and the tracks of the other road users.
 """
 
 import math
@@ -84,7 +84,7 @@ def review_runs(request: ReviewRequest, report: ProgressReporter) -> ReviewRespo
 
 
 def review(runs: RunSet, record: RunRecord) -> RunReview:
-    """Return the decisive moments of one run; without its steps, those that need them are left out."""
+    """Return the decisive moments of one run; if its steps are missing, moments that need them are left out."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review
@@ -105,7 +105,7 @@ def review(runs: RunSet, record: RunRecord) -> RunReview:
 
 
 def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
-    """Return how the collision of a run came about, or None without a collision or without the run's steps."""
+    """Return how a run's collision came about, or None if there is no collision or the steps are missing."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review.contact
@@ -118,7 +118,7 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
 
 
 def _attributed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
-    """Return the contact, attributed to the ego if reference drivers on its path cannot undo what the ego did."""
+    """Return the contact; it is attributed to the ego if reference drivers on its path cannot undo what it did."""
     fault = None if contact is None else _fault(runs, record, contact)
     return (
         contact if contact is None or fault is None else contact.model_copy(update={"laid_to": "ego", "fault": fault})
@@ -146,7 +146,7 @@ def _fault(runs: RunSet, record: RunRecord, contact: Contact) -> EgoFault | None
 
 
 def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
-    """Return a run with the tracks of all others and its predictor."""
+    """Return a run with the tracks of all other road users and its predictor."""
     path = runs.scenario_path(record)
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
@@ -167,9 +167,9 @@ def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Point
 
 @dataclass(frozen=True)
 class Course:
-    """A run over time, one value per state: what passengers feel, and how near others were (NaN: no other within 60 m).
+    """A run over time, one value per state: what passengers feel, and distances to others (NaN: none within 60 m).
 
-    ``obstacle_ids``: the nearest road user, −1 if there is none; ``time_to_collision_s``: NaN if no other was on a
+    ``obstacle_ids``: the nearest road user, −1 if there is none; ``time_to_collision_s``: NaN if no road user was on a
     collision course. ``lateral_mps2`` is positive to the left.
     """
 
@@ -183,7 +183,7 @@ class Course:
 
 
 def course_of(runs: RunSet, record: RunRecord) -> Course | None:
-    """Return a run over time, or None without its steps."""
+    """Return a run over time, or None if its steps are missing."""
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return None
@@ -209,12 +209,12 @@ class _Motion:
 
 
 def plans_on_predictions(record: RunRecord) -> bool:
-    """Return True if the planner of a run is known to plan on predictions of others; the built-in ones do."""
+    """Return True if a run's planner is known to use predictions of other road users, as built-in planners do."""
     return record.planner in PLANNERS if record.uses_prediction is None else record.uses_prediction
 
 
 class _Drive:
-    """One run with the tracks of all others."""
+    """One run with the tracks of all other road users."""
 
     def __init__(
         self,
@@ -258,7 +258,7 @@ class _Drive:
         )
 
     def nearest_moments(self) -> tuple[Encounter | None, Encounter | None]:
-        """Return the moments of the smallest gap and of the smallest time to collision; the first of equal ones."""
+        """Return the moments of the smallest gap and the shortest time to collision; of equal values, the first."""
         others = list(self._tracks.values())
         met = encounters(self._ego, others)
         if not len(met.state):
@@ -345,7 +345,7 @@ class _Drive:
         )
 
     def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
-        """Return the first of recording, neither, prediction and planning that the collision is attributed to.
+        """Return what the collision is attributed to: the first match of recording, neither, prediction, planning.
 
         ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.
         """
@@ -360,12 +360,12 @@ class _Drive:
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
 
     def _surroundings(self, other: Track, *, evades: bool) -> Surroundings:
-        """Return the surroundings of an encounter; with the road only if the ego may evade and the road is known."""
+        """Return the surroundings of an encounter; they include the road only if it is known and the ego may evade."""
         others = [track for track in self._tracks.values() if track is not other]
         return Surroundings(others, self._road() if evades else None, self._lane(), self._record.friction)
 
     def _road(self) -> "BaseGeometry | None":
-        """Return the area that an evading ego must not leave, or None without the road network."""
+        """Return the area that an evading ego must not leave, or None if the road network is unknown."""
         import shapely
 
         if self._network is None:
@@ -378,7 +378,7 @@ class _Drive:
         return road
 
     def _predicted_gap_m(self, other: Track, hit_step: int, reached: int) -> float | None:
-        """Return the gap at the collision if the other had moved as predicted a second before."""
+        """Return the gap at the collision if the other road user had moved as predicted one second earlier."""
         import shapely
 
         steps = min(round(_FORESEEN_S / self._record.step_s), reached)
@@ -395,7 +395,7 @@ class _Drive:
     def _kind(
         self, index: int, other: Track, at: int, sides: tuple[BodySide, BodySide]
     ) -> tuple[ContactKind, float | None]:
-        """Return the first rule that holds, in the order of ``docs/runs.md``, and the time of a cut-in."""
+        """Return the kind of contact by the first rule in ``docs/runs.md`` that holds, and the time of a cut-in."""
         ego_stands = self._ego.speeds_mps[index] < STANDING_MPS
         other_stands = other.speeds_mps[at] < STANDING_MPS
         if ego_stands != other_stands:
@@ -414,11 +414,11 @@ class _Drive:
         return "side", None
 
     def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
-        """Return when the one ahead entered the path of the one behind, or None.
+        """Return when the vehicle ahead entered the path of the vehicle behind, or None.
 
-        None means longer ago, or by the other's lane change. The path of the one behind is its last three seconds, and
-        straight on from there. The vehicle that ended farther to the side of its heading three seconds ago is the one
-        that moved sideways.
+        None means that it entered longer ago, or that the vehicle behind changed lanes. The path of the vehicle behind
+        is that of its last three seconds, extended straight ahead. The vehicle that ended farther to the side of its
+        heading three seconds ago is the one that moved sideways.
         """
         (front, front_at), (rear, rear_at) = ahead, behind
         back = min(round(_CAME_IN_S / self._record.step_s), front_at, rear_at)
@@ -441,7 +441,7 @@ class _Drive:
         return round(first * self._record.step_s, 9) if first <= index else None
 
     def _braked_since_s(self, index: int) -> float | None:
-        """Return the time since which the ego braked without interruption until a state."""
+        """Return the time at which the ego began the braking that lasted until a state."""
         felt = self.motion.acceleration_mps2[:index]
         weak = np.flatnonzero(felt > _BRAKING_MPS2)
         first = int(weak[-1]) + 1 if len(weak) else 0
@@ -473,29 +473,29 @@ def _velocity(track: Track, index: int) -> Points:
 
 
 def relative_heading(ego: Track, index: int, other: Track, at: int) -> RelativeHeading:
-    """Return the direction of another's heading relative to the ego's."""
+    """Return the direction of another road user's heading relative to the ego's."""
     turned = abs(wrap_angle(float(other.headings_rad[at]) - float(ego.headings_rad[index])))
     return "same" if turned <= _SAME_RAD else "oncoming" if turned >= _AGAINST_RAD else "crossing"
 
 
 def stands(other: Track, at: int) -> bool:
-    """Return True if another does not move at a state: regardless of its heading, it is not oncoming or crossing."""
+    """Return True if a road user stands at a state, so that it is neither oncoming nor crossing."""
     return bool(other.speeds_mps[at] < STANDING_MPS)
 
 
 def _course(ego: Track, index: int, other: Track, at: int) -> SeenCourse:
-    """Return the course of another; a vehicle parked facing the ego is not oncoming."""
+    """Return another road user's course; a vehicle parked facing the ego is not oncoming."""
     heading = relative_heading(ego, index, other, at)
     return "standing" if heading != "same" and stands(other, at) else heading
 
 
 def _sides_of_approach(ego: Track, index: int, other: Track, at: int) -> tuple[BodySide, BodySide]:
-    """Return on which side of the ego the other is, and on which side of the other the ego is."""
+    """Return on which side of the ego the other road user is, and on which side of that road user the ego is."""
     return side_of(ego, index, other.corners_at(at)), side_of(other, at, ego.corners_at(index))
 
 
 def side_of(body: Track, index: int, corners: Points) -> BodySide:
-    """Return the side of a body on which another is: the largest of the four gaps along its axes."""
+    """Return the side of a body on which another body is: the largest of the four gaps along its axes."""
     along = _along(float(body.headings_rad[index]))
     away = corners - body.positions[index]
     forward, left = away @ along, away @ np.array([-along[1], along[0]])
@@ -509,7 +509,7 @@ def side_of(body: Track, index: int, corners: Points) -> BodySide:
 
 
 def _sideways_m(track: Track, at: int, back: int) -> float:
-    """Return how far a track moved across (left positive) from where its heading pointed ``back`` steps ago."""
+    """Return how far a track moved sideways (left positive) from its heading ``back`` steps ago."""
     along = _along(float(track.headings_rad[at - back]))
     moved = track.positions[at] - track.positions[at - back]
     return float(along[0] * moved[1] - along[1] * moved[0])
@@ -542,19 +542,20 @@ _ACC, _LKA, _STEERING = "ISO 15622:2018", "ISO 11270:2014", "UN R79"
 
 
 def _by_speed(speed_mps: Values, slow: float, fast: float) -> Values:
-    """Return a limit of ISO 15622: one value up to 5 m/s, another from 20 m/s on, linear between."""
+    """Return a limit of ISO 15622: one value up to 5 m/s, a second value above 20 m/s, and linear in between."""
     limits: Values = np.interp(speed_mps, [5.0, 20.0], [slow, fast])
     return limits
 
 
 def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
-    """Yield what exceeded a comfort limit.
+    """Yield the motions that exceeded a comfort limit.
 
-    ISO 15622:2018 (adaptive cruise control) limits acceleration and braking averaged over 2 s, and the jerk of braking
-    averaged over 1 s. At 20 m/s and above the limits are 2.0 m/s², 3.5 m/s² and 2.5 m/s³; at 5 m/s and below they are
-    4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation 79 (automatically
-    commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are averaged; the speed is
-    that of the window's end. The filter of UN R79 is left out, because nothing is measured here.
+    ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking averaged over 2 s
+    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; the limits at 5
+    m/s and below are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation
+    79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are
+    averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values are not
+    sensor measurements.
     """
     step_s, felt = motion.step_s, motion.acceleration_mps2
     mean = _window_means(felt, round(2.0 / step_s))

@@ -1,4 +1,4 @@
-"""Why an ego stood, drove slowly or braked: for lights, signs, others, the goal, the road, or without a cause.
+"""Why an ego stood, drove slowly or braked: lights, signs, road users, the goal, the road, or no cause.
 
 Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's path
 counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a cause,
@@ -81,7 +81,7 @@ they join without a kink.
 
 
 def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
-    """Return where the ego of a run stood, was held up or braked, and why; empty without its steps or its scenario."""
+    """Return where and why the ego of a run stood, was held up or braked; empty if steps or scenario are missing."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review.pace
@@ -105,7 +105,7 @@ def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | No
 
 
 def on_opposite_lane_since_s(runs: RunSet, record: RunRecord, time_s: float) -> float | None:
-    """Return since when the ego's centre is only on lanelets of the opposite direction, or None if it is not."""
+    """Return when the ego's centre moved onto lanelets of the opposite direction only, or None if it is not there."""
     steps, path = runs.steps.get(record.run_id), runs.scenario_path(record)
     if steps is None or not steps.x_m or path is None or not path.is_file():
         return None
@@ -173,11 +173,11 @@ class _Cause:
 
     @property
     def strong(self) -> bool:
-        """Return True if it requires more than letting the vehicle roll."""
+        """Return True if the cause requires more than letting the vehicle roll."""
         return self.needed_mps2 >= NEEDED_MPS2
 
     def explains(self, hardest_mps2: float, usual_mps2: float) -> bool:
-        """Return True if it explains braking of this peak; up to the usual braking, any reason does."""
+        """Return True if the cause explains braking with this peak; any cause explains usual braking."""
         if hardest_mps2 <= usual_mps2:
             return True
         return self.strong and hardest_mps2 <= _PEAK_OVER_MEAN * self.needed_mps2
@@ -188,7 +188,7 @@ class _Course:
     """Another road user near the ego's path at each step: its station, and whether it heads along the path.
 
     Steps count from the ego's first. Stations are those of the ego's path, negative before its start, and NaN at steps
-    without the other.
+    at which the road user is absent.
     """
 
     station_m: Values
@@ -197,7 +197,7 @@ class _Course:
 
 @dataclass(frozen=True)
 class _OnPath:
-    """Another road user in the ego's path at some time: by step whether it is there, and its course."""
+    """Another road user in the ego's path at some time: whether it is present at each step, and its course."""
 
     track: Track
     inside: NDArray[np.bool_]
@@ -247,8 +247,8 @@ class _Pace:
     def _without_late_excuses(self, causes: list[_Cause]) -> list[_Cause]:
         """Return the causes of a stand; vehicles that cross later do not excuse an ego that could have started.
 
-        After standing with nothing to wait for as long as a start takes, the ego stands without a cause: had it
-        started, it would not meet the vehicles that cross later. Any other cause ends this.
+        If the ego has had nothing to wait for during the time that a start takes, it stands without a cause: if it had
+            started, it would not meet the vehicles that cross later. This ends as soon as there is any other cause.
         """
         found: list[_Cause] = []
         free_s = 0.0
@@ -281,7 +281,7 @@ class _Pace:
             yield self._moment(cause, first + run[0], first + run[-1])
 
     def _followed(self) -> Iterator[PaceMoment]:
-        """Yield stretches with a slower vehicle ahead within the time gap that a follower keeps, while the ego drove.
+        """Yield stretches in which the ego drove within a follower's time gap of a slower vehicle ahead.
 
         A vehicle that pulls away from the ego does not hold it up, however near it is.
         """
@@ -312,7 +312,7 @@ class _Pace:
             yield self._moment(cause, begins, last).model_copy(update={"largest_mps2": round(hardest, 6)})
 
     def _cause_of_braking(self, first: int, last: int, hardest_mps2: float) -> _Cause:
-        """Return the first reason in a stretch. Hard braking is explained only by reasons that need as much."""
+        """Return the first reason in a stretch. Only reasons that require hard braking explain hard braking."""
         earlier = max(first - round(DELAY_S / self._step_s), 0)
         causes = [cause for index in range(earlier, last + 1) for cause in self._why_it_brakes(index)]
         causes.sort(key=lambda cause: (not cause.strong, _REASONS.index(cause.code)))
@@ -433,7 +433,7 @@ class _Pace:
         yield from self._goal_to_brake_for(index, speed)
 
     def _goal_to_brake_for(self, index: int, speed: float) -> Iterator[_Cause]:
-        """Yield the goal if its time, place or speed requires less speed. That never explains hard braking."""
+        """Yield the goal if its time, position or speed requires less speed. This never explains hard braking."""
         if self._goal is None:
             return
         if self._goal.holds(self._ego.positions[index]):
@@ -458,7 +458,7 @@ class _Pace:
             needed = 2 * (speed - max(begin + end, 0.0) / 2 / left_s) / left_s
             yield _Cause("braked_for_goal", needed_mps2=min(needed, NEEDED_MPS2))
 
-    # the others
+    # the other road users
 
     def _leader(self, index: int) -> Ahead | None:
         """Return the nearest vehicle ahead on the path."""
@@ -486,12 +486,12 @@ class _Pace:
         return line is not None and self._stops(line, index) and self._before_m(line, index) > gap
 
     def _is_behind(self, obstacle_id: int, index: int) -> bool:
-        """Return True if another follows: it is behind the ego on the ego's path and heads along it."""
+        """Return True if a road user follows: it is behind the ego on the ego's path and heads along it."""
         course = self._course(obstacle_id)
         return bool(course.along[index]) and float(course.station_m[index]) < float(self._stations[index])
 
     def _course(self, obstacle_id: int) -> _Course:
-        """Return the course of another until some time after the run."""
+        """Return another road user's course until some time after the run."""
         if obstacle_id not in self._courses:
             self._courses[obstacle_id] = self._course_of(self._drive.others[obstacle_id])
         return self._courses[obstacle_id]
@@ -514,7 +514,7 @@ class _Pace:
 
     @cached_property
     def _looked_at(self) -> int:
-        """Number of steps, from the ego's first, in which the others are examined; some are after the run."""
+        """The number of steps, from the ego's first, at which road users are examined; some are after the run."""
         return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
 
     @cached_property
@@ -540,7 +540,7 @@ class _Pace:
 
     @cached_property
     def _on_path(self) -> list[_OnPath]:
-        """The others with their body in the ego's path at some time, until some time after the run."""
+        """The other road users whose body is in the ego's path at some time, until some time after the run."""
         import shapely
 
         line = shapely.LineString(self._path) if len(self._path) > 1 and self._along[-1] > 0 else None
@@ -655,7 +655,7 @@ class _Pace:
 
     @cached_property
     def _curves(self) -> tuple[Values, Values]:
-        """Stations of the path and its curvature there, in 1/m.
+        """The stations of the path and the curvature at each, in 1/m.
 
         The reference path shows the curves of the road. The driven path is used only if the ego left that path: a stop
         ends in small turns that are not curves.
@@ -672,7 +672,7 @@ class _Pace:
 
     @cached_property
     def _road_end_m(self) -> float | None:
-        """The station at which the network ends; None if the path does not reach it."""
+        """The station at which the network ends; None if the path does not reach the end."""
         if self._reference is None:
             return None
         ends = self._reference.points

@@ -1,17 +1,17 @@
-"""Whether a collision could have been prevented: reference drivers in the ego's place, all others as they moved.
+"""Whether a reference driver in the ego's place could have prevented a collision; all others move as recorded.
 
 The drivers are those of ``engine/planners/reference_drivers``: UN R157's careful driver, the fuzzy safety model, RSS,
-full braking, and a driver that keeps its lane and speed. Each is judged from two starts:
+full braking, and a driver that keeps its lane and speed. Each driver is judged from two starts:
 
-* ``before_contact``: it follows the path that the ego drove, straight on after its end, at the ego's speeds, until it
-  reacts to the road user that was hit. This shows what an ego could have done in this encounter.
-* ``start``: it keeps its lane and the initial speed until it reacts to any other. This shows whether the ego caused the
-  encounter.
+* ``before_contact``: it follows the path that the ego drove, extended straight ahead, at the ego's speeds, until it
+  reacts to the road user that was hit. This start shows what an ego could have done in this encounter.
+* ``start``: it keeps its lane and the initial speed until it reacts to any road user. This start shows whether the ego
+  caused the encounter.
 
-A drive is followed until the ego stands or has passed the other. A driver prevents the collision if it touches neither
-the road user that was hit nor any other that it drives into. The others do not react to it. In addition to the drivers
-that brake, there is one manoeuvre (``evading``): steering aside by a lane's width at the ego's speed, on the road and
-clear of all others. It does not make a collision preventable.
+A drive is followed until the ego stands or has passed the other road user. A driver prevents the collision if it
+touches neither the road user that was hit nor any other that it drives into. The other road users do not react to it.
+In addition to the drivers that brake, there is one manoeuvre (``evading``): steering aside by a lane's width at the
+ego's speed, on the road and clear of all other road users. It does not make a collision preventable.
 """
 
 import math
@@ -58,7 +58,7 @@ STEERING_FOLLOWED_S = 3.0
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The surroundings of an encounter: all others except the one that was hit, the road, and the ego's lane.
+    """The surroundings of an encounter: all road users except the one that was hit, the road, and the ego's lane.
 
     ``road``: the area that an ego that steers aside must not leave; if None, steering is not tried. ``lane``: points
     (n, 2) of the path that follows the ego's lane and route; if None, a driver from the start follows the path that the
@@ -74,9 +74,10 @@ class Surroundings:
 def prevention_of(
     ego: Track, other: Track, hit_step: int, step_s: float, around: Surroundings | None = None
 ) -> Prevention | None:
-    """Return the verdicts of reference drivers in the ego's place on its collision with another.
+    """Return the verdicts of reference drivers, in the ego's place, on its collision with a road user.
 
-    None if the rectangles on their tracks do not touch. Steering is tried if the surroundings contain the road.
+    The result is None if the two bodies do not touch on their tracks. Steering is tried if the surroundings contain the
+    road.
     """
     encounters = _Encounters(ego, other, hit_step, step_s, around or Surroundings((), None))
     if not encounters.touch:
@@ -152,7 +153,7 @@ class _Encounters:
 
     @property
     def _last(self) -> int:
-        """The index of the last state that the ego drove, until the collision."""
+        """The index of the last state that the ego drove up to the collision."""
         return min(self._hit, len(self.ego.positions) - 1)
 
     def _time_s(self, index: int | None) -> float | None:
@@ -221,7 +222,7 @@ class _Steering:
         return None
 
     def _evades(self, begins: int, side: float) -> bool:
-        """Return True if steering aside from state ``begins`` on touches no other road user and stays on the road."""
+        """Return True if steering aside from state ``begins`` touches no other road user and stays on the road."""
         import shapely
 
         count = min(self.hit + round(STEERING_FOLLOWED_S / self.scene.step_s) + 1, self.scene.count)
@@ -253,7 +254,7 @@ def _lane_change(
 ) -> tuple[Values, Values]:
     """Return the lateral offset and heading change at each state of an ego that steers a lane's width to the left.
 
-    Its lateral acceleration is constant until half of the offset, then as large in the other direction.
+    The lateral acceleration is constant up to half of the offset, and then equally large in the opposite direction.
     """
     steering_mps2 = min(STEERING_MPS2, hardest_braking_mps2(friction))
     half_s = math.sqrt(ASIDE_M / steering_mps2)

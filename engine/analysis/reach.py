@@ -14,8 +14,8 @@ def cannot_be_reached(runs: RunSet, record: RunRecord) -> bool:
     """Return True if the ego cannot reach any goal in time, even straight ahead and up to the speed limit.
 
     It accelerates as hard as its vehicle can (:func:`~..vehicles.farthest_m`) to the highest limit posted on its lane,
-    or to its vehicle's largest speed if no limit is posted; an ego that starts faster keeps its speed. False if the
-    file, the goal's place or its time is unknown, so True is certain.
+    or to its vehicle's largest speed if no limit is posted; an ego that starts faster keeps its speed. The result is
+    False if the file or the goal's position or time is unknown, so True is certain.
     """
     kept = runs.look(record)
     if kept is not None:

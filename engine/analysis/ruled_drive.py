@@ -1,4 +1,4 @@
-"""A drive as traffic rules need it: vehicles ahead on its path, the lines that it passes, and right of way.
+"""A drive in the form that traffic rules need: vehicles ahead, the lines that it passes, and right of way.
 
 It uses the lanelets of the scenario's network, its signs and lights, and the tracks of all road users. Lengths are in
 m; arrays have one value per state of the drive.
@@ -52,9 +52,10 @@ YieldsBy = Literal["right before left", "signs", "left turn"]
 
 @dataclass(frozen=True)
 class Ahead:
-    """Another on the ego's path at each state: its gap ahead, bumper to bumper (infinite: not ahead), and its motion.
+    """A road user on the ego's path at each state: its gap ahead, bumper to bumper (infinite: not ahead), and motion.
 
-    ``seen``: whether it was within 60 m; ``collision_s``: time until both touch on their courses, infinite if never.
+    ``seen``: whether it was within 60 m; ``collision_s``: time until it and the ego touch on their courses, infinite if
+    never.
     """
 
     obstacle_id: int
@@ -66,7 +67,7 @@ class Ahead:
 
     @property
     def is_ahead(self) -> NDArray[np.bool_]:
-        """The states at which it is ahead on the ego's path."""
+        """The states at which the road user is ahead on the ego's path."""
         return np.isfinite(self.gap_m)
 
 
@@ -93,10 +94,10 @@ class _Passage:
 
 @dataclass(frozen=True)
 class Conflict:
-    """A road user to which the ego must give way at an intersection, and who is in the area where their paths overlap.
+    """A road user to which the ego must give way at an intersection, with the area where their paths overlap.
 
     At each state, ``is_there``: whether the ego's body is in the area; ``until_s``, ``since_s``: the time until the
-    other's body is next there, and since it last was; 0 while it is there, infinite if there is no such time.
+    road user's body is next in the area, and since it last was; 0 while it is in the area, infinite if it never is.
     """
 
     by: YieldsBy
@@ -107,7 +108,7 @@ class Conflict:
 
 
 class RuledDrive:
-    """A drive among others on a lanelet network, as the rules need it; each view is computed once, on demand."""
+    """A drive on a lanelet network, in the form that rules need; each view is computed once, on demand."""
 
     def __init__(
         self,
@@ -148,7 +149,7 @@ class RuledDrive:
 
     @cached_property
     def lanelets(self) -> list[tuple[int, ...]]:
-        """The lanelets under the ego's centre that have its direction, at each state."""
+        """The lanelets under the ego's centre that lead in its direction, at each state."""
         return self.roads.under(self.ego.positions, self.ego.headings_rad)
 
     @cached_property
@@ -172,7 +173,7 @@ class RuledDrive:
 
     @cached_property
     def near(self) -> tuple[Ahead, ...]:
-        """All others that come within 60 m."""
+        """All road users that come within 60 m of the ego."""
         tracks = list(self.others.values())
         met = encounters(self.ego, tracks)
         if not len(met.state):
@@ -196,7 +197,7 @@ class RuledDrive:
 
     @cached_property
     def nearest_ahead(self) -> NDArray[np.intp]:
-        """The index into ``near`` of the next vehicle ahead at each state; meaningless if there is none."""
+        """The index into ``near`` of the next vehicle ahead at each state; meaningless if no vehicle is ahead."""
         if not self.near:
             return np.zeros(self.count, dtype=np.intp)
         nearest: NDArray[np.intp] = np.argmin([other.gap_m for other in self.near], axis=0)
@@ -262,7 +263,7 @@ class RuledDrive:
         return [light for light in lights if light is not None and light.active and light.traffic_light_cycle]
 
     def _near_intersection(self, own: _Passage) -> Iterator[Track]:
-        """Yield others that move and come near the ego's path through an intersection."""
+        """Yield moving road users that come near the ego's path through an intersection."""
         inside = self.roads.union(own.inside).buffer(_LANES_WITHIN_M).bounds
         low, high = np.array(inside[:2]), np.array(inside[2:])
         for track in self.others.values():
@@ -282,7 +283,7 @@ class RuledDrive:
         )
 
     def shown(self, light: "TrafficLight", colours: Sequence[str]) -> NDArray[np.bool_]:
-        """Return the states at which a light has one of some colours, by CommonRoad's names."""
+        """Return the states at which a light has one of the given colours (CommonRoad's names)."""
         steps = range(self.ego.first_step, self.ego.first_step + self.count)
         return np.array([light.get_state_at_time_step(step).name in colours for step in steps])
 
@@ -298,7 +299,7 @@ class RuledDrive:
 
 
 class _Roads:
-    """The lanelets in an area: which of them are under points, their bounds, lines and overlaps."""
+    """The lanelets in an area; answers which are under points, and returns their bounds, lines and overlaps."""
 
     def __init__(self, network: "LaneletNetwork", area: "BaseGeometry") -> None:
         self._network = network
@@ -371,7 +372,7 @@ class _Roads:
         return max(posted, default=math.inf)
 
     def stop_line(self, lanelet: "Lanelet") -> Points:
-        """Return the line to stop at (2, 2): the stop line of a lanelet; else its end, or start in an intersection."""
+        """Return the line to stop at (2, 2): a lanelet's stop line; else its end or, in an intersection, its start."""
         line = lanelet.stop_line
         if line is not None and line.start is not None and line.end is not None:
             return np.array([line.start, line.end], dtype=float)
@@ -389,7 +390,7 @@ class _Roads:
         return [(np.asarray(line, dtype=float), sign) for line, marking, sign in sides if marking.value in solid]
 
     def union(self, keys: frozenset[int]) -> "BaseGeometry":
-        """Return lanelets as one area."""
+        """Return the union of lanelets as one area."""
         import shapely
 
         parts = [self._network.find_lanelet_by_id(key).polygon.shapely_object for key in sorted(keys)]
@@ -441,7 +442,7 @@ def _until(condition: NDArray[np.bool_]) -> Values:
 
 
 def _turn(incoming: "IntersectionIncomingElement", steps_on: Counter[int]) -> tuple[str, frozenset[int]]:
-    """Return the turn from an incoming with the most steps, and the lanelets of that turn that were used."""
+    """Return the turn from an incoming that has the most steps, and the lanelets of that turn that were used."""
     ways = {
         "straight": incoming.successors_straight,
         "left": incoming.successors_left,
@@ -489,7 +490,7 @@ def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletN
 
 
 def _signed(lanelets: Sequence[int], network: "LaneletNetwork") -> int:
-    """Return the priority by the signs on incoming lanes: 2 with priority, 0 to give way, 1 without a sign."""
+    """Return the priority according to the signs on incoming lanes: 2 priority, 0 give way, 1 no sign."""
     names = {
         element.traffic_sign_element_id.name
         for sign in signs_of(network, lanelets)

@@ -1,6 +1,6 @@
-"""The runs of an analysis, with all that is known about them: metrics, steps, terms of the cost.
+"""The runs of an analysis, with everything known about them: metrics, steps and cost terms.
 
-Step files are read on first use. ``METRICS`` lists the metrics of a run with unit and direction.
+Step files are read on first use. ``METRICS`` lists the metrics of a run with their units and directions.
 """
 
 from collections import Counter
@@ -38,7 +38,7 @@ def hit_another(record: RunRecord) -> bool:
 
 @dataclass(frozen=True)
 class RunSet:
-    """A set of runs with their steps, their configurations and their scenarios' traffic."""
+    """A set of runs with their steps and configurations, and the traffic of their scenarios."""
 
     sources: tuple[RunSource, ...]
     configs: tuple[ConfigWeights, ...] = ()
@@ -67,7 +67,7 @@ class RunSet:
 
     @cached_property
     def steps(self) -> dict[str, RunSteps]:
-        """Steps by run id, without runs that have no steps."""
+        """The steps by run id; runs that have no steps are left out."""
         read = ((source.record.run_id, read_steps(source)) for source in self.sources)
         return {run_id: steps for run_id, steps in read if steps is not None}
 
@@ -77,7 +77,7 @@ class RunSet:
 
     @cached_property
     def contacts(self) -> dict[str, Contact | None]:
-        """Contacts by run id as far as they were computed: each collision is examined once."""
+        """The contacts computed so far, by run id: each collision is examined once."""
         return {}
 
     def look(self, record: RunRecord) -> RunLook | None:
@@ -99,11 +99,11 @@ class RunSet:
         return self._roots.get(record.scenario_id, record.scenario_id)
 
     def rate(self, of: Iterable[RunRecord], counted: Callable[[RunRecord], bool] = reached_goal) -> Rate:
-        """Return the share of runs that count, by default those that reached the goal; the scenario is the unit."""
+        """Return the share of counted runs, by default those that reached the goal; the scenario is the unit."""
         return rate_by_scenario((self.root(record), counted(record)) for record in of)
 
     def with_sources(self, sources: tuple[RunSource, ...]) -> "RunSet":
-        """Return a set of other runs, with the same configurations and scenarios."""
+        """Return a set of other runs that shares the configurations and scenarios."""
         return replace(self, sources=sources)
 
     @cached_property
@@ -134,12 +134,12 @@ class RunSet:
         return {name: value for name, value in self.weights(config_id).items() if name not in parameters}
 
     def cost_terms(self, config_id: str) -> dict[str, str]:
-        """Return the recorded cost term of each weight of a configuration that is a factor on one."""
+        """Return the recorded cost term of each of a configuration's weights that scales a term."""
         terms = next((config.terms for config in self.configs if config.config_id == config_id), {})
         return {name: terms.get(name, name) for name in self.cost_weights(config_id)}
 
     def vehicle(self, record: RunRecord) -> VehicleParameters:
-        """Return the ego's vehicle by its configuration if that is known, else CommonRoad's vehicle 2."""
+        """Return the ego's vehicle in its configuration if that is known, else CommonRoad's vehicle 2."""
         settings = next((config.settings for config in self.configs if config.config_id == record.config_id), {})
         vehicle = vehicle_of(PlannerSettings.model_validate(settings), record.ego_class)
         sized = replace(vehicle, length_m=record.ego_length_m, width_m=record.ego_width_m)
@@ -152,7 +152,7 @@ class RunSet:
 
     @cached_property
     def by_configuration(self) -> "dict[str, RunSet]":
-        """The runs of each configuration as a separate set; what was read and examined is shared."""
+        """The runs of each configuration as a separate set; the sets share what was read and examined."""
         apart: dict[str, RunSet] = {}
         for config_id, records in self.by_config(self.records).items():
             chosen = {record.run_id for record in records}
@@ -190,7 +190,7 @@ def read_series(source: RunSource) -> RunSeries | None:
     """Return a run's series, stored next to its steps, or None for a run that was stored without them.
 
     Raises:
-        ResourceFailure: the file is there but cannot be read.
+        ResourceFailure: the file exists but cannot be read.
     """
     path = None if source.steps_path is None else Path(source.steps_path).with_name("series.json")
     if path is None or not path.is_file():
@@ -204,7 +204,7 @@ def read_series(source: RunSource) -> RunSeries | None:
 
 
 def _with_shown_names(steps: RunSteps) -> RunSteps:
-    """Return the steps with names of a planner's terms and constraints as answers print them."""
+    """Return the steps with a planner's terms and constraints named as answers print them."""
     words = {name: shown_name(name) for name in (*steps.costs, *steps.rejected)}
     if all(shown == name for name, shown in words.items()):
         return steps
@@ -234,7 +234,7 @@ def driven_tracks(steps: RunSteps) -> dict[int, Track]:
 
 
 def tracks_in(runs: RunSet, record: RunRecord, steps: RunSteps) -> dict[int, Track]:
-    """Return all others as they moved in a run, with static obstacles; without a file, only reactive traffic."""
+    """Return all other road users in a run, with static obstacles; without a file, only reactive traffic."""
     path = runs.scenario_path(record)
     if path is None:
         return driven_tracks(steps)
@@ -258,7 +258,7 @@ def ego_track(record: RunRecord, steps: RunSteps) -> Track:
 
 
 def most_frequent_first(counts: Counter[_Name]) -> list[tuple[_Name, int]]:
-    """Return names with their counts, the largest first; equal counts are ordered by name."""
+    """Return names with their counts, largest count first; equal counts are ordered by name."""
     return sorted(counts.items(), key=lambda item: (-item[1], item[0]))
 
 
@@ -268,7 +268,7 @@ _NOISE = 1e-9
 
 @dataclass(frozen=True)
 class MetricSpec:
-    """One metric of a run, a stored measure of ``schemas/measures.py``; ``why_none``: why a run may lack it."""
+    """A metric of a run, stored as in ``schemas/measures.py``; ``why_none``: why a run may lack the metric."""
 
     name: MetricName
     unit: str
@@ -279,14 +279,14 @@ class MetricSpec:
     why_none: str = ""
 
     def difference(self, before: float, after: float) -> float:
-        """Return after − before; 0 if that is within the tolerance or rounding."""
+        """Return after − before; 0 if the difference is within the tolerance or rounding."""
         least = max(self.tolerance, _NOISE * max(abs(before), abs(after)))
         return 0.0 if abs(after - before) <= least else after - before
 
     def value(self, record: RunRecord) -> float | None:
         """Return the value of the metric in a run, or None if it is not defined."""
         if self.name == "risk_score" and record.outcome == "off_road":
-            return None  # older runs have the score of the others nearby
+            return None  # older runs have the score of the nearby road users
         value: float | None = getattr(record.metrics, self.name, None)
         return value
 
@@ -300,7 +300,7 @@ METRICS: tuple[MetricSpec, ...] = tuple(
 
 
 def cost_shares(runs: RunSet) -> tuple[CostShare, ...]:
-    """Return terms by configuration, the largest first; terms that are always 0 are left out."""
+    """Return terms by configuration, largest share first; terms that are always 0 are left out."""
     shares: list[CostShare] = []
     for config_id, records in runs.by_config(runs.valid).items():
         terms = config_terms(runs, records)
@@ -327,7 +327,7 @@ def config_terms(runs: RunSet, records: Sequence[RunRecord]) -> dict[str, float]
 
 
 def mean_terms(steps: RunSteps, since_step: int | None = None) -> dict[str, float]:
-    """Return the mean weighted cost of each term over the planning steps from ``since_step`` on; empty if none."""
+    """Return each term's mean weighted cost over planning steps from ``since_step`` on; empty if there are none."""
     chosen = [i for i, step in enumerate(steps.plan_steps) if since_step is None or step >= since_step]
     return {
         term: float(np.mean([values[i] for i in chosen if i < len(values)]))

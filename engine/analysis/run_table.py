@@ -1,7 +1,7 @@
 """The runs of a batch, or the steps of a run, as a table: CSV for people, Parquet for notebooks.
 
-The table of a batch has one row per cell: what is stored of a run, its measures, weights and settings. A cell without a
-run has the outcome ``lost`` and the error as its reason, so that nothing is missing without notice.
+The table of a batch has one row per cell: the stored data of a run, its measures, weights and settings. A cell without
+a run has the outcome ``lost`` and the error as its reason, so every missing run is visible.
 
 The table of a run has one row for each driven state. What belongs to a planning step (cost terms, rejections, desired
 speed, debug values) is in the row of that step and empty in the other rows.
@@ -86,7 +86,7 @@ def _state_columns(steps: RunSteps, series: RunSeries, step_s: float) -> dict[st
 
 
 def _planned_columns(steps: RunSteps, series: RunSeries) -> dict[str, Column]:
-    """Return one value for each driven state that was planned at."""
+    """Return one value for each driven state at which a plan was made."""
     rows = [step - steps.first_step for step in steps.plan_steps]
     planned: dict[str, Column] = {
         "desired_speed_mps": series.desired_speed_mps,
@@ -132,7 +132,7 @@ def _measured(request: RunTableRequest) -> Iterator[dict[str, Value]]:
 def _run_rows(
     records: Sequence[RunRecord], lost: Sequence[LostCell], configurations: Sequence[PlannerConfiguration]
 ) -> list[dict[str, Value]]:
-    """Return the rows, in the order of the runs, then of the lost cells; an undefined figure is None."""
+    """Return one row for each run, in order, then one for each lost cell; an undefined figure is None."""
     tuning = {item.config_id: _tuning(item) for item in configurations}
     rows = [_flat(record.model_dump(mode="json")) | tuning.get(record.config_id, {}) for record in records]
     for cell in lost:
@@ -169,7 +169,7 @@ def _tuning_columns(configurations: Sequence[PlannerConfiguration]) -> dict[str,
 
 
 def _record_columns() -> dict[str, type]:
-    """Return the type of each column's values, from the models, so that an empty column has its type too."""
+    """Return the type of each column's values, read from the models, so that empty columns have a type too."""
     columns: dict[str, type] = {}
     for name, field in RunRecord.model_fields.items():
         part = _PARTS.get(name)

@@ -1,8 +1,9 @@
 """Statistics on shares and on paired runs: intervals, exact tests, Holm's adjustment. The scenario is the unit.
 
-Runs of one scenario (of its planning problems, configurations, predictions, edited versions) are alike: ten of them
+Runs of one scenario (of its planning problems, configurations, predictions, edited versions) are alike: ten such runs
 show less than runs of ten scenarios. Therefore intervals are those of an equivalent number of independent runs (by the
-design effect), and tests treat a scenario as one. If every scenario has one run, all are the usual ones.
+design effect), and tests treat a scenario as one unit. If every scenario has one run, these are the usual intervals and
+tests.
 
 scipy has no Holm adjustment, no interval for paired shares and, with ties, no exact signed-rank test; these are written
 here. So are the Wilson interval, the binomial test of a fair coin and mean ranks: a first comparison in a worker would
@@ -33,7 +34,7 @@ _MOST_EXACT = 60
 
 
 def rate(count: int, of: int) -> Rate:
-    """Return the share with its 95 % Wilson interval, for independent trials; all None without trials."""
+    """Return the share of independent trials with its 95 % Wilson interval; all None if there are no trials."""
     if of == 0:
         return Rate(count=0, of=0, share=None, low=None, high=None)
     low, high = wilson_interval(count, of)
@@ -43,10 +44,10 @@ def rate(count: int, of: int) -> Rate:
 def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
     """Return the share of true trials with its 95 % interval; a trial is its scenario and its outcome.
 
-    Without trials both are None. The interval is Wilson's for the effective number of trials: their number is reduced
-    by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of clustered binary
-    data"). It uses Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on
-    Wilson's form of it). If all trials have the same outcome, a scenario counts as one trial.
+    If there are no trials, the share and the interval are None. The interval is Wilson's for the effective number of
+    trials, reduced by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of
+    clustered binary data"), with Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and
+    Pagano 2015 on Wilson's form of it). If all trials have the same outcome, a scenario counts as one trial.
     """
     clusters = _sums((key, float(outcome)) for key, outcome in trials)
     count, of = round(sum(total for total, _ in clusters)), sum(size for _, size in clusters)
@@ -69,7 +70,7 @@ _Cluster = tuple[float, int]
 
 
 def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
-    """Return the sum and number by scenario, in order of appearance."""
+    """Return the sum and the number of values by scenario, in order of appearance."""
     sums: dict[str, tuple[float, int]] = {}
     for key, value in trials:
         total, size = sums.get(key, (0.0, 0))
@@ -102,7 +103,7 @@ def wilson_interval(count: int, of: int, effective: float | None = None) -> tupl
     ``effective``: the number of independent trials; by default ``of``.
 
     Raises:
-        ValueError: there are no trials, or the count is outside them.
+        ValueError: there are no trials, or the count is not between 0 and ``of``.
     """
     if of < 1 or not 0 <= count <= of:
         raise ValueError(f"{count} of {of} is not a share")
@@ -119,11 +120,11 @@ def wilson_interval(count: int, of: int, effective: float | None = None) -> tupl
 
 @dataclass(frozen=True)
 class PairedShares:
-    """Success before and after on the same problems: the difference (after − before), its 95 % interval, and p.
+    """Success before and after on the same problems: difference (after − before), 95 % interval, and p.
 
     ``p`` is exact: under the null hypothesis, each scenario's flips could have gone the other way, all together
-    (McNemar's test if every scenario has one pair). An interval that contains 0 goes with a p of at least 0.05: if the
-    exact test shows no difference, the interval is widened to 0.
+    (McNemar's test if every scenario has one pair). If the exact test shows no difference (p of at least 0.05), the
+    interval is widened to include 0.
     """
 
     difference: float
@@ -133,7 +134,7 @@ class PairedShares:
 
 
 def paired_shares(flips: Iterable[tuple[str, int]]) -> PairedShares:
-    """Return the difference of two paired shares; a pair is its scenario and 1 (to success), −1 (to failure) or 0.
+    """Return the difference of two paired shares; a pair is a scenario and 1 (to success), −1 (to failure) or 0.
 
     The interval is an adjusted Wald interval. The pairs are first reduced to their effective number, as in
     :func:`rate_by_scenario`. Then half a pair is added to each of the four cells (Agresti and Min 2005, "Simple
@@ -172,7 +173,7 @@ def _sign_flips(totals: Sequence[int]) -> float:
 
 
 def needed_scenarios(discordant: float, difference: float) -> int | None:
-    """Return how many pairs show a difference of two shares at 5 % with a power of 80 %, or None if no number does.
+    """Return the number of pairs that show a difference at 5 % with a power of 80 %, or None if no number does.
 
     Connor 1987, "Sample size for testing differences in proportions for the paired-sample design"; ``discordant`` is
     the share of pairs that flip, which is at least the difference.
@@ -185,7 +186,7 @@ def needed_scenarios(discordant: float, difference: float) -> int | None:
 
 
 def mcnemar_exact(only_before: int, only_after: int) -> float:
-    """Return the two-sided p of the exact (binomial) McNemar test on the discordant pairs; 1 without any."""
+    """Return the two-sided p of the exact (binomial) McNemar test on discordant pairs; 1 if there are none."""
     from scipy.special import bdtr
 
     fewer, discordant = min(only_before, only_after), only_before + only_after
@@ -209,7 +210,7 @@ class SignedRank:
 
 
 def signed_rank(differences: Sequence[float]) -> SignedRank:
-    """Test differences by Wilcoxon's signed-rank test; zeros keep their ranks (Pratt 1959), ties share the mean rank.
+    """Apply Wilcoxon's signed-rank test to differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
 
     Up to 60 pairs, p comes from the exact permutation distribution of the observed ranks, ties included; above, from
     the normal approximation with continuity correction.
@@ -243,9 +244,9 @@ def cluster_means(values: Iterable[tuple[str, float]]) -> list[float]:
 def rank_correlation(rows: Sequence[Sequence[float]], fixed: int = 0) -> tuple[float, float] | None:
     """Return Spearman's ρ of the first two columns, one row per scenario, and its two-sided p.
 
-    None if one of them is constant. ``fixed``: number of further columns that are held fixed. Their ranks are removed
-    from both by least squares (partial rank correlation), which costs as many degrees of freedom. p is by Student's
-    distribution.
+    The result is None if a column is constant. ``fixed``: number of further columns that are held fixed. Their ranks
+    are removed from the first two columns by least squares (partial rank correlation), which costs as many degrees of
+    freedom. p comes from Student's distribution.
     """
     from scipy.special import stdtr
 
@@ -311,7 +312,7 @@ def _rank_sum_chances(doubled_ranks: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def fisher_exact(first: tuple[int, int], second: tuple[int, int]) -> float:
-    """Return the two-sided p of Fisher's exact test on two groups (count, of), over all tables that are as unlikely."""
+    """Return the two-sided p of Fisher's exact test on two groups (count, of)."""
     of, other, total = first[1], second[1], first[0] + second[0]
     ways = {k: math.comb(of, k) * math.comb(other, total - k) for k in range(max(0, total - other), min(of, total) + 1)}
     seen = ways[first[0]]

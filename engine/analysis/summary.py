@@ -1,6 +1,6 @@
-"""The analysis of a set of runs: outcome rates in total and by group, metrics, costs, findings; the timeline of one.
+"""The analysis of a set of runs: outcome rates, groups, metrics, costs, findings, and a single run's timeline.
 
-Invalid items are listed separately and are in no denominator.
+Invalid items are listed separately and are not part of any denominator.
 """
 
 import math
@@ -155,7 +155,7 @@ def analyse(request: AnalyseRequest, report: ProgressReporter) -> AnalyzeResults
 
 
 def _summary_findings(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Return the main failure of each configuration and four other findings, or five if there is no main failure."""
+    """Return each configuration's main failure and four other findings, or five findings if there is no failure."""
     main = tuple(one for one in findings if one.name == "main_failure")
     others = tuple(one for one in findings if one.name != "main_failure")
     return (*main, *others[: _SUMMARY_FINDINGS - bool(main)])
@@ -196,7 +196,7 @@ def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
 
 
 def _next_offset(request: AnalyseRequest, count: int) -> int | None:
-    """Return where the next page begins, or None on the last one."""
+    """Return where the next page begins, or None on the last page."""
     following = request.offset + request.limit
     return following if following < count else None
 
@@ -260,7 +260,7 @@ def _notes(
 
 
 def _by_any_motion(runs: RunSet) -> Rate | None:
-    """Return the rate of goals by the paper's rule, or None if no motion to the goal was refused."""
+    """Return the rate of goals according to the paper's rule, or None if no motion to the goal was refused."""
     refused = any(record.outcome == "goal_refused" for record in runs.valid)
     return runs.rate(runs.valid, lambda record: record.outcome in AT_GOAL) if refused else None
 
@@ -276,7 +276,7 @@ def _unrated(group: Group) -> Group:
 
 
 def _outcome_shares(runs: RunSet, *, rated: bool) -> tuple[OutcomeShare, ...]:
-    """Return every outcome that occurred among the valid runs, the most frequent first."""
+    """Return every outcome that occurred among the valid runs, most frequent first."""
     return tuple(
         OutcomeShare(
             outcome=outcome,
@@ -293,7 +293,7 @@ def _ended_as(outcome: Outcome) -> Callable[[RunRecord], bool]:
 
 
 def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
-    """Return mean, median and range of every metric over the valid runs in which it is defined."""
+    """Return the mean, median and range of every metric over the valid runs in which it is defined."""
     one_configuration = len({record.config_id for record in runs.valid}) == 1
     summaries = []
     for spec in METRICS:
@@ -314,13 +314,13 @@ def _metric_summaries(runs: RunSet) -> tuple[MetricSummary, ...]:
 
 
 def _undefined(runs: RunSet) -> tuple[UndefinedMetric, ...]:
-    """Return the metrics that no valid run has; empty without valid runs."""
+    """Return the metrics that no valid run has; empty if there are no valid runs."""
     absent = [spec for spec in METRICS if runs.valid and all(spec.value(record) is None for record in runs.valid)]
     return tuple(UndefinedMetric(name=spec.name, why=spec.why_none) for spec in absent)
 
 
 def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -> tuple[Group, ...]:
-    """Return outcome rates by group; a scenario with several obstacle classes is in the group of each.
+    """Return outcome rates by group; a scenario with several obstacle classes is in the group of each class.
 
     Without a requested breakdown, several configurations are separate groups; in a breakdown by scenarios they are
     separate within each group.
@@ -360,7 +360,7 @@ def _group(runs: RunSet, name: str, records: list[RunRecord]) -> Group:
 
 
 def _with_own_figures(group: Group, own: RunSet, *, summed: bool) -> Group:
-    """Return the group of one of several configurations with its own figures, which are not pooled."""
+    """Return the group of a configuration with the configuration's own figures, which are not pooled."""
     failed = {
         outcome: tuple(record.run_id for record in own.failures if record.outcome == outcome)[:_SHOWN_RUNS]
         for outcome in group.outcomes

@@ -2,8 +2,9 @@
 
 A signal is an array with one value per step. The robustness of a formula at a step (Donzé and Maler, "Robust
 satisfaction of temporal logic over real-valued signals", FORMATS 2010) is positive if it holds and negative if it does
-not: *not* changes the sign, *and* is the least, *or* the greatest value; *always* and *historically* are least values
-over a time window, *once* is a greatest one. A condition that is only true or false is infinite.
+not: *not* changes the sign, *and* is the smallest and *or* the largest value; *always* and *historically* are the
+smallest values over a time window, *once* is the largest. A condition that is only true or false has an infinite
+robustness.
 
 Runs are finite: in a window entirely outside of the run, nothing can violate *always* or *historically*, and nothing
 can fulfil *once*.
@@ -45,27 +46,27 @@ def implies(condition: Values, demand: Values) -> Values:
 
 
 def historically(signal: Values, first: int = 0, last: int | None = None) -> Values:
-    """Return the signal of: at all steps from ``last`` (None: the beginning) to ``first`` steps ago."""
+    """Return the signal of "it held at all steps from ``last`` (None: the beginning) to ``first`` steps ago"."""
     return always(signal[::-1], first, last)[::-1]
 
 
 def once(signal: Values, first: int = 0, last: int | None = None) -> Values:
-    """Return the signal of: at some step from ``last`` (None: the beginning) to ``first`` steps ago."""
+    """Return the signal of "it held at some step from ``last`` (None: the beginning) to ``first`` steps ago"."""
     return negation(historically(negation(signal), first, last))
 
 
 def always(signal: Values, first: int = 0, last: int | None = None) -> Values:
-    """Return the signal of: at all steps from ``first`` to ``last`` (None: the end) steps ahead."""
+    """Return the signal of "it holds at all steps from ``first`` to ``last`` (None: the end) steps ahead"."""
     return _over_windows(signal, first, last, np.min)
 
 
 def previously(signal: Values) -> Values:
-    """Return the signal of: at the step before; false at the first step."""
+    """Return the signal of "it held at the previous step"; false at the first step."""
     return np.concatenate([[-np.inf], signal[:-1]])
 
 
 def since(holds: Values, began: Values) -> Values:
-    """Return the signal of: ``holds`` at all steps since ``began`` held at some step."""
+    """Return the signal of "``holds`` has been true at all steps since ``began`` was true at some step"."""
     result = np.array(began, dtype=float)
     for at in range(1, len(result)):
         result[at] = max(result[at], min(float(holds[at]), result[at - 1]))

@@ -1,13 +1,13 @@
-"""Traffic rules as signal temporal logic over the steps of a run, graded: which a run broke, when and by how much.
+"""Traffic rules as signal temporal logic over the steps of a run, graded: which ones a run broke, when and by how much.
 
 The rules are formalised by Maierhofer and others from the German road traffic regulations (StVO) and the Vienna
 convention: "Formalization of interstate traffic rules in temporal logic" (IV 2020, ``R_G…``) and "Formalization of
 intersection traffic rules in temporal logic" (IV 2022, ``R_IN…``), and the solid line of the StVO. A rule yields a
-signal for each other, line or light that it concerns; it is broken if one of them is below zero. Conditions are true or
-false, and the demand of a rule is graded in its own unit. ``docs/traffic_rules.md`` describes each rule and what was
-left out of its source.
+signal for each road user, line or light that it concerns; the rule is broken if one of the signals is below zero.
+Conditions are true or false, and the demand of a rule is graded in its own unit. ``docs/traffic_rules.md`` describes
+each rule and which parts of its source are left out.
 
-To add one, write a function ``(drive) -> signals``, and list it in ``TRAFFIC_RULES`` and in the docs.
+To add a rule, write a function ``(drive) -> signals``, and list it in ``TRAFFIC_RULES`` and in the docs.
 """
 
 import math
@@ -55,7 +55,7 @@ _STOP_S, _STOP_WITHIN_M = 3.0, 1.0
 
 @dataclass(frozen=True)
 class Signal:
-    """The robustness of a rule at each state of a run for one other or object; ``obstacle_id`` if it is another."""
+    """A rule's robustness at each state of a run for one road user (``obstacle_id``) or object."""
 
     robustness: Values
     obstacle_id: int | None = None
@@ -77,7 +77,7 @@ class TrafficRule:
 
 
 def rule_verdicts(runs: RunSet, record: RunRecord) -> tuple[RuleVerdict, ...]:
-    """Return the verdict of each traffic rule on a run; empty without its steps or its scenario."""
+    """Return the verdict of each traffic rule on a run; empty if its steps or its scenario are missing."""
     steps, path = runs.steps.get(record.run_id), runs.scenario_path(record)
     if steps is None or not steps.x_m or path is None or record.outcome == "invalid":
         return ()
@@ -91,7 +91,7 @@ def judged_by_rules(drive: RuledDrive) -> tuple[RuleVerdict, ...]:
 
 
 def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
-    """Return, by configuration and rule, how many runs broke the rule, of those that it applied to.
+    """Return, by configuration and rule, how many of the runs to which the rule applied broke it.
 
     Of more than 200 runs, only those of randomly drawn scenarios are examined, so that all configurations have the same
     scenarios.
@@ -133,7 +133,7 @@ def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> Rul
 
 
 def _verdict(rule: TrafficRule, drive: RuledDrive) -> RuleVerdict:
-    """Return the rule's least robustness and its step, and the first violation if there is one."""
+    """Return the rule's lowest robustness and its step, and the first violation if there is one."""
     worst: tuple[float, int, Signal] | None = None
     first: int | None = None
     for signal in rule.signals(drive):
@@ -169,7 +169,7 @@ def _safe_distance(drive: RuledDrive) -> Iterator[Signal]:
 
 
 def _margin_m(drive: RuledDrive, other: Ahead) -> Values:
-    """Return how much farther ahead another is than the distance that the ego needs to stop behind it."""
+    """Return how much farther ahead a road user is than the distance that the ego needs to stop behind it."""
     own = drive.ego.speeds_mps
     safe = own * MONITOR_REACTION_S + own**2 / (2 * _OWN_BRAKING_MPS2) - other.speed_mps**2 / (2 * _LEAD_BRAKING_MPS2)
     return np.where(other.is_ahead, other.gap_m - np.maximum(safe, 0.0), np.inf)

@@ -1,17 +1,17 @@
-"""The catalogue: strict filters in SQLite, ranking by text, the starter scenarios.
+"""The catalogue of scenarios: strict filters in SQLite, ranking by text, and the starter scenarios.
 
 ``download``: returns the path of the file at an address, checked by its SHA-256.
 ``unpack``: a context with a temporary folder of the XML files in an archive.
 ``scenario_facets``: returns the number of scenarios, and counts of places, tags, features, signs and obstacles.
-``ID_TAKEN``: reason of the refusal of a scenario with an id that another one has.
+``ID_TAKEN``: the reason for refusing a scenario whose id is already taken.
 ``ReadFile``: a file with its SHA-256 and, if its content is new, its facts.
 ``ScenarioIntake``: decides on the files of an import and stores them: new, known, or new versions of a scenario.
 ``net_beside``: returns the SUMO network next to a scenario file, or None.
 ``put_scenario``: stores a scenario with known facts, and returns its artifact.
-``build_index``: operation that loads the embedding model and builds the text index.
-``rank``: operation that returns scenario ids by similarity of their descriptions to a text, with scores.
+``build_index``: the operation that loads the embedding model and builds the text index.
+``rank``: the operation that returns scenario ids by similarity of their descriptions to a text, with scores.
 ``is_place``: returns whether a scenario's place is real.
-``known_places``: returns the countries and the places of the catalogue's scenarios, each with its country.
+``known_places``: returns the catalogue's countries, and its places with the country of each.
 ``Postings``: the entries that satisfy conditions, kept in memory while the catalogue is unchanged.
 ``Ranking``: scenario ids by similarity of their text, best first, with their scores.
 ``manoeuvres_in``: returns the manoeuvres that a text mentions, such as ``cut_in:truck``.
@@ -20,12 +20,13 @@
 ``ARCHIVE``: the name of the archive with the starter scenarios.
 ``starter_files``: a context with some of the starter scenarios as files.
 ``open_catalogue``: prepares the catalogue of a workspace, including the starter scenarios.
-``MOST_ENTRIES``: the most planning problems entered per file, and the step of the numbers between two artifacts.
-``is_ready``: returns whether the tables exist in this version.
-``EmbeddingModel``: a model that turns texts into vectors, by its name in the setting.
+``MOST_ENTRIES``: the maximum number of planning problems entered per file, and the difference between the numbers of
+two consecutive artifacts.
+``is_ready``: returns whether the tables exist in the current version.
+``EmbeddingModel``: a model that turns texts into vectors, identified by its name in the setting.
 ``damaged_parts``: returns the files and generations of a text index that cannot be read.
-``remove_damaged``: removes these, so that they are rebuilt, and returns them.
-``description_of``: returns a scenario in a few plain sentences, from its facts.
+``remove_damaged``: removes and returns the damaged parts, so that they are rebuilt.
+``description_of``: describes a scenario in a few plain sentences, based on its facts.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""What exists if a search matches nothing: names that no scenario has, and the candidates' nearest values."""
+"""Alternatives if a search matches nothing: names that no scenario has, and the candidates' nearest values."""
 
 import sqlite3
 from collections.abc import Collection, Sequence
@@ -59,7 +59,7 @@ def names_without_scenario(connection: sqlite3.Connection, constraints: Sequence
 
 
 def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
-    """Return a sentence for every tag that other scenarios have as a feature, and the reverse."""
+    """Return a sentence for every tag that other scenarios have as a feature, or feature that others have as a tag."""
     sentences = []
     for constraint in constraints:
         if constraint.note:
@@ -77,7 +77,7 @@ def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constra
 
 
 def not_computed(connection: sqlite3.Connection, constraints: Sequence[Constraint]) -> list[str]:
-    """Return a sentence if manoeuvres are required and some scenarios were stored before they were computed."""
+    """Return a sentence if manoeuvres are required but were not computed for some scenarios stored earlier."""
     asked = {
         word.partition(":")[0] for constraint in constraints for kind, word in constraint.words if kind == "feature"
     }
@@ -93,7 +93,7 @@ _MANOEUVRES = {*MANOEUVRES, "unprotected_left", "ego_turns_back"}
 
 @dataclass(frozen=True)
 class TextWords:
-    """Where a text's words occur: sentences on the ``found`` words, and the words that occur ``nowhere``.
+    """Where a text's words occur: sentences about the ``found`` words, and the words that occur ``nowhere``.
 
     ``alone``: the text has words, and all of them are in ``nowhere``.
     """
@@ -134,7 +134,7 @@ _VOCABULARIES = (("tag", TAGS), ("feature", FEATURES), ("sign@map", ROAD_NET_KEY
 
 
 def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str]]:
-    """Return the vocabulary name that a word means ('' for no name), and its number of scenarios by kind."""
+    """Return the vocabulary name that a word means ('' if none), and how many scenarios have it, by kind."""
     carried: list[str] = []
     meant = ""
     for spelling in (word, word.removesuffix("s")):
@@ -157,7 +157,7 @@ def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str
 
 
 def _occurs(connection: sqlite3.Connection, word: str) -> bool:
-    """Return whether a word, or one with the same beginning, occurs in a place or description."""
+    """Return whether a word, or a word with the same beginning, occurs in a place or description."""
     key = word[:_LETTERS] if len(word) > _LETTERS else word
     query = "SELECT 1 FROM catalog_scenarios WHERE instr(lower(description), ?) OR instr(lower(place), ?) LIMIT 1"
     if connection.execute(query, (key, key)).fetchone() is not None:
@@ -170,7 +170,7 @@ _LETTERS = 5
 
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
-    """Return which conditions left nothing, and what the candidates of that stage have instead."""
+    """Return the conditions that left nothing, and what the candidates of their stage have instead."""
     entering = funnel.entering()
     names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:
@@ -181,7 +181,7 @@ def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: Emptied
 
 
 def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
-    """Return the candidates' values for what a condition requires, or an empty string if they would not help."""
+    """Return the values that candidates have for a condition, or an empty string if they would not help."""
     if constraint.stage == "location":
         return _places(connection, constraint, funnel.within)
     if constraint.stage == "obstacles" and constraint.words:
@@ -200,7 +200,7 @@ def _alternatives(connection: sqlite3.Connection, constraint: Constraint, funnel
 
 
 def _column(constraint: Constraint) -> tuple[str, str]:
-    """Return what a condition on a number applies to, in words, and its column."""
+    """Return the subject of a condition on a number, in words, and its column."""
     if constraint.stage == "velocity":
         return "initial speeds in m/s", "speed_mps"
     if constraint.stage == "road_net":
@@ -237,7 +237,7 @@ def _limits(connection: sqlite3.Connection, constraint: Constraint, entering: En
 
 
 def _words(constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
-    """Return names of the same kind that candidates have, or an empty string if they have what was excluded."""
+    """Return names of the same kind among the candidates, or an empty string if these have what was excluded."""
     if constraint.negated:
         return ""
     kind, word = constraint.words[0]
@@ -250,7 +250,7 @@ def _words(constraint: Constraint, funnel: Funnel, entering: EntrySet) -> str:
 
 
 def _nearest(what: str, constraint: Constraint, values: Collection[float]) -> str:
-    """Return the values nearest to the requested interval, and the range of all if there are more."""
+    """Return the values nearest to the requested interval, and the range of all values if there are more."""
     low, high = (float(value) for value in constraint.values[-2:])
     ordered = sorted(values, key=lambda value: (max(low - value, value - high, 0.0), value))
     listed = _listed(what, [f"{value:g}" for value in ordered[:SHOWN]], len(ordered))

@@ -1,7 +1,7 @@
 """Download an archive of scenarios, check its hash, and unpack it within limits.
 
-pooch also fetches files with a known hash, but reads any length that is sent. A limit would need our own downloader,
-which is most of this module, in addition to pooch's dependencies (requests, platformdirs, packaging).
+pooch also downloads files with a known hash, but accepts a download of any length. To limit it, we would need our own
+downloader (most of this module) and pooch's dependencies (requests, platformdirs, packaging).
 """
 
 import hashlib
@@ -39,7 +39,7 @@ OnProgress = Callable[[int, int | None], None]
 
 
 def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Path:
-    """Return the file at an address, named after its hash in a folder; download it only if it is not there yet.
+    """Return the file at an address, stored in a folder under its hash; download it only if it is missing.
 
     Args:
         on_progress: called after each block.
@@ -76,7 +76,7 @@ def download(url: str, sha256: str, folder: Path, on_progress: OnProgress) -> Pa
 
 @contextmanager
 def unpack(file: Path) -> Iterator[Path]:
-    """Yield a temporary folder with the archive's XML files without their folders, or with the one file.
+    """Yield a temporary folder that contains the archive's XML files without their folders, or the single file.
 
     Raises:
         UnsafeInput: the file is not a zip archive, or it unpacks to more than the limits allow.
@@ -93,7 +93,7 @@ def unpack(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def _readable(name: str) -> Iterator[None]:
-    """Refuse an archive that Python's zipfile cannot read: it raises any error of its decoders.
+    """Refuse an archive that Python's zipfile cannot read; its decoders may raise any error.
 
     Raises:
         UnsafeInput: the archive or a member is broken, encrypted or compressed in an unknown way.
@@ -127,7 +127,7 @@ def _stream(url: str, part: Path, on_progress: OnProgress) -> str:
 
 
 def _extract(archive: zipfile.ZipFile, folder: Path) -> None:
-    """Write every XML member under its bare name, so that no path of the archive leads outside."""
+    """Write every XML member under its bare name, so that no path in the archive leads outside the folder."""
     whole = 0
     members = [member for member in archive.infolist() if not member.is_dir()]
     if len(members) > MOST_MEMBERS:

@@ -1,8 +1,8 @@
 """BM25: rank texts by the words that they share with a query.
 
 Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5 also has
-a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words. Of the 100 requests of the selection corpus, it
-puts the same five scenarios first in the same order for 49, and all in the same order for 11.
+a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words: for 49 of the 100 requests in the selection
+corpus it returns the same first five scenarios in the same order, and for 11 the same order of all scenarios.
 """
 
 import math
@@ -20,7 +20,7 @@ def words_of(text: str) -> list[str]:
 
 
 def bm25_scores(query: str, texts: Mapping[str, str]) -> dict[str, float]:
-    """Return the BM25 score of every text for the query; 0 if no word is shared."""
+    """Return the BM25 score of every text for the query; 0 if they share no word."""
     counts = {key: Counter(words_of(text)) for key, text in texts.items()}
     if not counts:
         return {}

@@ -2,7 +2,8 @@
 
 Semantics: Methodology, Scenario Selection (five slots, velocity ± 2 m/s for a single value). Counts are exact; a posted
 limit matches within 0.5 km/h. Features computed from the geometry belong to the stage of the tags. Words of the
-vocabulary are accepted in any case, in the plural and as everyday names; other words are refused with the nearest ones.
+vocabulary are accepted in upper or lower case, in the plural and as everyday names; the error for any other word lists
+the nearest ones.
 """
 
 import re
@@ -59,10 +60,10 @@ _FAR = 1e12
 class Constraint:
     """One condition of a search.
 
-    ``subject``: the vocabulary name that it applies to, ``country`` or ``city``; ``everywhere``: on the whole map.
-    ``query`` selects the numbers of the scenarios that satisfy it (of those that do not, if ``negated``).
-    ``words``: names that perhaps no scenario has, as ``(kind, word)``, so that the answer can report it.
-    ``note``: how a word that is not of its argument's vocabulary was read; otherwise empty.
+    ``subject``: the vocabulary name that the condition applies to, ``country`` or ``city``; ``everywhere``: whether it
+    applies to the whole map. ``query`` selects the numbers of the scenarios that satisfy the condition (if ``negated``,
+    of those that do not). ``words``: names that perhaps no scenario has, as ``(kind, word)``, so that the answer can
+    report them. ``note``: how a word from outside its argument's vocabulary was interpreted; otherwise empty.
     """
 
     stage: Stage
@@ -85,7 +86,7 @@ class Constraint:
         return any(_stems(name) <= asked for name in names)
 
     def found_among(self, connection: sqlite3.Connection, among: Sequence[int]) -> Iterator[int]:
-        """Yield those of at most a few thousand numbers that the query selects."""
+        """Yield the given numbers (a few thousand at most) that the query also selects."""
         holes = ", ".join("?" * len(among))
         return column_of(connection, f"{self.query} AND number IN ({holes})", (*self.values, *among))
 
@@ -95,11 +96,12 @@ def constraints_of(
 ) -> tuple[Constraint, ...]:
     """Return all conditions in the paper's order of stages; ``location`` comes from :func:`location_constraints`.
 
-    Weather and times of day belong to the vocabulary if ``with_circumstances``: the catalogue has some.
+    Weather and times of day belong to the vocabulary if ``with_circumstances``, that is, if the catalogue contains any.
 
     Raises:
-        UnknownName: tags, features, keys or obstacles are outside the vocabulary; reports all wrong names at once.
-        InvalidRequest: a condition is malformed, or a speed has no unit; reports all faults at once.
+        UnknownName: tags, features, keys or obstacles are outside the vocabulary; all wrong names are reported
+            together.
+        InvalidRequest: a condition is malformed, or a speed has no unit; all faults are reported together.
     """
     makers: list[tuple[Callable[[str], Constraint], str]] = [
         *((partial(_resolve, "tags", with_circumstances), text) for text in arguments.tags),
@@ -122,7 +124,7 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """Return a condition that holds if any alternative between ``|`` does; after a leading ``!``, if all fail.
+    """Return a condition that holds if any of the alternatives between ``|`` holds; with a leading ``!``, if none does.
 
     Raises:
         UnknownName: a word is in no vocabulary.
@@ -158,7 +160,7 @@ def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
 
 
 def _resolve(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """Return the condition of an argument; look up a word of another vocabulary there, and report it in a note.
+    """Return an argument's condition; a word from another argument's vocabulary is accepted and noted.
 
     Raises:
         UnknownName: a word is in no vocabulary.
@@ -184,7 +186,7 @@ def _tag(text: str) -> Constraint:
 
 
 def _tag_or_feature(text: str) -> Constraint:
-    """Return the condition on a name that is a tag and a computed feature: either of the two."""
+    """Return the condition for a name that is both a tag and a computed feature: either of them satisfies it."""
     tag, feature = _tag(text), _word_constraint("feature", text, _feature_name)
     names = tag.values[1:]
     holes = ", ".join("?" * len(names))
@@ -224,7 +226,7 @@ def _word_constraint(kind: str, text: str, known: NameOf) -> Constraint:
 
 
 def _feature(text: str) -> Constraint:
-    """Return the condition on a feature, or on a measure that is compared with a number."""
+    """Return the condition on a feature, or on a measure compared with a number."""
     key = _key(_parse_name(text))
     measure = _MEASURE_WORDS.get(key, key)
     if measure not in MEASURES:
@@ -367,14 +369,14 @@ def _scope(condition: Condition, allowed: tuple[str, ...]) -> str:
 
 
 def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[float, float]:
-    """Return the ends of an interval in the column's unit (``factor`` of the interval's), widened to either side."""
+    """Return an interval's ends in the column's unit (``factor`` times the interval's), widened on both sides."""
     slack = tolerance + _ROUNDING
     low = -_FAR if interval.low is None else interval.low * factor - slack
     return low, _FAR if interval.high is None else interval.high * factor + slack
 
 
 def holds_circumstances(connection: sqlite3.Connection) -> bool:
-    """Return whether any entry of the catalogue gives its weather or time of day."""
+    """Return whether any entry of the catalogue states its weather or time of day."""
     query = "SELECT 1 FROM catalog_words WHERE kind = ? LIMIT 1"
     return connection.execute(query, (CIRCUMSTANCE,)).fetchone() is not None
 
@@ -386,7 +388,7 @@ _NO_PLACES = frozenset({"test", "unittest", "example", "sample", "scenario", "un
 
 
 def is_place(country: str, place: str) -> bool:
-    """Return whether a scenario's place is real: in a country, and neither a number nor a test's name."""
+    """Return whether a scenario's place is real: it is in a country, and is neither a number nor a test's name."""
     letters = any(letter.isalpha() for letter in place)
     return country != ARTIFICIAL and letters and place.casefold().rstrip("0123456789") not in _NO_PLACES
 
@@ -411,7 +413,7 @@ def known_places(connection: sqlite3.Connection, among: Container[int] | None = 
 
 
 def location_constraints(connection: sqlite3.Connection, country: str | None, city: str | None) -> list[Constraint]:
-    """Return conditions for the country and the city; neither must be in the catalogue.
+    """Return conditions for the country and the city; they need not be in the catalogue.
 
     Raises:
         UnknownName: the country is neither an ISO alpha-3 code nor a known name.
@@ -448,7 +450,7 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
-    """Return a city's keys as it is spelled or, if the catalogue has none of them, of its names in other languages."""
+    """Return a city's keys as spelled or, if they are not in the catalogue, those of its names in other languages."""
     own = tuple(sorted(place_keys(city)))
     return own if has_place(connection, own) else tuple(sorted(names_elsewhere(city)))
 
@@ -483,7 +485,7 @@ def _circumstance_name(word: str) -> str:
 
 
 def _feature_name(word: str) -> str:
-    """Return the name of a feature; a manoeuvre may include a road user's type: ``cut_in:truck``."""
+    """Return the name of a feature; a manoeuvre's may include a road user's type: ``cut_in:truck``."""
     name, mark, kind = word.partition(":")
     found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature")
     if not mark:
@@ -526,7 +528,7 @@ def _name(word: str, known: Iterable[str], everyday: dict[str, str], what: str, 
 
 
 def _stems(text: str) -> set[str]:
-    """Return the beginnings of all words: trucks and truck, or intersections and intersection, begin alike."""
+    """Return the stems of all words: "trucks" has the same stem as "truck"."""
     return {word[:_STEM_LETTERS] for word in words_of(text)}
 
 

@@ -1,8 +1,8 @@
 """Sets of catalogue entries as bits: a million entries take 125 kB, and a condition is one operation on them.
 
-An entry's bit is its place in the alphabetical order of ids, so that the first entries of a set are its lowest bits.
-``Postings`` keeps the places, and the sets that satisfy conditions, until the catalogue changes; a server's calls share
-them in all threads.
+An entry's bit is its position in the alphabetical order of ids, so the first entries of a set are its lowest bits.
+``Postings`` keeps the positions, and the sets that satisfy conditions, until the catalogue changes. The calls in all
+threads of a server share them.
 """
 
 import re
@@ -28,7 +28,7 @@ _NOT_THERE = -1
 class Entries:
     """An immutable view of a catalogue's entries, in the alphabetical order of their ids.
 
-    ``numbers``: the number of the entry at each place.
+    ``numbers``: the number of the entry at each position.
     """
 
     def __init__(self, numbers: "array[int]") -> None:
@@ -50,7 +50,7 @@ class Entries:
         return EntrySet(self, (1 << len(self.numbers)) - 1)
 
     def place(self, number: int) -> int | None:
-        """Return the place of an entry, or None for a number that was not in the catalogue."""
+        """Return the position of an entry, or None for a number that was not in the catalogue."""
         group, index = number >> _GROUP_BITS, number & _IN_GROUP
         if number < 0 or group >= len(self._sizes) or index >= self._sizes[group]:
             return None
@@ -61,7 +61,7 @@ class Entries:
         """Return the set of some entries, without numbers that were not in the catalogue."""
         sizes, begins, places, groups = self._sizes, self._begins, self._places, len(self._sizes)
         marks = bytearray((len(self.numbers) >> 3) + 1)
-        for number in numbers:  # like ``place``, without a million calls
+        for number in numbers:  # does what ``place`` does, without a million calls
             group, index = number >> _GROUP_BITS, number & _IN_GROUP
             if group < groups and index < sizes[group]:
                 place = places[begins[group] + index]
@@ -104,7 +104,7 @@ class EntrySet:
         return not self.bits & ~other.bits
 
     def places(self) -> Iterator[int]:
-        """Yield the places of the entries, ascending."""
+        """Yield the positions of the entries, ascending."""
         for found in re.finditer(rb"[^\0]", self._bytes, re.DOTALL):  # the library skips empty bytes
             begin, eight = found.start() << 3, found[0][0]
             for bit in range(8):
@@ -112,7 +112,7 @@ class EntrySet:
                     yield begin + bit
 
     def first(self, count: int) -> list[int]:
-        """Return the numbers of the first entries by id, at most ``count``."""
+        """Return the numbers of the first entries in order of their ids, at most ``count``."""
         return list(islice(self, count))
 
     @cached_property
@@ -132,7 +132,7 @@ class Postings:
         self._bytes = 0
 
     def entries(self, connection: sqlite3.Connection) -> Entries:
-        """Return the current entries of the catalogue, built again if it has changed."""
+        """Return the current entries of the catalogue, rebuilt if the catalogue has changed."""
         changes = int(connection.execute("SELECT changes FROM catalog_version").fetchone()[0])
         with self._lock:
             if changes != self._changes:
@@ -147,7 +147,7 @@ class Postings:
     def holding(
         self, connection: sqlite3.Connection, entries: Entries, query: str, values: Sequence[str | float]
     ) -> EntrySet:
-        """Return the entries with a number that the query selects."""
+        """Return the entries whose number the query selects."""
         key = (query, *values)
         with self._lock:
             kept = self._sets.get(key)
@@ -164,7 +164,7 @@ class Postings:
         return found
 
     def column(self, connection: sqlite3.Connection, entries: Entries, name: str) -> "array[float]":
-        """Return a column of numbers by the place of the entry; NaN for an entry without a number."""
+        """Return a column of numbers, ordered by the entries' positions; NaN for an entry without a number."""
         with self._lock:
             if entries is self._entries and name in self._columns:
                 return self._columns[name]
@@ -181,7 +181,7 @@ class Postings:
 
 
 def plain_rows(connection: sqlite3.Connection, query: str, values: Sequence[str | float] = ()) -> sqlite3.Cursor:
-    """Return the rows of a query as tuples, since there may be a million of them."""
+    """Return the rows of a query as plain tuples, which are faster for a million rows."""
     cursor = connection.cursor()
     cursor.row_factory = None
     return cursor.execute(query, values)

@@ -20,7 +20,7 @@ def scenario_facets(
     """Return the number of scenarios, and the facets ``places``, ``tags``, ``features``, ``road_net``, ``obstacles``.
 
     Args:
-        wanted: one facet, which is then listed in full, or ``all``.
+        wanted: a single facet, which is then listed in full, or ``all``.
         within: ids to count in; None for all.
     """
     rows = connection.execute("SELECT number, scenario_id, country, place, lanes, speed_mps FROM catalog_scenarios")
@@ -85,7 +85,7 @@ def _words(
 
 
 def _circumstances(connection: sqlite3.Connection, numbers: frozenset[int]) -> list[FacetCounts]:
-    """Return counts of weather and times of day, if any scenario gives them."""
+    """Return counts of weather and times of day, if any scenario states them."""
     (facet,) = _words(connection, CIRCUMSTANCE, [], numbers, CIRCUMSTANCE_WORDS, whole=False)
     return [facet.model_copy(update={"note": "searched with tags"})] if facet.counts else []
 
@@ -116,7 +116,7 @@ def _road_net(
 
 
 def _about_limits(posted: dict[str, int], scenarios: int, shown: int) -> Iterator[str]:
-    """Yield notes on what the counts by limit count: they may add up to more than the scenarios with a limit."""
+    """Yield notes on the counts by limit, which may add up to more than the number of scenarios with a limit."""
     yield f"km/h, on the ego's lane in {counted(scenarios, 'scenario')}"
     if sum(posted.values()) > scenarios:
         yield "each of several limits counts"
@@ -148,5 +148,5 @@ def _speeds(speeds: list[float]) -> list[FacetCounts]:
 
 
 def _counted(words: list[str]) -> dict[str, int]:
-    """Return the number of each word, the most frequent first, equal ones alphabetically."""
+    """Return the count of each word, most frequent first; equal counts are in alphabetical order."""
     return dict(sorted(Counter(words).items(), key=lambda item: (-item[1], item[0])))

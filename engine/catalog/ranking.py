@@ -74,7 +74,7 @@ def _nearest(
     limit: int,
     report: ProgressReporter,
 ) -> tuple[list[tuple[str, float]], bool, bool]:
-    """Return the nearest scenarios, whether the index was built for them, and whether it was damaged.
+    """Return the nearest scenarios, whether the index was rebuilt in this call, and whether it was damaged.
 
     A damaged index is removed and rebuilt, since it is a cache.
 

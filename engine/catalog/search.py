@@ -1,9 +1,9 @@
-"""One catalogue search: the strict filter, the order of the matches, and the answer with its evidence and next steps.
+"""A catalogue search: strict filter, order of the matches, and the answer with its evidence and next steps.
 
-A diverse selection is a few matches that together cover a lot. An entry covers values of several dimensions: features,
-obstacle types, lanes, and bands of speed, traffic and time to conflict. The greedy selection takes the entry that
-covers the most values not yet covered; it reaches at least 1 − 1/e of the best cover (Nemhauser, Wolsey and Fisher
-1978). After all values are covered, it starts again with the remaining entries.
+A diverse selection is a small set of matches that together cover many values. An entry covers values of several
+dimensions: features, obstacle types, lanes, and bands of speed, traffic and time to conflict. The greedy selection
+takes the entry that covers the most values not yet covered; it covers at least 1 − 1/e of what the best selection
+covers (Nemhauser, Wolsey and Fisher 1978). After all values are covered, it starts again with the remaining entries.
 """
 
 import math
@@ -51,7 +51,7 @@ _FEW_WORDS = 3
 class _Entry:
     """A scenario with one of its planning problems; ``size`` is its number of obstacles.
 
-    ``time_to_conflict_s`` is None if there is no ego, and ``NEVER_S`` if it would never meet a recorded road user.
+    ``time_to_conflict_s`` is None if there is no ego, and ``NEVER_S`` if the ego would never meet a recorded road user.
     """
 
     number: int
@@ -85,10 +85,10 @@ class Ranking:
 
 @dataclass(frozen=True)
 class _Found:
-    """The result of a search before it is shown: the ids in the order of the method, and those that match.
+    """A search's result before formatting: the ids in the order of the method, and those that match.
 
     Of matches without a text ranking, only the first ``MOST_KEPT`` are included; ``total`` is their full number.
-    ``coverage`` is that of a diverse selection; ``matches`` are then the selected ones.
+    ``coverage`` is the coverage of a diverse selection, if one was made; ``matches`` are then the selected scenarios.
     """
 
     ordered: tuple[str, ...]
@@ -166,7 +166,7 @@ class Search:
         return self._chosen(ordered, matches)
 
     def _first(self) -> list[_Entry]:
-        """Return the first matches in the requested order, without a text; at most ``MOST_KEPT``."""
+        """Return the first matches in the requested order, for a search without a text; at most ``MOST_KEPT``."""
         numbers, sort = self._matching, self.arguments.sort
         if sort == "match" or len(numbers) <= MOST_KEPT:
             chosen: Iterable[int] = numbers.first(MOST_KEPT)
@@ -219,7 +219,7 @@ class Search:
         )
 
     def _text_notes(self, ranking: Ranking | None) -> list[str]:
-        """Return notes on where the text's words occur, and on those that occur nowhere; the text only ranks."""
+        """Return notes on where the text's words occur, and on words that occur nowhere; the text only ranks."""
         text = self._text_words
         few = len(text.found) + len(text.nowhere) <= _FEW_WORDS
         notes = ["The text index was damaged and has been rebuilt."] if ranking and ranking.mended_index else []
@@ -246,7 +246,7 @@ class Search:
         return max(ranking.scores.values(), default=0.0) <= ranking.least_likeness if ranking else True
 
     def _not_considered(self) -> list[str]:
-        """Return a note on the matches that a diverse selection did not consider; its coverage leaves them out."""
+        """Return a note on the matches that a diverse selection, and so its coverage, did not consider."""
         total = len(self._matching)
         if self.arguments.diverse is None or total <= MOST_CONSIDERED:
             return []
@@ -266,7 +266,7 @@ class Search:
         return self._others(self.funnel.matches)
 
     def _others(self, numbers: EntrySet) -> EntrySet:
-        """Return the entries without the one given in ``like``."""
+        """Return the entries without the entry given in ``like``."""
         like = [] if self.arguments.like is None else [self.arguments.like]
         return numbers - numbers.entries.of(_numbers_of(self._connection, like).values()) if like else numbers
 
@@ -296,7 +296,7 @@ class Search:
         return entries_of(self._connection, self._others(numbers).first(EXAMPLES))
 
     def _fallback(self, found: _Found, ranking: Ranking | None) -> list[str]:
-        """Return the nearest entries: by text, the best with unmet conditions, otherwise those that satisfy most."""
+        """Return the nearest entries: ranked ones with unmet conditions or, for the funnel, those that satisfy most."""
         if self.arguments.fallback == "none":
             return []
         if not self.funnel.constraints:
@@ -310,7 +310,7 @@ class Search:
         return self._nearest(ranking)
 
     def _nearest(self, ranking: Ranking | None) -> list[str]:
-        """Return the nearest entries; a text ranks those that satisfy the same conditions."""
+        """Return the nearest entries; a text orders entries that satisfy the same conditions."""
         numbers = self.funnel.nearest(FALLBACKS if ranking is None else RANKED_FALLBACKS)
         there = self._others(self.funnel.entries.of(numbers))
         ids = {entry.number: entry.scenario_id for entry in entries_of(self._connection, there)}
@@ -470,7 +470,7 @@ def _covered_values(connection: sqlite3.Connection, entries: Sequence[_Entry]) -
 
 
 def _most_diverse(values: Mapping[str, Values], wanted: int) -> list[str]:
-    """Return the ids of the greedy selection in its order; of equal ones, the earlier in ``values``."""
+    """Return the ids of the greedy selection, in order of choice; of equal entries, the earlier in ``values`` wins."""
     remaining, chosen = list(values), list[str]()
     covered: set[tuple[str, str]] = set()
     while remaining and len(chosen) < wanted:

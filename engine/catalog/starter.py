@@ -29,7 +29,7 @@ _MARK = "CREATE TABLE IF NOT EXISTS catalog_starter (content TEXT PRIMARY KEY)"
 
 
 def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
-    """Prepare the catalogue: load the starter scenarios once per workspace, then enter all other stored ones.
+    """Prepare the catalogue: load the starter scenarios once per workspace, then enter all other stored scenarios.
 
     Raises:
         ResourceFailure: the workspace cannot be written, or the packaged archive is broken.
@@ -43,8 +43,8 @@ def open_catalogue(workspace: Workspace, *, with_starter: bool = True) -> None:
 def starter_files(count: int) -> Iterator[tuple[Path, ...]]:
     """Yield ``count`` starter scenarios in a temporary folder while the block runs.
 
-    In the first one, an ego that keeps its lane and speed hits a bus ahead. The others come from as many different
-    towns as possible.
+    In the first scenario, an ego that keeps its lane and speed hits a bus ahead. The remaining scenarios come from as
+    many different towns as possible.
 
     Raises:
         ResourceFailure: the disk is full.
@@ -86,7 +86,7 @@ def _load_starter(workspace: Workspace) -> None:
 
 
 def _put_starter(workspace: Workspace, opened: zipfile.ZipFile) -> None:
-    """Store every scenario of an archive, all or none; existing ones are unchanged."""
+    """Store either all scenarios of an archive or none; existing scenarios are unchanged."""
     facts_by_id = json.loads(opened.read("facts.json"))
     made_by = {entry["id"]: entry for entry in json.loads(opened.read("manifest.json"))}
 

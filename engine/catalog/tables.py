@@ -1,13 +1,14 @@
 """The catalogue's tables in SQLite: filled from the facts of scenarios, and rebuilt from them at any time.
 
 A row is an entry: a scenario with one of its planning problems. Its number is based on the sequence number of the
-scenario's artifact. The stored artifacts are the truth: the next search enters what another server stored or a crash
-left uncatalogued. Each entry has, in addition to its facts, its description in words, which is embedded and searched.
+scenario's artifact. The stored artifacts are authoritative: the next search enters any scenario that another server
+stored or that a crash left uncatalogued. Each entry has, in addition to its facts, its description in words, which is
+embedded and searched.
 
-A file that was changed and imported again is a *version*, which refers to the one that it supersedes; all connected
-versions are a family. The catalogue lists the member that was added last, or an earlier one that was imported again
-since. A separate table records the latter: artifacts are never changed, and what a user listed again must stay listed
-when the catalogue is rebuilt.
+A file that was changed and imported again is a *version*, which refers to the version that it supersedes; all connected
+versions form a family. The catalogue lists the member that was added last, or an earlier member that was imported again
+since. A separate table records such an import, because artifacts are never changed and the listing must survive a
+rebuild of the catalogue.
 """
 
 import sqlite3
@@ -76,7 +77,7 @@ CREATE TABLE IF NOT EXISTS versions_listed_again (newest TEXT PRIMARY KEY, liste
 
 
 def is_ready(connection: sqlite3.Connection) -> bool:
-    """Return whether the tables exist in this version."""
+    """Return whether the tables exist in the current version."""
     if connection.execute("SELECT name FROM sqlite_master WHERE name = 'catalog_version'").fetchone() is None:
         return False
     row = connection.execute("SELECT max(version) FROM catalog_version").fetchone()
@@ -95,7 +96,7 @@ def prepare(connection: sqlite3.Connection) -> None:
 
 
 def add_facts(connection: sqlite3.Connection, number: int, facts: ScenarioFacts) -> None:
-    """Enter one entry; an existing one is unchanged."""
+    """Enter one entry; an existing entry is unchanged."""
     ego = facts.ego
     entered = connection.execute(
         "INSERT OR IGNORE INTO catalog_scenarios VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
@@ -186,7 +187,7 @@ def _enter_missing(connection: sqlite3.Connection) -> int:
 
 
 def list_again(database: "Database", scenario_id: str) -> None:
-    """List an earlier version instead of the later ones.
+    """List an earlier version instead of the later versions.
 
     Raises:
         ResourceFailure: the database cannot be written.
@@ -201,7 +202,7 @@ def list_again(database: "Database", scenario_id: str) -> None:
 
 
 def _list_one_of_each(connection: sqlite3.Connection, changed: Iterable[str]) -> None:
-    """For every family with a changed member, enter the listed version and remove the others."""
+    """For every family with a changed member, enter the listed version and remove the other versions."""
     done: set[str] = set()
     for artifact_id in changed:
         if artifact_id in done:
@@ -237,7 +238,7 @@ def _missing(connection: sqlite3.Connection) -> list[tuple[int, str, str]]:
 
 
 def family(connection: sqlite3.Connection, scenario_id: str) -> tuple[str, ...]:
-    """Return all versions connected with this stored one, in the order in which they were added."""
+    """Return all versions connected with a stored scenario, in the order in which they were added."""
     return tuple(str(row[0]) for row in connection.execute(_FAMILY, (scenario_id,)))
 
 

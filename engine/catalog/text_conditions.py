@@ -1,8 +1,8 @@
 """Find manoeuvres in a search text, and turn them into conditions on computed features.
 
-A text ranks by similarity of meaning, and every scenario is slightly similar to every text. What happens is known
-exactly, so "truck cuts in" is a condition like any other. The ranking handles a manoeuvre that the text denies. If
-``tags`` or ``features`` are given, it handles the whole text.
+A text ranks by similarity of meaning, and every scenario is slightly similar to every text. The manoeuvres in a
+scenario are known exactly, so "truck cuts in" is a condition like any other. A manoeuvre that the text denies is left
+to the ranking. If ``tags`` or ``features`` are given, the whole text is left to the ranking.
 """
 
 import re
@@ -55,7 +55,7 @@ def manoeuvres_in(text: str) -> tuple[str, ...]:
 
 
 def conditions_in_text(text: str) -> TextConditions:
-    """Return the conditions on manoeuvres that a text mentions; the note of each quotes its words."""
+    """Return the conditions on manoeuvres that a text mentions; each condition's note quotes the words."""
     found: dict[str, Constraint] = {}
     rest = text
     for feature, begin, end in _mentions(text):
@@ -70,7 +70,7 @@ def conditions_in_text(text: str) -> TextConditions:
 
 
 def _mentions(text: str) -> Iterator[tuple[str, int, int]]:
-    """Yield the features that a text mentions and does not deny, with the place of their words; each place once."""
+    """Yield the features that a text mentions and does not deny, with the position of their words, each once."""
     taken: list[tuple[int, int]] = []
     for feature, pattern, needs_road_user in _PATTERNS:
         for match in re.finditer(pattern, text, re.IGNORECASE):
@@ -91,9 +91,9 @@ def _is_road_user(word: str) -> bool:
 
 
 def _with_road_user(feature: str, text: str, begin: int, end: int) -> tuple[str, int, int]:
-    """Return the feature, with the type of the road user if the text contains one, and their place in the text.
+    """Return the feature, with the type of a road user that the text mentions, and their position in the text.
 
-    The road user is inside the words of the manoeuvre, before them, or after them following "by", "of" or "from".
+    The road user's word is within the manoeuvre's words, before them, or after them following "by", "of" or "from".
     """
     if feature not in MANOEUVRES:
         return feature, begin, end

@@ -1,13 +1,13 @@
 """The Chroma index: a cache in immutable generations, rebuilt from SQLite whenever the catalogue changes.
 
 A generation is a folder named after its content (ids, descriptions, model). One process writes it under a lock, marks
-it complete last, and never writes it again: a second process that writes into a live collection breaks the reads of the
-first. Readers open a new client for a new generation.
+it complete last, and never writes it again: if a second process wrote to a live collection, it would break the first
+process's reads. Readers open a new client for a new generation.
 
-Chroma runs only in this process, without embedding functions (any reader would rebuild a stored one: CVE-2026-45829)
-and without telemetry. Texts become vectors with the packaged models (``packaged_model.py``), or with any other model
-that sentence-transformers loads, by setting. Its import takes from seven seconds to half a minute, so only workers load
-it. A loaded model is kept for the life of the process.
+Chroma runs only in this process, without embedding functions (any reader would recreate a stored function:
+CVE-2026-45829) and without telemetry. Texts become vectors with the packaged models (``packaged_model.py``), or, if so
+set, with any other model that sentence-transformers can load. Its import takes from seven seconds to half a minute, so
+only workers load it. A loaded model is kept for the life of the process.
 """
 
 import hashlib
@@ -51,7 +51,7 @@ _BATCH, _EMBEDDED_AT_ONCE = 1000, 64
 
 @dataclass(frozen=True)
 class EmbeddingModel:
-    """A model by its name in the setting; ``identity`` changes whenever its vectors may."""
+    """A model, identified by its name in the setting; ``identity`` changes whenever its vectors may change."""
 
     name: str
     identity: str
@@ -73,7 +73,7 @@ class EmbeddingModel:
 
     @property
     def least_likeness(self) -> float:
-        """Below this similarity to every description, a text matches nothing; 0 if unknown for the model."""
+        """A text that is less similar than this to every description matches nothing; 0 if unknown for the model."""
         return LEAST_LIKENESS.get(self.name, 0.0)
 
     def embed(self, texts: Sequence[str]) -> Vectors:
@@ -89,7 +89,7 @@ class EmbeddingModel:
 
 @cache
 def _loaded(model: EmbeddingModel) -> Embed:
-    """Return the model in memory; a folder is read without network access."""
+    """Return the model in memory; a folder is read offline."""
     if model.name in PACKAGED_MODELS:
         return load_packaged(model.name)
     if Path(model.name).is_dir():
@@ -126,14 +126,14 @@ def _loaded(model: EmbeddingModel) -> Embed:
 def ensure_generation(
     root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter = silent
 ) -> tuple[Path, bool]:
-    """Return the complete generation for these texts, built if it does not exist, and whether it was built now.
+    """Return the complete generation for these texts, which is built if missing, and whether it was built now.
 
-    Vectors of known texts come from a cache in the index's folder, so that an import embeds only new texts. It keeps
-    the vectors that were embedded before an interruption.
+    Vectors of known texts come from a cache in the index's folder, so that an import embeds only new texts. The cache
+    keeps the vectors that were embedded before an interruption.
 
     Raises:
         ResourceFailure: the folder cannot be written, or another process holds the lock for too long; with the reason
-            ``DAMAGED``, what is there cannot be read.
+            ``DAMAGED``, the existing index cannot be read.
     """
     content = json.dumps([model, sorted(texts.items())], ensure_ascii=False, separators=(",", ":"))
     folder = root / hashlib.sha256(content.encode()).hexdigest()[:16]
@@ -170,12 +170,12 @@ def _damaged(where: Path, error: object) -> ResourceFailure:
 
 
 def _is_damage(error: Exception) -> bool:
-    """Return whether an SQLite file is corrupt, rather than the disk full or the file locked."""
+    """Return whether an SQLite file is corrupt, as opposed to locked or on a full disk."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB}
 
 
 def damaged_parts(root: Path) -> list[Path]:
-    """Return the files and complete generations of an index that cannot be read; opens and queries each generation."""
+    """Return an index's unreadable files and complete generations; each generation is opened and queried."""
     files = [path for path in (root / _LOCK, root / _KNOWN) if path.is_file() and not _is_sound(path)]
     markers = sorted(root.glob(f"*/{COMPLETE}"))
     return files + [marker.parent for marker in markers if not _is_readable(marker.parent)]
@@ -189,7 +189,7 @@ def remove_damaged(root: Path, parts: Sequence[Path] | None = None) -> list[Path
         parts: the result of ``damaged_parts``; None means check now.
 
     Raises:
-        ResourceFailure: something cannot be removed.
+        ResourceFailure: a damaged part cannot be removed.
     """
     found = damaged_parts(root) if parts is None else list(parts)
     _reader().close()
@@ -254,7 +254,7 @@ def _unreadable() -> tuple[type[Exception], ...]:
 
 
 def _close_all() -> None:
-    """Close what is open; Chroma would otherwise treat what it could not open as open."""
+    """Close all clients; Chroma would otherwise treat a client that it could not open as open."""
     from chromadb.api.shared_system_client import SharedSystemClient
 
     _reader().close()
@@ -264,8 +264,8 @@ def _close_all() -> None:
 def _used_now(folder: Path, at_most_unused_s: float = math.inf) -> bool:
     """Return whether the generation is complete and was used recently enough; if so, date its marker now to keep it.
 
-    Without the lock, only a generation that no process may remove yet can be dated, and only an existing marker: a new
-    one would mark as complete a generation that another process has just removed.
+    Without the lock, only a generation that no process may remove yet can be dated, and only if its marker exists: a
+    new marker would declare complete a generation that another process has just removed.
     """
     marker = folder / COMPLETE
     try:
@@ -284,7 +284,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
         folder: a complete generation.
         vector: of unit length, as wide as those of the generation.
         candidates: ids to choose from; None for all.
-        limit: the most that are returned.
+        limit: the maximum number of results.
 
     Raises:
         ResourceFailure: with the reason ``DAMAGED``, the generation cannot be read.
@@ -317,7 +317,7 @@ class _Reader:
         self._collection: Any = None
 
     def collection(self, folder: Path) -> Any:
-        """Return the collection of a complete generation; one that was rebuilt in the same place is opened again."""
+        """Return a complete generation's collection; a generation that was rebuilt in place is opened again."""
         wanted = (folder, (folder / COMPLETE).stat().st_ino)
         if self._opened != wanted:
             self.close()
@@ -330,7 +330,7 @@ class _Reader:
         return self._collection
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close the open generation."""
         self._opened = None
         if self._client is not None:
             self._client.close()
@@ -377,7 +377,7 @@ def _fill(folder: Path, texts: Mapping[str, str], vectors: Vectors) -> None:
 
 
 def _vectors(root: Path, texts: Mapping[str, str], model: str, embed: Embed, report: ProgressReporter) -> Vectors:
-    """Return vectors in the alphabetical order of the ids."""
+    """Return the vectors in the alphabetical order of their ids."""
     digests = {key: hashlib.sha256(f"{model}\n{texts[key]}".encode()).hexdigest() for key in sorted(texts)}
     connection = sqlite3.connect(root / _KNOWN)
     try:

@@ -46,7 +46,7 @@ _MANOEUVRES_SHOWN = 2
 
 
 def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
-    """Return where a scenario's roads and traffic come from, by its tags, country and stated source; may be empty."""
+    """Return where a scenario's roads and traffic come from, judged by its tags, country and stated source, or ""."""
     origins: list[Origin] = []
     if "simulated" in facts.tags or _SIMULATORS.search(facts.source):
         origins.append("simulated")
@@ -58,7 +58,7 @@ def origins_of(facts: ScenarioFacts) -> tuple[Origin, ...]:
 
 
 def description_of(facts: ScenarioFacts) -> str:
-    """Return a few plain sentences: place, kind of road, signs, traffic, the ego's start and task."""
+    """Return a few plain sentences about place, kind of road, signs, traffic, and the ego's start and task."""
     where = f"{facts.location.place}, {facts.location.country}"
     parts = [f"Traffic scenario in {where}."]
     if facts.tags:
@@ -78,7 +78,7 @@ def description_of(facts: ScenarioFacts) -> str:
 
 
 def summary(facts: ScenarioFacts) -> str:
-    """Return a scenario in one line: traffic, lanes, ego speed, manoeuvre."""
+    """Summarise a scenario in one line: traffic, lanes, ego speed, manoeuvre."""
     counts = ", ".join(_counted(kind, count) for kind, count in _by_number(facts.participants.counts)) or "no traffic"
     ego = facts.ego
     parts = [counts]

@@ -1,6 +1,6 @@
-"""CommonRoad files: reads them as untrusted input, writes them with untouched parts unchanged, and names benchmarks.
+"""Reads CommonRoad files as untrusted input, writes them with untouched parts unchanged, and names benchmarks.
 
-``parse_benchmark_id``: Return country and place of a benchmark id; reject ids that do not follow COUNTRY_Place.
+``parse_benchmark_id``: Return the country and place of a benchmark id; reject ids that do not follow COUNTRY_Place.
 ``follows_naming``: Return whether a benchmark id has a readable country and place in CommonRoad's naming.
 ``derived_benchmark_id``: Return the base's id with a prediction number from the recipe's digest (hexadecimal).
 ``friction_of``: Return the friction coefficient of a document's roads as text, or None.
@@ -10,16 +10,16 @@
 ``without_scripts``: Remove a document's scripts of motions that depend on the ego.
 ``ScenarioDocument``: The XML tree of a scenario file; edits replace parts of it.
 ``schema_errors``: Return a file's violations of CommonRoad's XML schema (2020a) and of its naming of benchmarks.
-``schema_faults``: Return the violations of CommonRoad's schema (2020a) by a file's tree, with their places.
+``schema_faults``: Return the violations of CommonRoad's schema (2020a) by a file's tree, with their locations.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and its source file.
 ``RecordedScenario``: A scenario with its recording as tracks.
 ``XmlLimits``: Limits for an XML file before any library parses it.
 ``kept_recording``: Read a CommonRoad file like ``read_recorded``, once for the same content.
 ``read_recorded``: Read a CommonRoad file (2018b or 2020a) with its recording as arrays instead of objects.
 ``read_scenario``: Scan and read a CommonRoad file (2018b or 2020a).
-``scan_xml``: Reject an XML file that is too large, too deep, broken or has a document type; return its root element.
-``LaneletElement``: A lanelet as written.
-``RoadDocument``: The network of one file in the file's order, including defects.
+``scan_xml``: Reject an XML file that is too large, too deep or broken, or has a document type; return its root element.
+``LaneletElement``: A lanelet as written in the file.
+``RoadDocument``: The network of one file, in file order and including defects.
 ``read_road_document``: Scan a CommonRoad file and read its network as written.
 ``road_document``: Return the network below the root element of a CommonRoad document.
 ``Track``: A recorded obstacle: centre in m, heading in rad and speed in m/s at every step.
@@ -36,7 +36,7 @@
 ``limits_kmh``: Return posted speed limits in km/h, ascending, rounded to 0.1.
 ``limits_mps``: Return the speed limits in m/s that a sign posts; empty for all other signs.
 ``sign_keys``: Return the keys of all signs in the vocabulary, sorted, each once.
-``signs_of``: Return the signs that these lanelets refer to.
+``signs_of``: Return the signs that the given lanelets refer to.
 ``speed_limit_number``: Return the sign number for a speed limit in a country, or None if CommonRoad has none.
 """
 

@@ -1,8 +1,8 @@
 """Benchmark ids: names of scenarios in CommonRoad's scheme ``COUNTRY_Map-1_2_T-3``.
 
-The last number distinguishes predictions of the same initial state: an edited scenario gets one from its recipe.
-commonroad-io's ``ScenarioID.from_benchmark_id`` is not used. It fails on countries outside ISO 3166, and drops
-everything that does not fit its pattern. Older files have leading zeros and letters other than S, T, P and I.
+The last number distinguishes predictions of the same initial state: an edited scenario gets a prediction number from
+its recipe. commonroad-io's ``ScenarioID.from_benchmark_id`` is not used: it fails on countries outside ISO 3166 and
+drops everything that does not match its pattern (older files have leading zeros and letters other than S, T, P and I).
 """
 
 import re
@@ -29,9 +29,9 @@ def is_benchmark_id(text: str) -> bool:
 
 
 def derived_benchmark_id(base_id: str, digest: str) -> str:
-    """Return the base's id with a prediction number from the recipe's digest (hexadecimal): same recipe, same id.
+    """Return the base's id with a prediction number derived from the recipe's hexadecimal digest.
 
-    Ids that do not follow the scheme keep their text as the map's name.
+    The same recipe gives the same id. An id that does not follow the scheme is used as the map's name.
     """
     number = 10 ** (_DIGITS - 1) + int(digest, 16) % (9 * 10 ** (_DIGITS - 1))
     match = _USUAL_ID.match(base_id)
@@ -42,7 +42,7 @@ def derived_benchmark_id(base_id: str, digest: str) -> str:
 
 
 def without_blanks(benchmark_id: str) -> str:
-    """Return an id as a file name: blanks, which CommonRoad's schema allows and its naming does not, become ``_``."""
+    """Return an id as a file name: blanks, which are allowed only by CommonRoad's schema, become ``_``."""
     return re.sub(r"\s+", "_", benchmark_id.strip())
 
 
@@ -52,12 +52,12 @@ def follows_naming(benchmark_id: str) -> bool:
 
 
 def parse_benchmark_id(benchmark_id: str) -> tuple[str, str]:
-    """Return country and place of a CommonRoad benchmark id, without the cooperative prefix ``C-``.
+    """Return the country and place of a CommonRoad benchmark id, without the cooperative prefix ``C-``.
 
-    For an id outside the naming, they are read as far as possible: ``ZAM`` if there is no country.
+    An id that does not follow the naming is read where possible; the country is ``ZAM`` if there is none.
 
     Raises:
-        UnsafeInput: the id cannot be a file name, which ids become.
+        UnsafeInput: the id cannot be a file name, as every id must.
     """
     match = _READABLE_ID.fullmatch(benchmark_id)
     if match is not None:

@@ -1,7 +1,7 @@
-"""Checks for elements that commonroad-io requires: without them it fails, or invents values.
+"""Checks for elements that commonroad-io requires: if they are missing, it fails or invents values.
 
 If the meaning is clear, missing parts are added and unusable ones removed. Otherwise the error gives the element;
-commonroad-io itself would fail with an error of Python, or place an ego without a position at the origin.
+commonroad-io itself would fail with a Python error, or place an ego without a position at the origin.
 """
 
 from typing import Any
@@ -20,10 +20,9 @@ _PLACE = {"geoNameId": "-999", "gpsLatitude": "999", "gpsLongitude": "999"}
 def complete(root: Any) -> None:
     """Complete a parsed document (ElementTree), in place, if its meaning is clear.
 
-    Heights of lanelets' points are removed, because roads are read as a plane. A file without tags gets an empty list,
-    and a location without a place gets the elements for an unknown one. A network of format 2017a is read as one of
-    2018b. A ``<goalRegion>`` of the formats before 2017a is removed, as commonroad-io does: its problem then has no
-    goal.
+    Heights of lanelets' points are removed, because roads are treated as flat. A file without tags gets an empty list,
+    and a location without a place gets the elements for an unknown place. A network of format 2017a is read as one of
+    2018b. A ``<goalRegion>`` of formats older than 2017a is removed, as in commonroad-io; its problem then has no goal.
     """
     for point in root.iterfind("lanelet/*/point"):
         for height in point.findall("z"):

@@ -1,21 +1,21 @@
-"""A CommonRoad file with parsing limited to the parts that an edit touches, and its check against the schema.
+"""A CommonRoad file of which only the parts that an edit touches are parsed, and its check against the schema.
 
 commonroad-io's writer rounds every state of every obstacle (half of the files change). Here, untouched elements are
 copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a (``<dynamicObstacle>``).
 
-States are nearly all of a large file, and an edit leaves nearly all of them unchanged. A file is therefore split into
-the bytes of each moving obstacle and the rest. This applies only if the bytes show what a parser would find: in UTF-8,
+Nearly all of a large file is states, and an edit leaves nearly all states unchanged. A file is therefore split into the
+bytes of each moving obstacle and the rest. This is done only if the bytes can be split without a parser: in UTF-8,
 without comments, CDATA sections, document types, namespaces, carriage returns and processing instructions (other than
 those below).
 
 CommonRoad's format has no field for the ego's vehicle class. A processing instruction in the planning problem contains
-it: ``<?plannerforge ego-class="truck"?>``. XML provides these for data of one program; the schema does not see them,
-and other readers ignore them. Without it, the ego is a car. commonroad-io's writer, which writes a file from its
-objects, drops it. Likewise, ``<?plannerforge prescribed="12 34"?>`` at the beginning of a file lists the road users
-with a motion that an edit prescribes: they keep it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>``
-states, as JSON, what one of them does in reactive traffic if that depends on the ego. ``<?plannerforge
-friction="0.3"?>`` at the beginning of a file is the friction coefficient of its roads, for which the format has no
-field either.
+it: ``<?plannerforge ego-class="truck"?>``. XML provides processing instructions for the data of a single program; the
+schema does not cover them, and other readers ignore them. If there is no such instruction, the ego is a car.
+commonroad-io's writer, which writes a file from its objects, drops the instruction. Likewise, ``<?plannerforge
+prescribed="12 34"?>`` at the beginning of a file lists the road users with a motion that an edit prescribes: they keep
+it in reactive traffic. ``<?plannerforge script='{"id":12, …}'?>`` states, as JSON, what a road user does in reactive
+traffic if that depends on the ego. ``<?plannerforge friction="0.3"?>`` at the beginning of a file is the friction
+coefficient of its roads, for which the format has no field.
 """
 
 import re
@@ -55,7 +55,7 @@ _AFTER_OBSTACLES = ("phantomObstacle", "environmentObstacle", "planningProblem")
 
 
 def is_declared_utf8(content: bytes) -> bool:
-    """Return whether a file begins with an XML declaration of UTF-8, or of no encoding, which means the same."""
+    """Return whether a file begins with an XML declaration of UTF-8, or of no encoding, which implies UTF-8."""
     return _DECLARED_UTF8.match(content) is not None
 
 
@@ -68,12 +68,12 @@ def is_2018b(root: "etree._Element") -> bool:
 
 
 def moving_obstacle(root: "etree._Element") -> str:
-    """Return the name of moving obstacles in the format of a document: commonroad-io ignores the other one."""
+    """Return the element name of moving obstacles in a document's format; commonroad-io ignores other names."""
     return "obstacle" if is_2018b(root) else "dynamicObstacle"
 
 
 def ego_classes_of(root: "etree._Element") -> dict[int, str]:
-    """Return the classes of a document's egos by planning problem id; cars are left out."""
+    """Return the classes of a document's egos, by planning problem id; cars are left out."""
     found: dict[int, str] = {}
     for problem in root.iterchildren("planningProblem"):
         words = [match[1] for each in _instructions(problem) if (match := _EGO_CLASS.fullmatch(each.text or ""))]
@@ -128,13 +128,13 @@ def prescribed_ids(path: Path) -> frozenset[int]:
 
 
 def script_texts(path: Path) -> tuple[str, ...]:
-    """Return a file's scripts of motions that depend on the ego, each as a text of JSON."""
+    """Return a file's scripts of motions that depend on the ego, each as JSON text."""
     return tuple(found[1].decode(errors="replace") for found in _SCRIPT.finditer(path.read_bytes()))
 
 
 @dataclass(frozen=True)
 class SplitDocument:
-    """``chunks``: moving obstacles in the order of the file; ``rest``: the file with a stand-in for each of them.
+    """A split file: ``chunks`` are moving obstacles in file order, ``rest`` is the file with a stand-in for each.
 
     A stand-in is an empty element of the same name with the obstacle's id and the number of its chunk.
     """
@@ -159,14 +159,14 @@ class SplitDocument:
         return cls(tuple(chunks), b"".join((*rest, content[at:])))
 
     def with_chunks(self, rest: bytes, made_of: Callable[[bytes], bytes] = bytes) -> bytes:
-        """Return a rest, original or serialised again, with the transformed chunks in place of its stand-ins."""
+        """Return a rest, original or reserialised, in which the transformed chunks replace the stand-ins."""
         if not self.chunks:
             return rest
         return _STAND_IN.sub(lambda found: made_of(self.chunks[int(found[1])]), rest)
 
 
 def _obstacles(content: bytes) -> Iterator[tuple[int, int, bytes, bytes]]:
-    """Yield start and end of obstacles with a single, unique id and no other id or obstacle inside."""
+    """Yield the start and end of each obstacle that has one unique id and contains no other id or obstacle."""
     at = 0
     while found := _BEGIN.search(content, at):
         closing = b"</%b>" % found[1]
@@ -184,20 +184,20 @@ def _obstacles(content: bytes) -> Iterator[tuple[int, int, bytes, bytes]]:
 
 @dataclass(frozen=True)
 class ScenarioDocument:
-    """The tree of a scenario file, with stand-ins for its moving obstacles if it is split; the methods change it."""
+    """The tree of a scenario file, with stand-ins for moving obstacles if it is split; the methods change the tree."""
 
     tree: "etree._ElementTree"
     split: SplitDocument
 
     @classmethod
     def read(cls, path: Path) -> "ScenarioDocument":
-        """Parse a file that was scanned before; entities are not resolved."""
+        """Parse a file that was already scanned; entities are not resolved."""
         content = path.read_bytes()
         whole = SplitDocument((), content)
         split = SplitDocument.of(content) or whole
         try:
             return cls(_parsed(split.rest).getroottree(), split)
-        except etree.XMLSyntaxError:  # for example, an obstacle in another one: apart, they are no document
+        except etree.XMLSyntaxError:  # for example nested obstacles, which are not documents when separated
             return cls(_parsed(content).getroottree(), whole)
 
     @property
@@ -229,7 +229,7 @@ class ScenarioDocument:
         raise ResourceFailure(f"the file has no obstacle element {obstacle_id}")
 
     def _whole(self, element: "etree._Element") -> "etree._Element":
-        """Return an obstacle that replaces its stand-in."""
+        """Return the parsed obstacle, which replaces its stand-in."""
         number = element.get(_CHUNK)
         if number is None or not self.split.chunks:
             return element
@@ -242,7 +242,7 @@ class ScenarioDocument:
         """Return the element of a planning problem.
 
         Raises:
-            ResourceFailure: there is none.
+            ResourceFailure: the file has no such planning problem.
         """
         for element in self.root.iter("planningProblem"):
             if _id_of(element) == problem_id:
@@ -271,7 +271,7 @@ class ScenarioDocument:
             self.root.insert(0, made)
 
     def set_scripts(self, texts: Iterable[str], without: Container[int] = ()) -> None:
-        """Store what road users do depending on the ego, as JSON, without the scripts of those in ``without``."""
+        """Store, as JSON, the scripts of road users that depend on the ego, except those in ``without``."""
         kept = []
         for old in _instructions_starting_with(self.root, "script="):
             own = _SCRIPT_ID.search(old.text or "")
@@ -284,11 +284,11 @@ class ScenarioDocument:
             self.root.insert(0, made)
 
     def remove(self, element: "etree._Element") -> None:
-        """Remove an element of the first level, with the white space that follows it."""
+        """Remove a first-level element, with the white space that follows it."""
         self.root.remove(element)
 
     def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
-        """Add an obstacle: a static one before the dynamic ones, another one after them."""
+        """Add an obstacle: a static obstacle goes before the dynamic ones, any other after them."""
         names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
         existing = [child for child in self.root if child.tag in names]
         after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)
@@ -308,7 +308,7 @@ class ScenarioDocument:
     def replace_children(
         self, parent: "etree._Element", old: list["etree._Element"], new: list["etree._Element"]
     ) -> None:
-        """Replace old children by new ones with the same indentation; ``old`` is not empty."""
+        """Replace old children with new ones, with the same indentation; ``old`` must not be empty."""
         place, tail = parent.index(old[0]), old[-1].tail
         level = len(list(old[0].iterancestors()))
         for element in old:
@@ -330,7 +330,7 @@ class ScenarioDocument:
         etree.indent(element, space=self._indent_unit() or " ", level=level)
 
     def _indent_unit(self) -> str:
-        """Return the white space of one level, as in the file."""
+        """Return the white space of one indentation level in the file."""
         text = (self.root.text or "").rpartition("\n")[2]
         return text if text.strip() == "" else ""
 
@@ -341,7 +341,7 @@ def _parsed(content: bytes) -> "etree._Element":
 
 
 def _id_of(element: "etree._Element") -> int | None:
-    """Return the id as a number: the schema allows zeros and spaces before it."""
+    """Return the id as a number; the schema allows leading zeros and spaces."""
     text = element.get("id", "").strip()
     return int(text) if text.isdecimal() else None
 
@@ -361,7 +361,7 @@ class SchemaFault:
 
 
 def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
-    """Return the violations of CommonRoad's own XML schema (2020a) by a file's tree, in the order of the file."""
+    """Return the violations of CommonRoad's XML schema (2020a) in a file's tree, in file order."""
     import commonroad
 
     folder = Path(str(commonroad.__file__)).parent / "scenario_definition" / "xml_definition_files"
@@ -372,9 +372,9 @@ def schema_faults(tree: "etree._ElementTree") -> list[SchemaFault]:
 
 
 def schema_errors(document: "Path | etree._ElementTree") -> list[str]:
-    """Return the violations of CommonRoad's own XML schema (2020a) and benchmark naming by a file or its tree.
+    """Return a file's violations of CommonRoad's XML schema (2020a) and of its benchmark naming.
 
-    Each is on one line of at most 200 characters: the schema repeats content of the file.
+    Each violation is a line of at most 200 characters, because the schema's messages repeat content of the file.
     """
     tree = etree.parse(document) if isinstance(document, Path) else document
     errors = [fault.message for fault in schema_faults(tree)]

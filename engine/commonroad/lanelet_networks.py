@@ -1,7 +1,7 @@
 """Builds lanelet networks from XML like commonroad-io, but without copying each lanelet.
 
-commonroad-io reads points one by one and copies every lanelet into the network, which takes a third of the time of a
-small file. Everything except the points and that copy comes from commonroad-io's own factories.
+commonroad-io reads points one by one and copies every lanelet into the network, which takes a third of a small file's
+reading time. Everything except the points and that copy comes from commonroad-io's own factories.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ _POINT = ["point", "x", "y"]
 
 
 def scenario_of(tree: Any, step_s: float, benchmark_id: str, version: str, metadata: Mapping[str, Any]) -> Scenario:
-    """Return a scenario of format 2020a from an ElementTree, with the header from commonroad-io's reader."""
+    """Build a scenario of format 2020a from an ElementTree, with the header from commonroad-io's reader."""
     tags, location = TagsFactory.create_from_xml_node(tree), LocationFactory.create_from_xml_node(tree)
     scenario_id = ScenarioID.from_benchmark_id(benchmark_id, version)
     scenario = Scenario(step_s, scenario_id, **metadata, tags=tags, location=location)
@@ -66,7 +66,7 @@ def _network(tree: Any) -> LaneletNetwork:
 
 
 class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no types
-    """Reads each bound of a lanelet in one go if its points have only x and y."""
+    """Reads each bound of a lanelet in one step if its points have only x and y."""
 
     @classmethod
     def _vertices(cls, xml_node: Element) -> Points:
@@ -77,4 +77,4 @@ class _Lanelets(LaneletFactory):  # type: ignore[misc]  # commonroad-io has no t
 
     @classmethod
     def _speed_limit_exists(cls, xml_node: Element) -> None:
-        """Return None: limits of lanelets belong to format 2018b, and commonroad-io would keep them in the class."""
+        """Return None: lanelets have limits only in format 2018b, and commonroad-io would keep them in the class."""

@@ -1,9 +1,9 @@
-"""Reads states of plain trajectories from the XML all at once instead of one by one.
+"""Reads the states of plain trajectories from the XML as arrays instead of one by one.
 
-commonroad-io makes an object of every state and tries it on twelve classes, which takes most of the time of a file.
-Nearly all states are plain: a point, and exact values for everything else. ``take_plain_states`` reads those into
-arrays. Others stay in the document for commonroad-io, so that it alone decides what a valid state is. ``put_states``
-makes the objects that commonroad-io would have made, for libraries that need them.
+commonroad-io creates an object for every state and tries twelve classes for it, which takes most of a file's reading
+time. Nearly all states are plain: a point, and exact values for everything else. ``take_plain_states`` reads plain
+states into arrays. Other states stay in the document for commonroad-io, which alone decides whether a state is valid.
+``put_states`` makes the objects that commonroad-io would have made, for libraries that need them.
 """
 
 import re
@@ -32,9 +32,9 @@ _FARTHEST_FROM_ENDS_M = 10_000.0
 
 @dataclass(frozen=True)
 class PlainStates:
-    """States after the initial one, one for each step.
+    """The states after the initial state, one for each step.
 
-    ``positions`` (n, 2) in m. ``columns``: all other exact values (n,) by the name of the element in the file,
+    ``positions`` (n, 2) in m. ``columns``: all other exact values (n,), by the name of their element in the file,
     including headings in rad as ``orientation`` and speeds in m/s as ``velocity``.
     """
 
@@ -54,19 +54,18 @@ class PlainStates:
 
 
 def take_plain_states(document: "etree._Element") -> dict[int, PlainStates]:
-    """Remove the states of plain trajectories from a CommonRoad document; return them by the id of their obstacle.
+    """Remove the states of plain trajectories from a CommonRoad document; return them by obstacle id.
 
-    The first and the last state of each stay, so that commonroad-io reads a trajectory of the same duration. A
-    trajectory is left whole if the fields of its states differ, if a state has an interval or a region, if a text is
-    not a finite number within its limits, or if steps are missing. The check of the document then finds the fault
-    there.
+    The first and the last state of each stay, so commonroad-io reads a trajectory of the same duration. A trajectory is
+    left complete if the fields of its states differ, if a state has an interval or a region, if a text is not a finite
+    number within its limits, or if steps are missing. The check of the document then finds the fault.
     """
     taken = (take_states(obstacle) for obstacle in document.iterchildren(moving_obstacle(document)))
     return dict(states for states in taken if states is not None)
 
 
 def take_states(obstacle: "etree._Element") -> tuple[int, PlainStates] | None:
-    """Remove and return the states of one obstacle with its id, or None if its trajectory is left whole."""
+    """Remove and return an obstacle's states with its id, or None if its trajectory is left complete."""
     trajectory, number = obstacle.find("trajectory"), obstacle.get("id", "")
     if trajectory is None or not _is_id(number) or not 2 < len(trajectory) <= LAST_STEP:
         return None
@@ -82,10 +81,11 @@ _TEXT_NUMBER = re.compile(rb">([-+.\deE]+)<")
 
 
 def cut_states(obstacle: bytes) -> tuple[int, PlainStates, bytes] | None:
-    """Like ``take_states``, for an obstacle as bytes of UTF-8 without comments; also return the remaining bytes.
+    """Do what ``take_states`` does for an obstacle as UTF-8 bytes without comments; also return the remaining bytes.
 
-    This works only if the states are identical except for numbers. Programs write them so, and a pattern from the first
-    state finds all of them in half the time. For all others, the result is None: a parser must read them.
+    This works only if the states are identical except for numbers. Programs write states in this way, and a pattern
+    made from the first state finds all states in half the time. In all other cases, the result is None and a parser
+    must read the states.
     """
     begin, end = obstacle.find(_BEGIN) + len(_BEGIN), obstacle.find(_END)
     first_end = obstacle.find(_STATE_END, begin) + len(_STATE_END)
@@ -139,7 +139,7 @@ def _plain_states(trajectory: "etree._Element") -> PlainStates | None:
 
 
 def _states_of(texts: Mapping[str, Sequence[str] | Sequence[bytes]]) -> PlainStates | None:
-    """Return the states with these texts of their fields, one text for each state, or None if they are not plain."""
+    """Return the states for the given texts of their fields, one per state, or None if they are not plain."""
     try:
         steps = [int(text) for text in texts["time"]]
         numbers = {name: np.array([float(text) for text in texts[name]]) for name in sorted(texts) if name != "time"}
@@ -154,7 +154,7 @@ def _states_of(texts: Mapping[str, Sequence[str] | Sequence[bytes]]) -> PlainSta
 
 
 def _plain_fields(state: "etree._Element") -> dict[str, int]:
-    """Return the position of every field among a state's elements in file order, including the point's coordinates.
+    """Return the index of every field among a state's elements, in file order; coordinates are included.
 
     The result is empty if a field appears twice, or is neither a point nor an exact value.
     """
@@ -174,7 +174,7 @@ def _plain_fields(state: "etree._Element") -> dict[str, int]:
 
 
 def _are_near_the_ends(positions: Points) -> bool:
-    """Return whether the box around the first and last positions, which stay in the document, represents all."""
+    """Return whether all positions are near the first and last ones, which stay in the document."""
     low, high = np.minimum(positions[0], positions[-1]), np.maximum(positions[0], positions[-1])
     near = (low - _FARTHEST_FROM_ENDS_M <= positions.min(axis=0)) & (
         positions.max(axis=0) <= high + _FARTHEST_FROM_ENDS_M
@@ -185,7 +185,7 @@ def _are_near_the_ends(positions: Points) -> bool:
 def put_states(scenario: "Scenario", states: Mapping[int, PlainStates]) -> None:
     """Insert the removed states between the first and the last of every trajectory, as commonroad-io's objects.
 
-    They have the class that commonroad-io chose for the last one, and the same values.
+    They have the class that commonroad-io chose for the last state, and the same values.
     """
     for obstacle in scenario.dynamic_obstacles:
         mine = states.get(int(obstacle.obstacle_id))
@@ -195,7 +195,7 @@ def put_states(scenario: "Scenario", states: Mapping[int, PlainStates]) -> None:
 
 
 def _between(first: Any, last: Any, states: PlainStates) -> list[Any]:
-    """Return the states between the first and the last as objects of the last one's class."""
+    """Return the states between the first and the last state as objects of the last state's class."""
     from commonroad.common.reader.file_reader_xml import StateFactory
 
     names = [StateFactory._map_to_prop(name) for name in states.columns]

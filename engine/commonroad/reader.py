@@ -59,13 +59,13 @@ if TYPE_CHECKING:
 class XmlLimits:
     """Limits for an XML file before any library parses it.
 
-    Chosen well above real files and below harmful ones: the largest of about 200 measured scenarios of CommonRoad has
-    1.4 MB, 8 levels, 46,000 elements and 370 lanelets.
+    Chosen well above real files and below harmful ones: the largest of about 200 measured CommonRoad scenarios is 1.4
+    MB in size, with 8 levels, 46,000 elements and 370 lanelets.
 
     ``size_bytes``: bytes of the file. ``depth``: levels of elements, which parsers follow by recursion. ``elements``:
-    each takes about 250 bytes in memory, so all of them less than 400 MB. ``tag_bytes``: one tag or comment; expat
-    reads it again with every block until it ends, so the time is quadratic. ``lanelets``: commonroad-io makes a polygon
-    of each.
+    each takes about 250 bytes in memory, so together they take less than 400 MB. ``tag_bytes``: one tag or comment;
+    expat reads it again with every block until it ends, so the time is quadratic. ``lanelets``: commonroad-io creates a
+    polygon for each.
     """
 
     size_bytes: int = 100_000_000
@@ -103,7 +103,7 @@ class LoadedScenario:
 
     @property
     def footways(self) -> "tuple[Lanelet, ...]":
-        """The lanelets, outside the network, that are open to pedestrians in both directions and to no others."""
+        """The lanelets, outside the network, that are open only to pedestrians, in both directions."""
         return tuple(getattr(self.scenario, "footways", ()))  # format 2018b has none
 
     @property
@@ -117,7 +117,7 @@ class LoadedScenario:
         return float(self.scenario.dt)
 
     def problem(self, problem_id: int | None = None) -> "PlanningProblem":
-        """Return the planning problem with this id, or the one with the lowest.
+        """Return the planning problem with this id or, by default, with the lowest id.
 
         Raises:
             UnknownName: the file has no planning problem with this id, or no problem at all.
@@ -137,9 +137,9 @@ class LoadedScenario:
 
 @dataclass(frozen=True, eq=False)
 class RecordedScenario:
-    """A scenario with its recording; the obstacles of ``loaded`` keep only the first and the last of their states.
+    """A scenario with its recording; obstacles in ``loaded`` keep only their first and last states.
 
-    It equals only itself, so that derived data can be cached with it.
+    A scenario equals only itself, so derived data can be cached with it.
     """
 
     loaded: LoadedScenario
@@ -164,7 +164,7 @@ def read_scenario(path: Path, limits: XmlLimits | None = None) -> LoadedScenario
 
 
 def read_recorded(path: Path, limits: XmlLimits | None = None) -> RecordedScenario:
-    """Read a CommonRoad file as ``read_scenario`` does, but with its recording as arrays instead of objects.
+    """Read a CommonRoad file as ``read_scenario`` does, but with the recording as arrays, not objects.
 
     Raises:
         UnsafeInput: the file is hostile, broken, not a CommonRoad file, has no lanelets or a duplicate id, or a number
@@ -182,8 +182,8 @@ _KEPT = 4
 def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = True) -> RecordedScenario:
     """Read a CommonRoad file like ``read_recorded``; return the same object while its content is the same.
 
-    A file that a worker wrote and read back as a check is not parsed again at its stored place. Workers share results
-    on disk (``recordings``). Cached scenarios must not be changed.
+    A file that a worker wrote and read back as a check is not parsed again after it has been stored. Workers share
+    results on disk (``recordings``). Cached scenarios must not be changed.
 
     Args:
         path: the file.
@@ -205,7 +205,7 @@ def kept_recording(path: Path, size_bytes: int | None = None, *, keep: bool = Tr
 
 @dataclass(frozen=True)
 class _Content:
-    """The content of a file at any place; the other fields state where, and with which limits, it is first read."""
+    """The content of a file at any path; the other fields state where, and with which limits, it is first read."""
 
     digest: str
     path: Path = field(compare=False)
@@ -264,7 +264,7 @@ _RoadDocument = tuple[Element, dict[int, PlainStates], dict[int, str], float | N
 
 
 def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
-    """Read and check a document, and remove the parts that are read in another way.
+    """Read and check a document, and remove the parts that are read separately.
 
     commonroad-io fails on a scenario without lanelets, and its error does not state the reason.
     """
@@ -283,7 +283,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
     states = take_plain_states(whole) if states is None else states
-    root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised just now
+    root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised by this process
     _check(path, root, limits, states)
     complete(root)
     return root, states, ego_classes, friction
@@ -302,7 +302,7 @@ def _known_ego_classes(path: Path, found: dict[int, str]) -> dict[int, str]:
 
 
 def _possible_friction(path: Path, text: str | None) -> float | None:
-    """Return the friction in a file after checking that a road can have it."""
+    """Return the friction in a file after checking that it is possible for a road."""
     try:
         friction = None if text is None else float(text)
     except ValueError:
@@ -317,8 +317,10 @@ def _possible_friction(path: Path, text: str | None) -> float | None:
 
 
 def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element, dict[int, PlainStates]] | None":
-    """Return the document without the states of plain trajectories, and these states; known obstacles are not parsed
-    again. Return None if the whole file must be examined, which also shows what is wrong with it.
+    """Return the document without the states of plain trajectories, and those states separately.
+
+    Known obstacles are not parsed again. The result is None if the whole file must be examined, which also shows what
+    is wrong with it.
     """
     split = SplitDocument.of(content) if _is_surely_within(content, limits, limits.elements) else None
     if split is None or not split.chunks:
@@ -396,7 +398,7 @@ def _known_obstacle(digest: bytes) -> list[_ReadObstacle]:
 def _check(path: Path, root: Element, limits: XmlLimits | None, taken: Collection[int] = ()) -> None:
     """Raise an error for values beyond the limits.
 
-    The error gives the line in the whole document, because states may have been removed from ``root``.
+    The error states the line in the complete document, since states may have been removed from ``root``.
     """
     try:
         check_document(root, taken)
@@ -473,7 +475,7 @@ def _open(
 
 
 def _against_schema(path: Path) -> str:
-    """Return the file's first element that violates CommonRoad's schema (2020a), with its line, or an empty text."""
+    """Return the file's first violation of CommonRoad's schema (2020a) with its line, as text; may be empty."""
     root = parse_document(path)
     if is_2018b(root):
         return ""
@@ -483,10 +485,10 @@ def _against_schema(path: Path) -> str:
 
 @contextmanager
 def _silence_commonroad_warnings() -> Iterator[None]:
-    """Suppress commonroad-io's warnings on standard error, because they do not state their file.
+    """Suppress commonroad-io's warnings on standard error, because they do not name the file.
 
-    They concern faults that the rules for networks report too (``network/rules``), or countries with signs that it does
-    not know.
+    They concern faults that the rules for networks (``network/rules``) also report, or countries whose signs
+    commonroad-io does not know.
     """
     log = logging.getLogger("commonroad.common.reader.file_reader_xml")
     level = log.level
@@ -536,7 +538,7 @@ def parse_document(path: Path, limits: XmlLimits | None = None) -> "etree._Eleme
 def _parsed_document(
     path: Path, content: bytes, limits: XmlLimits, *, keeps_instructions: bool = False
 ) -> "etree._Element":
-    """Like ``parse_document``, for a file with its bytes already read if it is small."""
+    """Do what ``parse_document`` does; the bytes of a small file are already read."""
     try:
         if not _is_surely_within(content, limits, _FEW_TAGS):
             scan_xml(path, limits)

@@ -1,9 +1,9 @@
 """Caches checked scenarios on disk by content: reading one again takes a twentieth of the time.
 
 A recording is a file with a name from the digest of the XML and from the versions of everything that it depends on. It
-begins with the digest of the rest: a damaged or foreign file, or one of another version, is ignored and made again. The
-rest is a pickle that may refer to plain data only (``_ALLOWED``), so that reading it runs no code. NumPy's own form is
-not read, because a forged data type can read memory: an array is stored as its kind of number, its shape and its bytes
+begins with the digest of the rest: a file that is damaged, foreign or from another version is ignored and created
+again. The rest is a pickle that may refer to plain data only (``_ALLOWED``), so that reading it runs no code. NumPy's
+own form is not read, because a forged data type can read memory: an array is stored as its number type, shape and bytes
 (``_array``). The folder may be deleted at any time; the least recently used recordings are removed if it is too full.
 """
 
@@ -85,9 +85,9 @@ class Recording:
 
 
 class RecordingStore:
-    """The recordings of a folder, which is created with the first one.
+    """The recordings in a folder, which is created with the first recording.
 
-    ``most_bytes``: its maximum size, some thousand scenarios (chosen).
+    ``most_bytes``: the folder's maximum size, enough for a few thousand scenarios (our choice).
     """
 
     def __init__(self, folder: Path, most_bytes: int = 512 * 2**20) -> None:
@@ -95,7 +95,7 @@ class RecordingStore:
         self._written = 0
 
     def find(self, content: str) -> Recording | None:
-        """Return the recording of a file by its content's digest, or None if there is no valid one."""
+        """Return the recording of a file by its content's digest, or None if there is no valid recording."""
         path = self._path(content)
         try:
             stored = path.read_bytes()
@@ -115,7 +115,7 @@ class RecordingStore:
             return None
 
     def put(self, content: str, recording: Recording) -> None:
-        """Store a recording. A folder that cannot be written is logged: the XML can be read at any time."""
+        """Store a recording. A failure is only logged, since the XML can be read at any time."""
         parts = (
             recording.scenario,
             recording.planning_problems,
@@ -175,11 +175,11 @@ def _versions() -> str:
 
 
 def _array(kind: str, shape: tuple[int, ...], data: bytearray) -> "NDArray[Any]":
-    """Return an array of numbers of a kind, such as ``<f8``, over its bytes.
+    """Return an array of a number type, such as ``<f8``, that uses the given bytes.
 
     Raises:
-        pickle.UnpicklingError: it is not a kind of number.
-        ValueError: the bytes do not fit the kind and the shape.
+        pickle.UnpicklingError: it is not a number type.
+        ValueError: the bytes do not fit the type and the shape.
     """
     import numpy as np
 
@@ -189,15 +189,15 @@ def _array(kind: str, shape: tuple[int, ...], data: bytearray) -> "NDArray[Any]"
 
 
 def _number(kind: str, data: bytearray) -> Any:
-    """Return a NumPy number of a kind; see :func:`_array`."""
+    """Return a NumPy number of a type; see :func:`_array`."""
     return _array(kind, (), data)[()]
 
 
 class _PlainPickler(pickle.Pickler):
-    """A pickler that writes NumPy's arrays and numbers as their kind, shape and bytes."""
+    """A pickler that writes NumPy's arrays and numbers as their type, shape and bytes."""
 
     def reducer_override(self, written: Any) -> Any:
-        """Return the reduced form of NumPy's objects; others use their own."""
+        """Return the reduced form of NumPy's objects; other objects use their own."""
         import numpy as np
 
         if isinstance(written, np.ndarray):
@@ -214,7 +214,7 @@ class _PlainData(pickle.Unpickler):
         """Return the class if it is allowed.
 
         Raises:
-            pickle.UnpicklingError: it is not.
+            pickle.UnpicklingError: the class is not allowed.
         """
         if global_name in _ALLOWED.get(module_name, ()):
             return super().find_class(module_name, global_name)

@@ -1,8 +1,8 @@
 """The road network of a CommonRoad file as written, including defects.
 
-commonroad-io repairs or rejects what does not fit: it drops dangling references, and a repeated id ends its reading.
-Checks on its network cannot see these. Here, nothing is resolved: references stay numbers. Coordinates are in metres. A
-lanelet is *drawn* if its bounds form an area; its geometry is defined only then.
+commonroad-io repairs or rejects what does not fit: it drops dangling references, and stops reading at a repeated id.
+Checks on its network cannot find these defects. Here, nothing is resolved: references stay numbers. Coordinates are in
+metres. A lanelet is *drawn* if its bounds form an area; its geometry is defined only then.
 """
 
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _NeighbourElement:
-    """A lanelet adjacent to another, and whether the file states that it leads the same way."""
+    """An adjacent lanelet, and whether the file states that it leads in the same direction."""
 
     lanelet_id: int
     same_direction: bool
@@ -34,7 +34,7 @@ class _NeighbourElement:
 
 @dataclass(frozen=True)
 class _StopLineElement:
-    """A stop line: its points (n, 2), empty if it is at the lanelet's end, and the ids it refers to, if any."""
+    """A stop line: its points (n, 2), empty if it is at the lanelet's end, and the ids that it refers to."""
 
     points: Points
     sign_ids: tuple[int, ...]
@@ -45,7 +45,7 @@ class _StopLineElement:
 class LaneletElement:
     """A lanelet as written: bounds (n, 2) in metres, of any length; ``markings`` of the left and right bound.
 
-    ``neighbours``: those on the ``left`` and on the ``right``.
+    ``neighbours``: the adjacent lanelets on the ``left`` and on the ``right``.
     """
 
     lanelet_id: int
@@ -68,7 +68,7 @@ class LaneletElement:
 
     @property
     def bounds(self) -> tuple[tuple[str, Points], ...]:
-        """Both bounds with the names of their sides, left before right."""
+        """The two bounds with the names of their sides, left before right."""
         return ("left", self.left), ("right", self.right)
 
     @cached_property
@@ -84,7 +84,7 @@ class LaneletElement:
 
     @cached_property
     def center(self) -> Points:
-        """Centre line of shape (n, 2) of a drawn lanelet: the middle of the bounds."""
+        """The centre line (n, 2) of a drawn lanelet, halfway between the bounds."""
         middle: Points = (self.left + self.right) / 2
         return middle
 
@@ -128,7 +128,7 @@ class _LightElement:
 
 @dataclass(frozen=True)
 class _IncomingElement:
-    """An arm of an intersection: lanelets that lead in, lanelets that lead on, the arm to its right."""
+    """An arm of an intersection: incoming lanelets, lanelets that follow them, and the arm to its right."""
 
     incoming_id: int
     lanelet_ids: tuple[int, ...]
@@ -160,7 +160,7 @@ class RoadDocument:
 
     @cached_property
     def by_id(self) -> dict[int, LaneletElement]:
-        """Lanelets by id; for a repeated id, the first one."""
+        """The lanelets by id; for a repeated id, the first lanelet."""
         return {lanelet.lanelet_id: lanelet for lanelet in reversed(self.lanelets)}
 
     @cached_property
@@ -170,7 +170,7 @@ class RoadDocument:
 
     @cached_property
     def driven(self) -> tuple[LaneletElement, ...]:
-        """The drawn lanelets without footways, on which pedestrians walk in any direction and turn on the spot."""
+        """The drawn lanelets without footways, where pedestrians walk in any direction and turn on the spot."""
         return tuple(lanelet for lanelet in self.drawn if not lanelet.is_footway)
 
     @cached_property

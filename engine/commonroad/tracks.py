@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Track:
-    """A recorded obstacle: its centre at every step from ``first_step`` on.
+    """A recorded obstacle: its centre at every step, starting at ``first_step``.
 
     ``positions`` (n, 2) in metres, ``headings_rad`` (n,), ``speeds_mps`` (n,); ``kind`` is CommonRoad's obstacle type.
     """
@@ -48,17 +48,17 @@ class Track:
         return self.length_m, self.width_m
 
     def corners_at(self, index: int, size_m: tuple[float, float] | None = None) -> Points:
-        """Return the corners (4, 2) in m of its footprint, with another length and width if given."""
+        """Return the corners (4, 2) in m of the footprint, with the given length and width if there are any."""
         return oriented_rectangle(self.positions[index], float(self.headings_rad[index]), size_m or self.size_m)
 
     def front_at(self, index: int) -> Points:
-        """Return the middle of its front end (2,) in m."""
+        """Return the midpoint (2,) of its front end in m."""
         heading = float(self.headings_rad[index])
         front: Points = self.positions[index] + self.length_m / 2 * np.array([math.cos(heading), math.sin(heading)])
         return front
 
     def part(self, begin: int, end: int) -> "Track":
-        """Return the states from one index up to before another."""
+        """Return the states from a first index (included) to a second one (excluded)."""
         return replace(
             self,
             first_step=self.first_step + begin,
@@ -71,8 +71,8 @@ class Track:
 def recorded_tracks(scenario: "Scenario", states: "Mapping[int, PlainStates] | None" = None) -> dict[int, Track]:
     """Return tracks of all dynamic obstacles with a trajectory, by id in ascending order.
 
-    Set-based predictions have no trajectory and are left out. States with a region instead of a point count by its
-    centre. A missing speed is computed from the distance to the next position.
+    Set-based predictions have no trajectory and are left out. For a state with a region instead of a point, the
+    region's centre is used. A missing speed is computed from the distance to the next position.
 
     Args:
         states: by obstacle id, separately read states after the initial one; they replace the trajectory's.
@@ -87,9 +87,9 @@ def recorded_tracks(scenario: "Scenario", states: "Mapping[int, PlainStates] | N
 
 
 def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
-    """Return static obstacles as motionless tracks up to a step, by id in ascending order; regions by their middle.
+    """Return static obstacles as motionless tracks up to a step, by ascending id; a region becomes its centre.
 
-    Each stores its one pose in memory, for any number of steps; its arrays are read-only.
+    Each track stores a single pose in memory, for any number of steps; its arrays are read-only.
     """
     tracks = {}
     for obstacle in sorted(scenario.static_obstacles, key=lambda obstacle: int(obstacle.obstacle_id)):
@@ -104,15 +104,15 @@ def static_tracks(scenario: "Scenario", last_step: int) -> dict[int, Track]:
 
 
 def last_recorded_step(scenario: "Scenario") -> int:
-    """Return the last time step at which any obstacle is recorded; 0 without moving obstacles."""
+    """Return the last time step at which any obstacle is recorded; 0 if there are no moving obstacles."""
     finals = [o.prediction.final_time_step for o in scenario.dynamic_obstacles if o.prediction is not None]
     return max((int(getattr(final, "end", final)) for final in finals), default=0)
 
 
 def size_of(shape: Any) -> tuple[float, float]:
-    """Return length and width in m of a CommonRoad shape.
+    """Return the length and width in m of a CommonRoad shape.
 
-    Circles give their diameter, polygons and groups of shapes their bounding box.
+    For circles this is the diameter, for polygons and groups of shapes the bounding box.
     """
     if hasattr(shape, "length"):
         return float(shape.length), float(shape.width)
@@ -160,7 +160,7 @@ def center_of(position: Any) -> Any:
 
 
 def middle_of(value: Any) -> float:
-    """Return a value, or the middle of an interval; NaN for None."""
+    """Return a value, or the midpoint of an interval; NaN for None."""
     if value is None:
         return float("nan")
     return 0.5 * (float(value.start) + float(value.end)) if hasattr(value, "start") else float(value)

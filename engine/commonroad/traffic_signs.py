@@ -1,11 +1,12 @@
 """Traffic signs of a lanelet network: their meaning in any country, posted limits, and lanelets with a traffic light.
 
-A sign's number differs between countries (274, R2-1, r301, C43 …), but its name in commonroad-io does not: in a network
-read by commonroad-io, names decide. In 2018b files, the limit is an element of the lanelet, which commonroad-io turns
-into a sign. Files as written have numbers only, and new files need one: this module has the numbers of speed limits.
+A sign's number differs between countries (274, R2-1, r301, C43 …), but its name in commonroad-io does not. In a network
+read by commonroad-io, signs are therefore identified by name. In 2018b files, the limit is an element of the lanelet,
+which commonroad-io turns into a sign. Files contain only numbers, and new files need a number: this module contains the
+numbers of speed limits.
 
 commonroad-io's ``TrafficSignInterpreter`` is not used: it recognises only the country's number for a limit, so it
-misses zones, and it fails on values that are not numbers.
+misses zones. It also fails on values that are not numbers.
 """
 
 import math
@@ -29,13 +30,14 @@ _COUNTRIES_WITHOUT_LIMIT = frozenset({"AUS"})
 def speed_limit_number(country: str) -> str | None:
     """Return the sign number for a speed limit in a country, or None if CommonRoad has none.
 
-    It is the German 274 if the country has no number of its own: CommonRoad's reader accepts it as a limit everywhere.
+    The number is the German 274 if the country has none of its own: CommonRoad's reader accepts it as a limit
+    everywhere.
     """
     return None if country in _COUNTRIES_WITHOUT_LIMIT else _LIMIT_OF_COUNTRY.get(country, _GERMAN_LIMIT)
 
 
 def is_known_number(number: str, country: str) -> bool:
-    """Return whether CommonRoad's reader knows a sign's number in a country; it treats unknown countries as Zamunda."""
+    """Return whether CommonRoad's reader knows a sign's number; it treats unknown countries as Zamunda."""
     from commonroad.scenario.traffic_sign import TrafficSignIDCountries
 
     return number == _GERMAN_LIMIT or number in {sign.value for sign in TrafficSignIDCountries[country]}
@@ -85,19 +87,19 @@ def limits_kmh(signs: Iterable["TrafficSign"]) -> tuple[float, ...]:
 
 
 def signs_of(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> list["TrafficSign"]:
-    """Return the signs that these lanelets refer to; dangling references are left out."""
+    """Return the signs that the given lanelets refer to; dangling references are left out."""
     wanted = sorted({sign for key in lanelet_ids for sign in network.find_lanelet_by_id(key).traffic_signs})
     return [sign for sign in (network.find_traffic_sign_by_id(key) for key in wanted) if sign is not None]
 
 
 def has_light(network: "LaneletNetwork", lanelet_ids: Iterable[int]) -> bool:
-    """Return whether one of these lanelets refers to a traffic light of the file."""
+    """Return whether any of the given lanelets refers to a traffic light in the file."""
     wanted = {light for key in lanelet_ids for light in network.find_lanelet_by_id(key).traffic_lights}
     return any(network.find_traffic_light_by_id(key) is not None for key in wanted)
 
 
 def _sign_key(element: "TrafficSignElement") -> str | None:
-    """Return the vocabulary's key of a sign by its commonroad-io name; None for signs outside the vocabulary."""
+    """Return the vocabulary's key for a sign's commonroad-io name; None for signs outside the vocabulary."""
     name = element.traffic_sign_element_id.name
     if name in _KEY_OF_NAME:
         return _KEY_OF_NAME[name]

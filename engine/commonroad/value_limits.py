@@ -1,8 +1,8 @@
 """Limits of the numbers, counts and texts in a scenario file: one table with sources, checked before further reading.
 
 commonroad-io accepts any number: an angle of 1e300 makes its loops endless, vertices at 1e7 m fill the memory of code
-that samples them, a step of 1e-30 s ends in SUMO. Every number of a file is therefore checked once, in the parsed
-document; the error gives its element, the id of its owner and its line. ``docs/limits.md`` shows the table to users.
+that samples them, a step of 1e-30 s reaches SUMO. Every number in a file is therefore checked once, in the parsed
+document. The error states the element, the id of its owner and the line. ``docs/limits.md`` shows the table to users.
 """
 
 import math
@@ -163,7 +163,7 @@ def check_document(root: Any, taken: Collection[int] = ()) -> None:
 
     Args:
         root: the document's root.
-        taken: ids of obstacles with removed states, which are known to be plain and without a gap.
+        taken: ids of obstacles whose states were removed; these states are known to be plain and without a gap.
 
     Raises:
         BeyondLimits: a value is not a number or beyond its limit.
@@ -205,7 +205,7 @@ def _check_count(element: Any) -> None:
 
 
 def is_within(name: str, values: Values | Sequence[int]) -> bool:
-    """Return whether finite values of states are all within the limits for this name."""
+    """Return whether finite values of states are all within the limits for a name."""
     allowed, given = NUMBER_RANGES.get(name, _OTHER), np.asarray(values, dtype=float)
     sizes = np.abs(given)
     return bool(
@@ -216,10 +216,10 @@ def is_within(name: str, values: Values | Sequence[int]) -> bool:
 
 
 def check_counts_and_ids(root: Any) -> None:
-    """Check the number of elements in a document (of lxml), and its ids and references.
+    """Check the number of elements in an lxml document, and its ids and references.
 
     Raises:
-        BeyondLimits: there are more elements than the limits, or an id is not a whole number within its own.
+        BeyondLimits: there are more elements than the limits, or an id is not a whole number within its limits.
     """
     _check_kinds(root)
     for element in root.iter("*"):
@@ -231,7 +231,7 @@ _Places = list[tuple[float, float]]
 
 
 def _check_below(top: Any, owner: str, relative: Iterable[Any]) -> _Places:
-    """Check all elements below one of the first level; return the x and y of its points in m."""
+    """Check all descendants of a first-level element; return the x and y of its points in m."""
     skipped = frozenset(map(id, relative))
     unread = [one for region in top.iterfind(OLD_GOAL) for one in region.iter()]
     ignored = frozenset(map(id, unread))
@@ -243,7 +243,7 @@ def _check_below(top: Any, owner: str, relative: Iterable[Any]) -> _Places:
         values = {}
         for leaf in parent:
             tag, text = leaf.tag, leaf.text
-            if tag in _PLANE and text and (value := _usual_coordinate(text)) is not None:  # most of a file
+            if tag in _PLANE and text and (value := _usual_coordinate(text)) is not None:  # these are most of a file
                 values[tag] = value
                 continue
             if leaf.attrib:
@@ -274,7 +274,7 @@ def _check_own_shape(shape: Any, owner: str) -> list[Any]:
 
 
 def _check_occupancies(top: Any, owner: str) -> None:
-    """Check how many steps the occupancies of an obstacle cover in all, each counted once per part."""
+    """Check how many steps an obstacle's occupancies cover in total; each step counts once per part."""
     covered = 0
     for occupancy in top.iterfind("occupancySet/occupancy"):
         begin, end = (occupancy.findtext(f"time/{name}") for name in _INTERVAL)
@@ -286,7 +286,7 @@ def _check_occupancies(top: Any, owner: str) -> None:
 
 
 def _check_steps(top: Any, owner: str) -> None:
-    """Check that a trajectory has a state for every step: code that reads it counts them (CommonRoad: no gaps)."""
+    """Check that a trajectory has a state for every step (CommonRoad: no gaps), because readers count the states."""
     states = [state for part in ("initialState", "trajectory/state") for state in top.iterfind(part)]
     steps = [state.findtext("time/exact") for state in states]
     for number, (before, here) in enumerate(pairwise(steps)):
@@ -300,7 +300,7 @@ def _check_steps(top: Any, owner: str) -> None:
 
 
 def _check_drawn(top: Any, owner: str) -> None:
-    """Check that a lanelet and all polygons cover an area, and that a lanelet's centre line has a length."""
+    """Check that lanelets and polygons cover an area, and that a lanelet's centre line has a length."""
     next_step = "correct its points in the file"
     if top.tag == "lanelet":
         left, right = (_points_of(top.find(bound)) for bound in ("leftBound", "rightBound"))
@@ -329,7 +329,7 @@ def _is_apart(points: _Places) -> bool:
 
 
 def _is_on_a_line(points: _Places) -> bool:
-    """Return whether all points are within a millimetre of the line from the first to the one farthest from it."""
+    """Return whether all points are within 1 mm of the line from the first point to the point farthest from it."""
     if not points:
         return True
     (x, y), far = points[0], max(points, key=lambda point: math.dist(points[0], point))
@@ -338,7 +338,7 @@ def _is_on_a_line(points: _Places) -> bool:
 
 
 def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
-    """Check that the network is no wider than the limit, and that nothing else is farther away."""
+    """Check that the network's extent is within the limit, and that nothing else is farther away."""
     spans = [(top, owner, *_span(places)) for top, owner, places in boxes]
     road = [(low, high) for top, _, low, high in spans if top.tag == "lanelet"]
     if not road:
@@ -357,7 +357,7 @@ def _check_extent(boxes: list[tuple[Any, str, _Places]]) -> None:
 
 
 def _farthest(spans: list[tuple[Any, str, list[float], list[float]]], axis: int) -> tuple[Any, str]:
-    """Return the lanelet with its middle farthest from the median one."""
+    """Return the lanelet whose midpoint is farthest from the median midpoint."""
     lanelets = [(low[axis] + high[axis], top, owner) for top, owner, low, high in spans if top.tag == "lanelet"]
     middle = sorted(place for place, _, _ in lanelets)[len(lanelets) // 2]
     _, top, owner = max(lanelets, key=lambda lanelet: abs(lanelet[0] - middle))

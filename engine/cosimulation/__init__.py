@@ -1,6 +1,6 @@
-"""SUMO drives some vehicles of a recorded scenario among others that replay their recording.
+"""Re-simulates recorded scenarios: SUMO drives some vehicles, and the others replay their recording.
 
-``Behaviour``: all eleven parameters of one driver, by SUMO's names, and the preset that they started from (or "").
+``Behaviour``: the eleven parameters of a driver, by SUMO's names, and the preset that they are based on (or "").
 ``presets``: returns the six presets: name → parameter → value.
 ``usual_behaviour``: returns the ``Behaviour`` of an ordinary driver of a class.
 ``behaviour_from``: returns a ``Behaviour`` changed by a preset and by single parameters.
@@ -9,44 +9,44 @@
 ``values_set``: returns single parameters as given, relative ones with the resulting value.
 ``DrivePlan``: a vehicle that SUMO drives from ``from_step`` on.
 ``recorded_plan``: returns the ``DrivePlan`` of a recorded vehicle along its recorded route.
-``sent_on``: returns the plan of a vehicle that an edit sends somewhere and that stops standing.
-``Manoeuvre``: an order to a driven vehicle from a step on: a speed, or a lane change.
-``Halt``: an order to a driven vehicle to stand, from one step to before another.
+``sent_on``: returns the plan of a vehicle that an edit sends somewhere; a vehicle added to stand starts to move.
+``Manoeuvre``: an order to a driven vehicle that starts at a step: a speed, or a lane change.
+``Halt``: an order to a driven vehicle to stand, from a first step until a second one (excluded).
 ``JunctionLaneChange``: a lane change inside a junction.
 ``Replay``: a road user that moves by a given track, not by SUMO.
-``SpeedAct``: part of a script: change speed by a prescribed acceleration from a step on.
-``LateralAct``: part of a script: move to the side within a prescribed time from a step on.
+``SpeedAct``: part of a script: starting at a step, change speed with a prescribed acceleration.
+``LateralAct``: part of a script: starting at a step, move to the side within a prescribed time.
 ``Act``: a ``SpeedAct`` or ``LateralAct``.
-``scripted_track``: returns a track as prescribed acts change it.
-``joined_track``: returns a track up to a step, continued along a given track of the centre.
+``scripted_track``: returns a track as changed by prescribed acts.
+``joined_track``: returns a track up to a step, continued along given positions of the centre.
 ``beyond``: returns the path of a road user's centre beyond its track.
-``line_from``: returns the path from a place along lanelets and then straight on.
-``Script``: what a road user does in reactive traffic, if the ego triggers parts of its motion.
+``line_from``: returns the path from a position along lanelets and then straight ahead.
+``Script``: what a road user does in reactive traffic if the ego triggers parts of its motion.
 ``ScriptPart``: acts of a script, with their step or their trigger.
 ``Trigger``: what the ego must do before a part of a script starts.
-``resized``: returns the same motion with another body.
-``smooth_step``: returns how far to the side a vehicle is after shares of the manoeuvre's time.
+``resized``: returns the same motion with a body of a different size.
+``smooth_step``: returns how far to the side a vehicle is after given shares of the manoeuvre's time.
 ``class_of``: returns the vehicle class for a CommonRoad obstacle type.
 ``not_drivable``: returns why SUMO cannot drive a recorded vehicle; empty if it can.
 ``next_speed_mps``: returns the next speed of a vehicle that must slow down within some distance; None if it need not.
 ``LANE_CHANGE_S``: duration of a lane change, in s.
 ``PROGRESS_ACROSS``: the share of a junction lane change's distance after which the vehicle is on the other lanelet.
-``first_curve_too_tight``: returns why a vehicle cannot brake enough for the first too tight curve of a route, or None.
+``first_curve_too_tight``: returns why a vehicle cannot brake enough for a curve of a route, or None.
 ``highest_entry_speed``: returns the speed in m/s from which a driver brakes comfortably for all curves of a route.
 ``Actor``: a road user of the re-simulation, replayed or driven.
 ``all_actors``: returns the actors of all road users near a lane, by ascending id.
 ``driven_actor``: returns the actor that SUMO drives by a plan.
-``replayed_actor``: returns the actor that moves by its track and that the driven ones see.
+``replayed_actor``: returns an actor that follows its track and is visible to the driven vehicles.
 ``pedestrian_of``: returns the id of the pedestrian that a proxy represents.
 ``lane_hint``: returns SUMO's edge and lane index for a lanelet.
 ``SimulationSetup``: the network, the number of steps and the time step of a simulation.
 ``open_simulation``: context manager of a simulation by a setup; yields ``traffic.Sumo``.
 ``TYPES_FILE``: name of the file with the vehicle types that SUMO reads.
 ``ROUTES_FILE``: name of the file with the routes that the vehicles drove.
-``resimulate``: simulates as long as any vehicle is driven; returns the ``DrivenTrack`` of each by id.
+``resimulate``: simulates as long as any vehicle is driven; returns each driven vehicle's ``DrivenTrack`` by id.
 ``DrivenTrack``: SUMO's track of a driven vehicle: its front bumper in m, and its lanes.
 ``taken_over_track``: returns a driven track smoothed and joined to its recorded start without a jump.
-``TakenOverTrack``: the new track of a vehicle from the hand-over on, with its accelerations.
+``TakenOverTrack``: the new track of a vehicle, starting at the hand-over, with its accelerations.
 """
 
 from typing import TYPE_CHECKING

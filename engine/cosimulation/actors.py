@@ -1,7 +1,8 @@
-"""The road users of a re-simulation: which are replayed, which SUMO drives, and from which step on.
+"""The road users of a re-simulation: which are replayed, which SUMO drives, and from which step.
 
-A lane-based driver only notices road users that drive along a lane. A pedestrian who crosses lanes is therefore shown
-to SUMO's drivers by proxies: while it is on a lane, and shortly before, an obstacle stands in the middle of the lane.
+SUMO's lane-based driver model only notices road users that drive along a lane. A pedestrian who crosses lanes is
+therefore represented by proxies: while the pedestrian is on a lane, and shortly before, an obstacle stands in the
+middle of that lane.
 """
 
 import itertools
@@ -35,14 +36,14 @@ class Actor:
     """A road user of the re-simulation.
 
     ``drive_from``: the last step with a recorded pose, after which SUMO drives; None: replayed to the end. ``target``,
-    ``through``: lanes that a driven vehicle changes to when it is on their edge. ``keep_to_route``: its poses are put
-    onto its route's lanes, because SUMO matched the recorded ones to another road. ``manoeuvres``: its orders while it
-    is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a lane change; the vehicle waits for a
-    gap into one of them instead of driving past it (empty: it does not wait). ``is_sent``: an edit reroutes it.
-    ``branch``: the lane behind a junction that distinguishes the path to the target from others that lead to the same
-    edge. ``maximum_speed_mps``: what a driven vehicle never exceeds, that of its class or of its recording. ``halts``:
-    where it must stop. ``ignores_lights``: it does not stop at red lights or yield at junctions. ``friction``: the
-    road's coefficient of friction, which limits its braking; None if it is not stated.
+    ``through``: lanes that a driven vehicle changes to once it is on their edge. ``keep_to_route``: its poses are put
+    onto its route's lanes, because SUMO matched the recorded poses to a different road. ``manoeuvres``: its orders
+    while it is driven. ``lanes_to_target``: SUMO's lanes that lead to the target without a lane change; the vehicle
+    waits for a gap into one of them instead of driving past it (empty: it does not wait). ``is_sent``: an edit reroutes
+    it. ``branch``: the lane after a junction that distinguishes the path to the target from other paths to the same
+    edge. ``maximum_speed_mps``: the speed that a driven vehicle never exceeds, from its class or its recording.
+    ``halts``: where it must stop. ``ignores_lights``: it does not stop at red lights or yield at junctions.
+    ``friction``: the road's coefficient of friction, which limits its braking; None if it is not stated.
     """
 
     track: Track
@@ -66,7 +67,7 @@ class Actor:
 
     @property
     def hardest_braking_mps2(self) -> float:
-        """Its hardest braking."""
+        """The vehicle's maximum deceleration."""
         return hardest_braking_mps2(self.friction)
 
     @cached_property
@@ -102,17 +103,17 @@ class Actor:
 
     @cached_property
     def edges_to_target(self) -> tuple[str, ...]:
-        """The edges of the route up to that of the target."""
+        """The edges of the route up to the target's edge."""
         edge = self.target[0] if self.target else ""
         return self.edges[: self.edges.index(edge) + 1] if edge in self.edges else ()
 
     @property
     def handover_index(self) -> int:
-        """Index in the track of the state at ``drive_from``."""
+        """The index of the state at ``drive_from`` in the track."""
         return (self.drive_from or 0) - self.track.first_step
 
     def drives_at(self, step: int) -> bool:
-        """Return True if the state after a step is SUMO's, not a recorded one."""
+        """Return True if the state after a step comes from SUMO, not from the recording."""
         return self.drive_from is not None and step > self.drive_from
 
     def vehicle_type(self) -> str:
@@ -139,9 +140,9 @@ def all_actors(
     """Return all road users near a lane, by ascending id.
 
     Args:
-        scene: the scene with recordings as they are replayed.
-        plans: the driven ones by id, including handed-over ones.
-        removed: ids of those that are left out.
+        scene: the scene, with the recordings that are replayed.
+        plans: the plans of driven vehicles by id, including handed-over vehicles.
+        removed: ids of the road users that are left out.
         replays: given tracks; added pedestrians among them are shown to SUMO's drivers.
     """
     actors = [driven_actor(scene, plan) for plan in plans.values()]
@@ -190,7 +191,7 @@ def driven_actor(scene: Scene, plan: DrivePlan) -> Actor:
 
 
 def _aims(scene: Scene, plan: DrivePlan) -> frozenset[int]:
-    """Return the targets; if all are inside a junction, the lanelet before it, because lanes are kept inside."""
+    """Return the targets or, if all are inside a junction, the lanelet before it: lanes are kept in junctions."""
     outside = scene.layout.lane_of
     if not plan.targets or not plan.targets.isdisjoint(outside):
         return plan.targets
@@ -198,7 +199,7 @@ def _aims(scene: Scene, plan: DrivePlan) -> frozenset[int]:
 
 
 def _branch(scene: Scene, plan: DrivePlan) -> LaneHint | None:
-    """Return the exit of the path through a junction to a target inside it; None if the route has no alternative."""
+    """Return the exit of the path to a target inside a junction; None if the route has no alternative path."""
     layout = scene.layout
     inside = (key for key in plan.lanelets if key in plan.targets and key not in layout.lane_of)
     through = next((layout.paths[index] for key in inside for index in layout.paths_through.get(key, ())), None)
@@ -211,7 +212,7 @@ def _branch(scene: Scene, plan: DrivePlan) -> LaneHint | None:
 
 
 def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: LaneHint | None) -> frozenset[str]:
-    """Return SUMO's lanes on the route that lead to an aim without a lane change; empty if all lanes of its edge do."""
+    """Return SUMO's lanes that lead to an aim without a lane change; empty if all lanes of the aim's edge do."""
     if target is None or target[0] not in plan.edges or aims.issuperset(scene.layout.edges[target[0]]):
         return frozenset()
     lanes = aims.intersection(scene.layout.edges[target[0]])
@@ -227,7 +228,7 @@ def _lanes_to(scene: Scene, plan: DrivePlan, aims: frozenset[int], target: LaneH
 
 
 def replayed_actor(scene: Scene, track: Track, match: LaneMatch) -> Actor:
-    """Return a road user that moves by its track and that the driven ones see."""
+    """Return an actor that follows its track and is visible to the driven vehicles."""
     route = scene.edge_graph.route(match.sequence) or scene.edge_graph.route(match.sequence[:1])
     edges = route or next(iter(scene.layout.edges.items()))[:1]
     behaviour = usual_behaviour(class_of(track.kind)).on_road(scene.friction)
@@ -240,7 +241,7 @@ def _hints(scene: Scene, track: Track, match: LaneMatch, edges: tuple[str, ...])
 
 
 def lane_hint(scene: Scene, lanelet_id: int, edges: tuple[str, ...] = ()) -> LaneHint:
-    """Return SUMO's lane for a lanelet: inside a junction, that of the path that fits a route best."""
+    """Return SUMO's lane for a lanelet; inside a junction, the lane of the path that fits a route best."""
     if lanelet_id in scene.layout.lane_of:
         return scene.layout.lane_of[lanelet_id]
     path = scene.edge_graph.path_for(lanelet_id, edges)
@@ -254,7 +255,7 @@ PROXIES_PER_PEDESTRIAN = 1000
 
 
 def _pedestrian_proxies(scene: Scene, pedestrian: Track) -> list[Actor]:
-    """Return an actor for each lanelet that a pedestrian is on (in order), which stands there for that time."""
+    """Return an actor for each lanelet that a pedestrian visits, in order; it stands there for that time."""
     indices_on: dict[int, list[int]] = {}
     for index, lanelets in enumerate(scene.network.find_lanelet_by_position(list(pedestrian.positions))):
         for key in sorted(int(lanelet) for lanelet in lanelets):

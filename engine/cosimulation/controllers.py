@@ -1,9 +1,9 @@
 """Speed controllers: slow driven vehicles down for reasons that SUMO's driver model does not cover.
 
 Each handles one case that SUMO does not: waiting for a gap next to the target's lane, a curve that is nearer than the
-driver's own deceleration allows, curves of a long lane, halts that give way. After every step each returns the highest
-speed of a vehicle for the next step, and the lowest of them applies. They brake with the driver's own deceleration, and
-harder only if that comes too late (:func:`next_speed_mps`). Speeds in m/s.
+driver's own deceleration allows, curves of a long lane, halts that give way. After every step, each controller returns
+a vehicle's maximum speed for the next step, and the lowest of these speeds applies. Controllers brake with the driver's
+own deceleration, and harder only if that would be too late (:func:`next_speed_mps`). Speeds in m/s.
 """
 
 import math
@@ -48,9 +48,9 @@ def next_speed_mps(
 ) -> float | None:
     """Return the speed after the next step of a vehicle that must slow down, or None if it is not limited.
 
-    It should slow down within a distance, and must within the rest. ``usual_mps2``: the driver's own deceleration.
-    ``final_mps``: the speed to reach, by default 0. There may be several places (n,) with the distance to each and the
-    speed there. ``hardest_mps2``: the hardest braking.
+    The vehicle should slow down within ``room_m`` and must do so within ``left_m``. ``usual_mps2``: the driver's own
+    deceleration. ``final_mps``: the speed to reach, by default 0. There may be several points (n,), each with its
+    distance and its speed. ``hardest_mps2``: the hardest braking.
     """
     room_m = np.maximum(room_m - speed_mps * step_s, 0.0)
     allowed = math.sqrt(float(np.min(final_mps**2 + 2 * usual_mps2 * room_m)))
@@ -80,7 +80,7 @@ SLOWER_MPS = 1.0
 
 
 class GapWaitController(_SpeedController):
-    """Makes vehicles without a gap into their target's lane wait next to it, instead of driving past it.
+    """Makes vehicles that find no gap into their target's lane wait next to it instead of driving past it.
 
     A vehicle looks for a gap until it must brake with the driver's own deceleration, and stops while there is still
     road to change lanes. A vehicle that is too fast for that brakes as hard as it must.
@@ -116,7 +116,7 @@ class GapWaitController(_SpeedController):
         return highest_mps
 
     def _take_branch(self, actor: Actor, lane: str) -> None:
-        """Have SUMO take the path through the junction that leads to the target, by a stop behind it."""
+        """Have SUMO take the junction path that leads to the target, by setting a stop after the junction."""
         if actor.branch is None or actor.target is None or actor.key in self._branched:
             return
         if lane == "{}_{}".format(*actor.target):
@@ -124,7 +124,7 @@ class GapWaitController(_SpeedController):
             self._pass_by_end(actor.key, actor.branch)
 
     def _pass_by_end(self, key: str, lane: LaneHint) -> None:
-        """Have SUMO look for a route to the end of a lane, by a stop there that is passed."""
+        """Have SUMO find a route to the end of a lane, by setting a stop there that the vehicle only passes."""
         station_m = self._sumo.lane_length_m("{}_{}".format(*lane)) - LANE_END_M
         self._sumo.pass_by(key, lane, max(station_m, LANE_END_M))
 
@@ -134,13 +134,13 @@ class GapWaitController(_SpeedController):
         return self._sumo.driving_distance_m(key, target, end_m) - min(LANE_END_M, end_m / 2)
 
     def _steers_over(self, key: str, lane: str, direction: int) -> bool:
-        """Return True if a vehicle has a gap next to it, or is not yet entirely over: it then needs the whole road."""
+        """Return True if a vehicle has a gap next to it or is still moving over: it then needs the whole road."""
         comes_over = self._first_lane.setdefault(key, lane) != lane
         offset_m = abs(self._sumo.offset_m(key))
         return (comes_over and offset_m > STEERING_OVER_M) or self._sumo.could_change_lane(key, direction)
 
     def _braked(self, actor: Actor, left_m: float, changes: int, *, rolls_on: bool) -> float | None:
-        """Return the next speed of a vehicle with some road left for its lane changes; ``rolls_on``: one starts."""
+        """Return a vehicle's next speed, given the road left for lane changes; ``rolls_on``: a lane change starts."""
         speed, step_s, hardest = self._sumo.speed_mps(actor.key), self._sumo.step_s(), actor.hardest_braking_mps2
         usual, wait_m = actor.behaviour.values["decel"], left_m - changes * TO_STEER_OVER_M
         if not rolls_on:
@@ -151,10 +151,10 @@ class GapWaitController(_SpeedController):
         return next_speed_mps(speed, usual, step_s, over_m, left_m, hardest_mps2=hardest)
 
     def _give_stop(self, actor: Actor, target: LaneHint, present_edge: str) -> None:
-        """Have SUMO look for gaps into the target's lane early, by a stop there that is passed.
+        """Have SUMO look for gaps into the target's lane early, by setting a stop there that is only passed.
 
-        The speed limit of a stop's lane holds on the whole route there. Therefore a much slower lane gets its stop only
-        when the vehicle is next to it, and a vehicle that may take several lanes has no stop.
+        The speed limit of a stop's lane applies on the whole route to the stop. Therefore a much slower lane gets its
+        stop only when the vehicle is next to that lane, and a vehicle that may take several lanes gets no stop.
         """
         if actor.key in self._stop_given:
             return
@@ -179,10 +179,10 @@ CURVE_REACHED_M = 0.1
 
 
 class AnticipatoryBraking(_SpeedController):
-    """Makes rerouted vehicles brake harder than their driver would if a slower lane ahead, as in a curve, requires it.
+    """Makes rerouted vehicles brake harder than their driver would if a slower lane ahead (a curve) requires it.
 
     SUMO plans with the driver's deceleration: a vehicle that is handed over too near to a curve would enter it too
-    fast, and slow down only there, within a step or two.
+    fast, and slow down only in the curve, within a step or two.
     """
 
     def __init__(self, sumo: Sumo) -> None:
@@ -201,7 +201,7 @@ class AnticipatoryBraking(_SpeedController):
         return max(speed - min(needed, actor.hardest_braking_mps2) * step_s, 0.0)
 
     def _needed_mps2(self, key: str, lane: str, speed_mps: float) -> float:
-        """Return the deceleration that brings a vehicle to the limit of every lane ahead at its start."""
+        """Return the deceleration with which a vehicle meets every speed limit ahead at the start of its lane."""
         ahead_m = self._sumo.lane_length_m(lane) - self._sumo.station_m(key)
         needed = 0.0
         for next_lane in self._sumo.lanes_ahead(key):
@@ -216,9 +216,9 @@ BEHIND_M = 1.0
 
 
 class CurveSpeedController(_SpeedController):
-    """Slows vehicles on a long lane, which has the limit of its straights, where it curves.
+    """Slows vehicles in the curves of a long lane, which has the speed limit of its straights.
 
-    SUMO has one limit per lane. That of the sharpest curve would slow the vehicles along the whole lane.
+    SUMO has one limit per lane. The limit of the sharpest curve would slow vehicles along the whole lane.
     """
 
     def highest_speed_mps(self, actor: Actor, lane: str) -> float | None:
@@ -234,9 +234,9 @@ class CurveSpeedController(_SpeedController):
         return next_speed_mps(speed, usual, step_s, away_m, away_m, allowed_mps, actor.hardest_braking_mps2)
 
     def _places_ahead(self, actor: Actor, lane: str, reach_m: float) -> Iterator[tuple[Values, Values]]:
-        """Yield distances in m to the curves within reach on the route, and the speeds for them, lane by lane.
+        """Yield distances in m to the curves within reach on the route, and their speeds, lane by lane.
 
-        A driver that is faster than others is faster in curves too, as far as tyres allow.
+        A driver that is faster than others is also faster in curves, within what tyres allow.
         """
         factor = actor.behaviour.values["speedFactor"]
         begin_m = -self._sumo.station_m(actor.key)
@@ -253,7 +253,7 @@ class CurveSpeedController(_SpeedController):
 
 
 class StopController(_SpeedController):
-    """Makes vehicles that an edit halts stop where their orders say."""
+    """Makes vehicles that an edit halts stop where their orders require."""
 
     def __init__(self, sumo: Sumo) -> None:
         super().__init__(sumo)

@@ -1,7 +1,7 @@
 """Whether a vehicle can slow down enough for the curves of a lanelet route, and how fast it may enter one.
 
-A curve is a piece of 20 m of a lanelet with a curved centre line; it counts from the start of the piece, because a long
-lanelet may curve only at its far end. Speeds in m/s, arc lengths in m, curvatures in 1/m.
+A curve is a piece of 20 m of a lanelet with a curved centre line; the curve's position is the start of the piece,
+because a long lanelet may curve only at its far end. Speeds in m/s, arc lengths in m, curvatures in 1/m.
 """
 
 import math
@@ -26,9 +26,9 @@ PIECE_M = 20.0
 def first_curve_too_tight(
     scene: Scene, route: tuple[int, ...], position: Points, speed_mps: float, known: Collection[int] = ()
 ) -> str | None:
-    """Return why a vehicle at a position (2,) cannot brake enough for the first too tight curve of a route, or None.
+    """Return why a vehicle at a position (2,) cannot brake enough for a curve of a route, or None.
 
-    ``known``: lanelets with curves that are not checked.
+    The first such curve counts. ``known``: lanelets whose curves are not checked.
     """
     hardest = hardest_braking_mps2(scene.friction)
     speed_mps, here_m = max(speed_mps, 0.0), project(scene.layout.table.lanes[route[0]].center, position)[0]
@@ -45,9 +45,9 @@ def first_curve_too_tight(
 
 
 def highest_entry_speed(scene: Scene, route: tuple[int, ...], station_m: float) -> float:
-    """Return the speed from which a driver at a station of a route's first lanelet brakes comfortably for all curves.
+    """Return the highest speed at a station of a route's first lanelet that allows comfortable braking for all curves.
 
-    After the route's end, it continues straight ahead as a drive does. Infinite if there are no curves.
+    After its end, the route continues straight ahead. The speed is infinite if there are no curves.
     """
     onwards = list(route)
     while sum(scene.layout.table.lanes[key].length_m for key in onwards) < station_m + _LOOK_M:
@@ -65,8 +65,8 @@ def highest_entry_speed(scene: Scene, route: tuple[int, ...], station_m: float) 
 def _curves_ahead(scene: Scene, route: Sequence[int], here_m: float) -> Iterator[tuple[int, float, float]]:
     """Yield every curved piece of a route: its lanelet, how far ahead it starts, and its largest curvature.
 
-    ``here_m``: the arc length of the first lanelet from which they count. Adjacent lanelets start equally far ahead; a
-    piece that has started is 0 m ahead.
+    ``here_m``: the arc length on the first lanelet from which distances are measured. Adjacent lanelets start equally
+    far ahead; a piece that has started is 0 m ahead.
     """
     lanes, successors, ahead_m = scene.layout.table.lanes, scene.layout.table.successors, -here_m
     for before, key in zip((None, *route), route, strict=False):
@@ -80,7 +80,7 @@ def _curves_ahead(scene: Scene, route: Sequence[int], here_m: float) -> Iterator
 
 
 def _curves_of(line: Points) -> Iterator[tuple[float, float]]:
-    """Yield the start on a line of each curved piece, and its largest curvature."""
+    """Yield the arc length at which each curved piece of a line starts, and its largest curvature."""
     stations, curvature = curvatures(line, SMOOTHING_M)
     if len(stations):
         begins = np.arange(0.0, float(stations[-1]), PIECE_M)
@@ -89,7 +89,7 @@ def _curves_of(line: Points) -> Iterator[tuple[float, float]]:
 
 
 def _from(line: Points, station_m: float) -> Points:
-    """Return the part of a line beyond an arc length, or its end if no more is left."""
+    """Return the part of a line beyond an arc length, or its end if nothing is left."""
     stations = arc_length(line)
     begin = min(station_m, float(stations[-1]) - SHORTEST_REST_M)
     return interpolate(line, stations, np.array([begin, *stations[stations > begin]]))

@@ -1,7 +1,7 @@
 """Driver behaviour: the six presets of the paper and the eleven parameters of SUMO that they set.
 
-Values of the presets: the paper's published modification code. Meaning and units: SUMO's vehicle type attributes
-(https://sumo.dlr.de/docs/Definition_of_Vehicles%2C_Vehicle_Types%2C_and_Routes.html).
+The presets' values come from the paper's published modification code. Meanings and units are those of SUMO's vehicle
+type attributes (https://sumo.dlr.de/docs/Definition_of_Vehicles%2C_Vehicle_Types%2C_and_Routes.html).
 """
 
 import math
@@ -16,7 +16,7 @@ from ..vehicles import GRAVITY_MPS2, VehicleClass, vehicle_classes
 
 @dataclass(frozen=True)
 class _ParameterRange:
-    """The meaning of a parameter and its valid values; ``low`` itself is allowed unless ``above``."""
+    """The meaning of a parameter and its valid values; ``low`` itself is valid unless ``above`` is set."""
 
     meaning: str
     low: float
@@ -28,7 +28,7 @@ class _ParameterRange:
         return (value > self.low if self.above else value >= self.low) and value <= self.high
 
     def nearest(self, value: float) -> float:
-        """Return the allowed value nearest to one outside; a hundredth of the range above an excluded lower end."""
+        """Return the valid value nearest to an invalid one; an excluded lower end gives 1 % of the range above it."""
         if value > self.high:
             return self.high
         return self.low + (self.high - self.low) / 100 if self.above else self.low
@@ -64,13 +64,13 @@ _PRESET_VALUES = {
 
 @dataclass(frozen=True)
 class Behaviour:
-    """All eleven parameters of one driver, by SUMO's names, and the preset that they started from (or "")."""
+    """The eleven parameters of a driver, by SUMO's names, and the preset that they are based on (or "")."""
 
     preset: str
     values: Mapping[str, float]
 
     def on_road(self, friction: float | None) -> "Behaviour":
-        """Return the driver on a road of some friction, with acceleration and braking limited by the tyres."""
+        """Return the driver on a road with some friction, with acceleration and braking limited by the tyres."""
         if friction is None:
             return self
         most = friction * GRAVITY_MPS2
@@ -96,7 +96,7 @@ def usual_behaviour(vehicle_class: VehicleClass) -> Behaviour:
 
 
 def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
-    """Return the gap in m that a class keeps regardless of the preset; None for classes that stand like cars."""
+    """Return the gap in m that a class keeps regardless of the preset; None for classes that keep the gap of cars."""
     usual = vehicle_classes()["car"].minimum_gap_m
     return None if vehicle_class.minimum_gap_m == usual else vehicle_class.minimum_gap_m
 
@@ -104,7 +104,7 @@ def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
 def behaviour_from(
     base: Behaviour, preset: str | None, params: Sequence[str], own_gap_m: float | None = None
 ) -> Behaviour:
-    """Return a preset (replacing all parameters except a class's own gap) with single parameters applied on top.
+    """Apply a preset, which replaces all parameters except a class's own gap, and then single parameters.
 
     Raises:
         UnknownName: no such preset or parameter.
@@ -140,7 +140,7 @@ def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]
 
 
 def values_set(params: Sequence[str], resulting: Sequence[Behaviour]) -> list[str]:
-    """Return single parameters as given, relative ones with the result, or the smallest and largest of several."""
+    """Return single parameters as given; relative ones have the resulting value, or the range of several values."""
     notes = []
     for text in params:
         assignment = parse_assignment(text)
@@ -155,7 +155,8 @@ def _read(text: str, values: Mapping[str, float]) -> Assignment:
     """Parse the assignment in a text.
 
     Raises:
-        InvalidRequest: it is not an assignment; for a parameter without a value, its current value is proposed.
+        InvalidRequest: the text is not an assignment; for a parameter without a value, the error proposes its current
+            value.
     """
     name = text.strip()
     if name in PARAMETERS:

@@ -1,11 +1,11 @@
 """Convert SUMO's track of a driven vehicle into a motion that starts exactly at its recorded state.
 
-SUMO moves the front bumper, on the centre of a lane and with stepwise speeds. The written motion is the centre's: the
-recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and the remaining difference to
-the recorded state fades out (:func:`taken_over_track`).
+SUMO moves the front bumper, on the centre of a lane and with stepwise speeds. The written motion is that of the centre:
+the recorded states before the hand-over are prepended to SUMO's track, the result is smoothed, and the remaining
+difference from the recorded state fades out (:func:`taken_over_track`).
 
-The bumper is led along the lane. A long vehicle cannot be driven so in turns with a radius of a few metres, since a
-bumper 12 m before the rear axle turns within 13 m at best. There its centre is led along the lane, as in generated
+The bumper follows the lane. A long vehicle cannot be driven in this way through turns with a radius of a few metres: a
+bumper 12 m ahead of the rear axle needs at least 13 m. In that case, the centre follows the lane, as in generated
 traffic, and the front swings out.
 """
 
@@ -55,7 +55,7 @@ LEAST_SMOOTHING = (1.5, 0.8)
 
 @dataclass(frozen=True)
 class TakenOverTrack(Track):
-    """The new track of a vehicle from the hand-over on (its first state is the recorded one), with accelerations.
+    """The new track of a vehicle, whose first state is the recorded one at the hand-over, with accelerations.
 
     ``leaves``, ``lanes``, ``blocked_by``: as in ``DrivenTrack``.
     """
@@ -76,7 +76,7 @@ class TakenOverTrack(Track):
         return self.positions + self.length_m / 2 * _directions(self.headings_rad)
 
     def whole(self, start: Track) -> Track:
-        """Return the recorded track up to the hand-over, and this one from there on."""
+        """Return the recorded track up to the hand-over, followed by the new track."""
         index = self.first_step - start.first_step
         return replace(
             start,
@@ -91,11 +91,11 @@ def taken_over_track(
 ) -> TakenOverTrack | None:
     """Smooth a driven track and join it to its recorded start without a jump.
 
-    A vehicle that leaves the network at once rolls straight on for a few steps, because the road does not end where the
-    map does. None if the scenario ends within two steps of the hand-over.
+    A vehicle that leaves the network at once rolls straight ahead for a few steps, because the road continues beyond
+    the map. The result is None if the scenario ends within two steps of the hand-over.
 
-    ``over_m``: the distance along its lane in which it changes to the adjacent one, on which SUMO drives it; it is not
-    on a lane before it is across. None means that it is on the lane that SUMO drives it on.
+    ``over_m``: the distance along its lane in which the vehicle changes to the adjacent lane, on which SUMO drives it;
+    until the change is complete, it is on no lane. None means that it is already on the lane on which SUMO drives it.
     """
     index = driven.first_step - start.first_step
     wanted = min(FEWEST_STATES, last_step - driven.first_step + 1)
@@ -128,10 +128,10 @@ def taken_over_track(
 def led_track(
     start: Track, first_step: int, centers: Points, step_s: float, last_step: int, *, leaves: bool = False
 ) -> TakenOverTrack | None:
-    """Return a given track (n, 2) of the centre as a drivable motion, joined to a recorded start without a jump.
+    """Return given positions (n, 2) of the centre as a drivable motion, joined to a recorded start without a jump.
 
-    The first point is the place at ``first_step``. The weakest smoothing is chosen with which every step can be driven,
-    else the one with which most can. None if the scenario ends within two steps.
+    The first point is the position at ``first_step``. The result has the weakest smoothing with which every step can be
+    driven, else the smoothing with which most steps can. The result is None if the scenario ends within two steps.
     """
     index, chassis = first_step - start.first_step, nearest_class(start.kind, start.length_m)
     centers = centers[: last_step - first_step + 1]
@@ -158,9 +158,9 @@ def led_track(
 
 
 def _driven_motion(start: Track, index: int, onward: Points, step_s: float) -> Motion:
-    """Return the motion from the hand-over on for the front's track: with the bumper on that track if possible.
+    """Return the motion after the hand-over for a track of the front, with the bumper on that track if possible.
 
-    Of the motions that are tried, the first drivable one or the most drivable one is chosen.
+    Of the motions that are tried, the first drivable one is chosen, else the most drivable one.
     """
     chassis, front = nearest_class(start.kind, start.length_m), np.vstack([start.front_at(index), onward])
     led = _led_motion(start, index, front, start.length_m / 2, SMOOTHINGS[0], step_s, chassis)
@@ -206,9 +206,9 @@ def _led_motion(
     step_s: float,
     chassis: VehicleClass,
 ) -> Motion:
-    """Return the motion from the hand-over on of a vehicle led by a point ``ahead_m`` ahead of its centre.
+    """Return the motion after the hand-over of a vehicle led by a point ``ahead_m`` ahead of its centre.
 
-    ``led``: that point's track from the hand-over on; ``smoothing``: in steps and in m.
+    ``led``: that point's track, starting at the hand-over; ``smoothing``: in steps and in m.
     """
     history = _history(start, index, ahead_m, step_s)
     first_heading = float(start.headings_rad[max(0, index - HISTORY_STEPS)])
@@ -235,7 +235,7 @@ def _rolled_on(start: Track, index: int, onward: Points, count: int, step_s: flo
 def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
     """Return the front track after the hand-over with SUMO's jump to the centre of the lane faded in.
 
-    ``expected``: where the front is after the first step if it rolls straight on, shape (2,).
+    ``expected``: where the front is after the first step if it rolls straight ahead, shape (2,).
     """
     share = np.clip(np.arange(1, len(onward) + 1) * step_s / LANE_S, 0.0, 1.0)
     led: Points = onward + (expected - onward[0]) * (1.0 - share**2 * (3.0 - 2.0 * share))[:, None]
@@ -243,7 +243,7 @@ def _led_into_lane(expected: Points, onward: Points, step_s: float) -> Points:
 
 
 def _led_at(start: Track, index: int, ahead_m: float) -> Points:
-    """Return the recorded place (2,) of the point ``ahead_m`` ahead of the centre."""
+    """Return the recorded position (2,) of the point ``ahead_m`` ahead of the centre."""
     angle = float(start.headings_rad[index])
     return np.asarray(start.positions[index] + ahead_m * np.array([math.cos(angle), math.sin(angle)]))
 
@@ -251,7 +251,7 @@ def _led_at(start: Track, index: int, ahead_m: float) -> Points:
 def _history(start: Track, index: int, ahead_m: float, step_s: float) -> Points:
     """Return the recorded track of the point ``ahead_m`` ahead of the centre, up to the hand-over: (15, 2).
 
-    It is extended straight backwards if the recording is too short.
+    The track is extended straight backwards if the recording is too short.
     """
     first = max(0, index - HISTORY_STEPS)
     recorded = [_led_at(start, past, ahead_m) for past in range(first, index)]
@@ -261,7 +261,7 @@ def _history(start: Track, index: int, ahead_m: float, step_s: float) -> Points:
 
 
 def _step_ahead(start: Track, index: int, step_s: float) -> Points:
-    """Return how far (2,) in m a vehicle rolls straight on within a step from a recorded state."""
+    """Return the displacement (2,) in m of a vehicle that rolls straight ahead for one step from a recorded state."""
     angle, speed = float(start.headings_rad[index]), max(float(start.speeds_mps[index]), 0.0)
     return np.array([math.cos(angle), math.sin(angle)]) * speed * step_s
 
@@ -269,10 +269,10 @@ def _step_ahead(start: Track, index: int, step_s: float) -> Points:
 def _joined(
     smooth: Motion, skip: int, start: Track, index: int, ahead_m: float, step_s: float, rear_axle_m: float
 ) -> Motion:
-    """Return the smoothed motion from the hand-over on; differences to the recorded state fade out.
+    """Return the smoothed motion after the hand-over; differences from the recorded state fade out.
 
     Only the track of the leading point, ``ahead_m`` ahead of the centre, is corrected; the heading follows it as a
-    tractrix from the recorded heading on, so that the rear axle never slips sideways.
+    tractrix that starts at the recorded heading, so the rear axle never slips sideways.
     """
     headings = smooth.headings_rad[skip:]
     forward = _directions(headings)
@@ -297,9 +297,9 @@ def _joined(
 
 
 def _never_back(led: Points, forward: Points) -> Points:
-    """Return a track (n, 2) that stands where it would go back, as fading differences do under a stopping one.
+    """Return a track (n, 2) that stands where it would move backwards, as fading differences may cause at a stop.
 
-    ``forward``: the unit vectors (n, 2) along which it drives.
+    ``forward``: the unit vectors (n, 2) along which the vehicle drives.
     """
     ahead_m = np.concatenate([[0.0], np.cumsum((np.diff(led, axis=0) * forward[1:]).sum(axis=1))])
     monotone_m = np.maximum.accumulate(ahead_m)

@@ -1,11 +1,11 @@
 """Manoeuvres of driven vehicles: a speed that is kept, lane changes, and a halt.
 
-:class:`ManoeuvreExecutor` gives the orders of all driven vehicles to one simulation, step by step, and brakes those
+:class:`ManoeuvreExecutor` gives the orders of all driven vehicles to one simulation, step by step, and brakes vehicles
 that a speed controller slows down.
 
 SUMO's own drivers change lanes if the vehicle behind keeps a second's headway and could brake comfortably for a leader
-that stops: on a motorway, 30 m ahead of an equally fast car. An edit that requests a cut-in needs less: there is room
-if the vehicle behind can still brake for it (:func:`required_gap_m`).
+that stops: on a motorway, that is 30 m ahead of an equally fast car. A cut-in that an edit requests needs less: there
+is room if the vehicle behind can still brake for it (:func:`required_gap_m`).
 """
 
 from collections import Counter
@@ -27,9 +27,9 @@ ROUNDING_MPS = 1e-6
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """An order from a step on: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right).
+    """An order that starts at a step: drive at ``speed_mps``, or change ``lanes_left`` lanes (1 left, -1 right).
 
-    ``profile_mps``: speeds of the first steps, before ``speed_mps`` is kept.
+    ``profile_mps``: the speeds of the first steps; then ``speed_mps`` is kept.
     """
 
     from_step: int
@@ -38,14 +38,14 @@ class Manoeuvre:
     profile_mps: tuple[float, ...] = ()
 
     def speed_at(self, step: int) -> float | None:
-        """Return the speed that is ordered for a step."""
+        """Return the ordered speed for a step."""
         since = step - self.from_step
         return self.profile_mps[since] if 0 <= since < len(self.profile_mps) else self.speed_mps
 
 
 @dataclass(frozen=True)
 class Halt:
-    """An order from ``from_step`` to before ``until_step``: roll at most ``rolled_m`` from where SUMO takes over."""
+    """An order from ``from_step`` until before ``until_step``: roll at most ``rolled_m`` after SUMO takes over."""
 
     from_step: int
     until_step: int
@@ -53,7 +53,7 @@ class Halt:
 
 
 def required_gap_m(closing_mps: float) -> float:
-    """Return the gap in m, beyond the standstill gap, that a driver needs at a closing speed in m/s."""
+    """Return the gap in m, in addition to the standstill gap, that a driver needs at a closing speed in m/s."""
     closing = max(closing_mps, 0.0)
     return closing * (INTO_LANE_S + CUT_IN_REACTION_S) + closing**2 / (2 * HARD_BRAKING_MPS2)
 
@@ -65,9 +65,9 @@ _Order = tuple[str, int]
 class ManoeuvreExecutor:
     """Gives the orders of all driven vehicles, step by step, to one simulation.
 
-    A lane change continues until it is done: it waits for room, to which SUMO adapts the speed, and if the adjacent
-    lane does not exist yet (such as inside a junction) it is requested on the next edge. Of several changes, the next
-    one starts when the previous one is done.
+    A lane change is requested until it is done: it waits for room, and SUMO adapts the speed to find it. If the
+    adjacent lane does not exist yet (for example inside a junction), the change is requested on the next edge. Of
+    several changes, the next one starts when the previous one is done.
     """
 
     def __init__(self, sumo: Sumo) -> None:
@@ -78,9 +78,9 @@ class ManoeuvreExecutor:
         self._braking: set[str] = set()
 
     def act(self, key: str, manoeuvres: tuple[Manoeuvre, ...], step: int, highest_mps: float | None = None) -> None:
-        """Give the orders that hold at a step to a vehicle on the road; of several speeds, the latest holds.
+        """Give a vehicle on the road the orders that apply at a step; of several speeds, the latest applies.
 
-        ``highest_mps``: the speed that it must brake to in the next step, however hard that is.
+        ``highest_mps``: the speed that the vehicle must brake to in the next step, however hard it must brake.
         """
         if highest_mps is None and key in self._braking:
             self._release(key)
@@ -110,8 +110,8 @@ class ManoeuvreExecutor:
     def _keep_speed(self, key: str, speed_mps: float) -> None:
         """Keep a speed, even above the limit, but no faster through a curve than its lane allows.
 
-        A kept speed prevents SUMO from braking harder than the driver's deceleration: it is released if that is too
-        soft.
+        A kept speed prevents SUMO from braking harder than the driver's deceleration. The speed is therefore released
+        if that deceleration is too small.
         """
         if self._needs_hard_braking(key):
             self._release(key)
@@ -120,7 +120,7 @@ class ManoeuvreExecutor:
         self._sumo.keep_speed(key, min(speed_mps, limit) if limit < USUAL_SPEED_MPS else speed_mps)
 
     def _needs_hard_braking(self, key: str) -> bool:
-        """Return True if the driver's own deceleration does not keep a vehicle off the one ahead."""
+        """Return True if the driver's own deceleration is too small to avoid hitting the vehicle ahead."""
         leader = self._sumo.leader(key)
         if leader is None:
             return False

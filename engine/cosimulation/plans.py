@@ -1,10 +1,11 @@
-"""What SUMO drives or replays, before anything is simulated: immutable values, new for each edit.
+"""Plans of what SUMO drives or replays, made before any simulation: immutable values, new for each edit.
 
-A :class:`DrivePlan` is a vehicle that SUMO drives from a step on, a :class:`Replay` one that moves by a given track.
+A :class:`DrivePlan` is a vehicle that SUMO drives, starting at a step. A :class:`Replay` is a road user that follows a
+given track.
 
-SUMO's vehicles keep their lanes inside junctions. A vehicle that changes lanes inside a junction from the hand-over on
-(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step on (:func:`shown_track`), and the
-written motion changes over from its recorded place: as far to the side as it rolls, never while standing
+SUMO's vehicles keep their lanes inside junctions. A vehicle that changes lanes inside a junction when it is handed over
+(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step (:func:`shown_track`), and the
+written motion moves over from its recorded position: sideways only as it rolls, never while standing
 (:func:`lane_change_track`).
 """
 
@@ -28,9 +29,9 @@ Cause = Literal["edited", "added", "handed_over"]
 
 @dataclass(frozen=True)
 class JunctionLaneChange:
-    """A lane change inside a junction: SUMO drives on ``lanelet_id`` at once, the motion gets there as it rolls.
+    """A lane change inside a junction: SUMO uses ``lanelet_id`` at once; the motion moves over while rolling.
 
-    ``within_m``: along the lane, from the hand-over on.
+    ``within_m``: the distance of the change along the lane, from the hand-over.
     """
 
     lanelet_id: int
@@ -41,11 +42,12 @@ class JunctionLaneChange:
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route.
-    ``edges``: SUMO's route for it. ``targets``: lanelets, any of them a target of the edit (empty: no target).
-    ``through``: lanelets of the route that it must use. ``manoeuvres``: its orders, by step. ``junction_lane_change``:
-    how it changes lanes if it is handed over inside a junction (None: it does not). ``halts``: where it waits.
-    ``gives_way``: it waits for others that it would hit. ``ignores_lights``: it does not stop at red lights or yield.
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route;
+    ``edges``: SUMO's route for it; ``targets``: lanelets, each of which is a valid target of the edit (empty: no
+    target); ``through``: lanelets of the route that the vehicle must use; ``manoeuvres``: its orders, by step;
+    ``junction_lane_change``: how it changes lanes if it is handed over inside a junction (None: no lane change);
+    ``halts``: where it waits; ``gives_way``: whether it waits for others that it would hit; ``ignores_lights``: whether
+    it neither stops at red lights nor yields.
     """
 
     start: Track
@@ -66,13 +68,14 @@ class DrivePlan:
 
 @dataclass(frozen=True)
 class Replay:
-    """A road user that moves by a given track, not by SUMO.
+    """A road user that follows a given track instead of being driven by SUMO.
 
     It is a recording moved in time, an added pedestrian, or a vehicle with a motion that an edit prescribes.
-    ``recording``: the original, moved by ``shifted_steps`` (later positive); None for an added one. ``is_scripted``:
-    the motion is prescribed and kept regardless of the others. ``is_parked``: an added vehicle that stands and is not
-    traffic. ``from_step``: the first step at which it differs from its recording. ``script``: what it does in reactive
-    traffic, if that depends on the ego; None means that it follows the track there too.
+    ``recording``: the original, moved by ``shifted_steps`` (later positive); None for an added road user.
+    ``is_scripted``: whether the motion is prescribed and kept regardless of others. ``is_parked``: whether it is an
+    added vehicle that stands and is not traffic. ``from_step``: the first step at which it differs from its recording.
+    ``script``: what it does in reactive traffic, if that depends on the ego; None means that it follows the track there
+    too.
     """
 
     track: Track
@@ -86,7 +89,7 @@ class Replay:
 
 
 def recorded_plan(scene: Scene, vehicle_id: int, cause: Cause, from_step: int) -> DrivePlan:
-    """Return a plan that drives a recorded vehicle along its recorded route from a step on.
+    """Return a plan that drives a recorded vehicle along its recorded route, starting at a step.
 
     Raises:
         NotPossible: the vehicle cannot be driven.
@@ -138,7 +141,7 @@ def not_drivable(scene: Scene, vehicle_id: int) -> str:
 
 
 def _by_distance(scene: Scene, vehicle_id: int) -> list[int]:
-    """Return the other recorded vehicles by their distance when both are first there."""
+    """Return the other recorded vehicles, ordered by distance at the first step at which the two are present."""
     if vehicle_id not in scene.tracks:
         return list(scene.tracks)
     own = scene.tracks[vehicle_id]
@@ -168,7 +171,7 @@ MOVED_M = 1e-3
 
 
 def shown_track(scene: Scene, plan: DrivePlan) -> Track:
-    """Return the track that SUMO is shown: at the hand-over the vehicle is on the lanelet that it changes to."""
+    """Return the track for SUMO: at the hand-over, the vehicle is already on the lanelet that it changes to."""
     start, change = plan.start, plan.junction_lane_change
     if change is None:
         return start
@@ -179,12 +182,12 @@ def shown_track(scene: Scene, plan: DrivePlan) -> Track:
 
 
 def lane_change_track(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
-    """Return the front track (n, 2) of a vehicle that changes over to SUMO's, and whether it is across at each step.
+    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and when it is across, by step.
 
     Args:
-        front: the recorded place of the front at the hand-over, shape (2,), in metres.
-        expected: where it is a step later if it rolls straight on, shape (2,).
-        onward: SUMO's front track from the first step on, shape (n, 2), in metres.
+        front: the recorded position of the front at the hand-over, shape (2,), in metres.
+        expected: the front's position a step later if the vehicle rolls straight ahead, shape (2,).
+        onward: SUMO's front track, starting at the first step, shape (n, 2), in metres.
         within_m: the distance along the lane in which the vehicle gets over.
     """
     forward = _directions_along(onward)
@@ -197,7 +200,7 @@ def lane_change_track(front: Points, expected: Points, onward: Points, within_m:
 
 
 def _directions_along(track: Points) -> Points:
-    """Return the unit vectors (n, 2) along a track (n, 2); while it stands, those before, and at first those after."""
+    """Return unit vectors (n, 2) along a track (n, 2); a stop repeats the last one, an initial stop uses the next."""
     moved = np.diff(track, axis=0, append=track[-1:])
     length_m = np.linalg.norm(moved, axis=1)
     rolls = length_m > MOVED_M

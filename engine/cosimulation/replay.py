@@ -1,10 +1,10 @@
 """Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
 
-Before every step, replayed vehicles are put at their recorded pose of the step after; their speed is set after the
-step, so that others see it. A driven vehicle is treated like that until its hand-over.
+Before every step, replayed vehicles are placed at their recorded pose after that step. Their speed is set after the
+step, so that other vehicles see it. A driven vehicle is treated in the same way until its hand-over.
 
-A replayed vehicle that is too far from every driven one to matter is left out: most of the time of a re-simulation
-would be spent on finding the lanes of such vehicles.
+A replayed vehicle that is too far from every driven one to matter is left out: otherwise, most of the time of a
+re-simulation would be spent on finding such vehicles' lanes.
 """
 
 from collections.abc import Iterable
@@ -49,7 +49,7 @@ STAYS_FACTOR = 1.2
 class SimulationSetup:
     """The network, the number of steps and the time step of a simulation; ``folder`` receives the vehicle types.
 
-    ``keeps_routes``: SUMO writes ``ROUTES_FILE`` there too.
+    ``keeps_routes``: whether SUMO also writes ``ROUTES_FILE`` to the folder.
     """
 
     net: Path
@@ -62,10 +62,11 @@ class SimulationSetup:
 
 @dataclass(frozen=True)
 class DrivenTrack:
-    """SUMO's track of a driven vehicle: its front bumper (n, 2) in m at every step from ``first_step`` on.
+    """SUMO's track of a driven vehicle: its front bumper (n, 2) in m at every step, starting at ``first_step``.
 
-    The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: it left the network.
-    ``blocked_by``: ids of vehicles that left no room for an ordered lane change that it did not do, the longest first.
+    The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
+    network. ``blocked_by``: ids of vehicles that left no room for an ordered lane change that was not carried out,
+    longest-blocking first.
     """
 
     first_step: int
@@ -77,7 +78,7 @@ class DrivenTrack:
 
 @dataclass(frozen=True)
 class ShownState:
-    """What SUMO shows of a vehicle: its front bumper (x, y) in m, degrees clockwise from north, and speed."""
+    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, and speed."""
 
     front: tuple[float, float]
     angle_deg: float
@@ -103,7 +104,7 @@ def open_simulation(
         "--collision.check-junctions": "false",
         lateral_motion[0]: lateral_motion[1],
     }
-    if setup.keeps_routes:  # final routes, also of vehicles that are still there
+    if setup.keeps_routes:  # final routes, also of vehicles that are still on the network
         options |= {
             "--vehroute-output": setup.folder / ROUTES_FILE,
             "--vehroute-output.write-unfinished": "true",
@@ -133,7 +134,7 @@ def resimulate(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[int, D
 
 
 def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[tuple[str, int], ShownState]:
-    """Return what SUMO shows of all actors after every step, by SUMO's id and step; absent actors have no entry.
+    """Return all actors' states in SUMO after every step, by SUMO's id and step; absent actors have no entry.
 
     Raises:
         WorkerFailure: SUMO refused the network or a vehicle, or stopped.
@@ -151,7 +152,7 @@ def replayed_states(setup: SimulationSetup, actors: tuple[Actor, ...]) -> dict[t
 def _simulate(
     setup: SimulationSetup, actors: tuple[Actor, ...], *, until_astray: bool = False
 ) -> tuple[dict[int, DrivenTrack], frozenset[str]]:
-    """Run one simulation; return the tracks, and the vehicles that were on another route at their hand-over.
+    """Run one simulation; return the tracks, and the vehicles that were off their route at the hand-over.
 
     ``until_astray``: stop once all such vehicles are known, because the tracks are then not used.
     """
@@ -173,7 +174,7 @@ class _Place:
 
     @classmethod
     def of(cls, actor: Actor, front: Points, speed_mps: float) -> "_Place":
-        """Return the place of an actor with its front there."""
+        """Return the place of an actor whose front is at a position."""
         return cls(front, float(_reach_m(actor, np.array(speed_mps))))
 
 
@@ -195,9 +196,10 @@ class _Surroundings:
         self._there = np.zeros(len(self._replayed), dtype=bool)
 
     def _seen_from(self, begin: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return places (n, steps, 2) in m and reaches (n, steps) in m of some steps, NaN if an actor is not there.
+        """Return positions (n, steps, 2) and reaches (n, steps) in m at some steps; NaN if an actor is absent.
 
-        Only some steps at a time, because a parked vehicle is there at every step but takes no room in its track.
+        Only some steps are computed at a time, because a parked vehicle is present at every step although its track
+        needs no memory for them.
         """
         shape = (len(self._replayed), STEPS_AT_ONCE)
         places, reach_m = np.full((*shape, 2), np.nan), np.zeros(shape)
@@ -227,7 +229,7 @@ class _Surroundings:
         return {self._replayed[row].key for row in np.flatnonzero(self._there)}
 
     def _about_to_drive(self, step: int) -> Iterable[_Place]:
-        """Yield the recorded places of vehicles that are handed over soon or now."""
+        """Yield the recorded places of vehicles that are handed over now or soon."""
         for actor in self._driven:
             index = actor.track.index_at(step)
             if index is not None and not actor.drives_at(step) and step >= (actor.drive_from or 0) - self._before:
@@ -243,7 +245,7 @@ def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
 
 
 class _Run:
-    """The state of one simulation: which actors are there, and what was seen of the driven ones."""
+    """The state of one simulation: the actors that are present, and the observed states of driven ones."""
 
     def __init__(self, sumo: Sumo, actors: tuple[Actor, ...], surroundings: _Surroundings) -> None:
         self.astray: set[str] = set()
@@ -267,7 +269,7 @@ class _Run:
         self._under_way = set(handovers)
 
     def advance(self, step: int) -> None:
-        """Simulate a step, with all actors where they are recorded or drive to."""
+        """Simulate one step; actors move to where they were recorded or where SUMO drives them."""
         self._place_replayed(step)
         self._sumo.step()
         self._take_out_those_off_road(step)
@@ -315,9 +317,9 @@ class _Run:
         self._sumo.remove(key)
 
     def _take_out_those_off_road(self, step: int) -> None:
-        """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data about them.
+        """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data on them.
 
-        A removed vehicle is placed as a new one before the next step, and returns where its recording meets a lane.
+        Such a vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
         """
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):
@@ -344,7 +346,7 @@ class _Run:
         self._sumo.move_to(actor.key, actor.pose_at(index), actor.hints[index], keep_to_route=actor.keep_to_route)
 
     def _is_left_standing(self, actor: Actor, index: int) -> bool:
-        """Return True if a placed vehicle stays where it is, without the lane search that placing it again costs."""
+        """Return True if a placed vehicle keeps its pose by itself, which saves the lane search of placing it again."""
         if not actor.stands_at(index) or actor.key not in self._held:
             if actor.key in self._standing:
                 self._standing.discard(actor.key)
@@ -358,7 +360,7 @@ class _Run:
         return True
 
     def _show_speeds(self, shown: list[Actor], step: int) -> None:
-        """Set the speeds of all vehicles placed before the step, before any driven vehicle sees them."""
+        """Set the speeds of all vehicles that were placed before the step, before any driven vehicle sees them."""
         for actor in shown:
             index = actor.track.index_at(step)
             if index is not None and not actor.drives_at(step):
@@ -368,7 +370,7 @@ class _Run:
                     self._sumo.hold(actor.key)
 
     def _drive(self, actor: Actor, step: int) -> None:
-        """Hand a vehicle over, or give it its orders; note where it is."""
+        """Hand a vehicle over, or give it its orders; record where it is."""
         key = actor.key
         if step == actor.drive_from:
             if actor.ignores_lights:
@@ -388,7 +390,7 @@ class _Run:
         self._driving.append(_Place.of(actor, np.array(front), self._sumo.speed_mps(key)))
 
     def _keep_to_light(self, actor: Actor, lane: str) -> None:
-        """Keep a vehicle that runs a light in the lanes to it, and release its lane changes after the light."""
+        """Keep a vehicle that runs a light in the lanes that lead to the light, and allow lane changes after it."""
         if not actor.ignores_lights:
             return
         leads_there = lane in {"{}_{}".format(*hint) for hint in actor.through}
@@ -400,7 +402,7 @@ class _Run:
             self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
     def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
-        """Send a vehicle to the lane of its edge that it must still use, or to that of its target."""
+        """Send a vehicle to the lane of its edge that it must still use, or to its target's lane."""
         through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
         here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]
         if here and lane != "{}_{}".format(*here[0]):

@@ -1,8 +1,8 @@
-"""Scripted motion: a road user moves as prescribed, regardless of the others.
+"""Scripted motion: a road user moves as prescribed, regardless of other road users.
 
-A script changes an existing track: its speed from a step on, by a prescribed acceleration, and its lateral position, in
-a prescribed time. Acts apply in sequence: each changes the result of those before it. The result is smoothed and joined
-to the track before it like a motion that SUMO drove, so that it can be driven.
+A script changes an existing track: its speed, with a prescribed acceleration from some step, and its lateral position,
+in a prescribed time. Acts apply in sequence: each act changes the result of the previous ones. To be drivable, the
+result is smoothed and joined to the earlier track, as motions that SUMO drove are.
 
 The lateral speed is constant for most of the prescribed time, as in the cut-ins of UN Regulation 157, with a sixth of
 the time each to reach it and to return to zero.
@@ -36,11 +36,11 @@ RAMP_SHARE = 1.0 / 6.0
 
 
 def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: int, step_s: float) -> Track | None:
-    """Return the track as the acts change it; it is unchanged up to the step of the first act.
+    """Return the track as changed by the acts; it is unchanged up to the step of the first act.
 
     Args:
         base: the track that the acts change.
-        acts: what is prescribed.
+        acts: the prescribed acts.
         beyond: where the centre continues after the end of the track, (n, 2) in m.
         last_step: the last step of the scenario.
         step_s: duration of a time step in s.
@@ -85,9 +85,10 @@ def scripted_track(base: Track, acts: Sequence[Act], beyond: Points, last_step: 
 
 
 def joined_track(base: Track, from_step: int, centers: Points, last_step: int, step_s: float) -> Track | None:
-    """Return a track up to a step, continued by a smoothed, drivable motion along a track (n, 2) of the centre.
+    """Return a track up to a step, continued by a smoothed, drivable motion along positions (n, 2) of the centre.
 
-    ``centers``: one place per step, the first one that of the track at the step. None with fewer than two new states.
+    ``centers``: one position per step; the first is the track's at the step. The result is None if there are fewer than
+    two new states.
     """
     taken = led_track(base, from_step, centers, step_s, last_step)
     if taken is None:
@@ -96,7 +97,7 @@ def joined_track(base: Track, from_step: int, centers: Points, last_step: int, s
 
 
 def smooth_step(share: Values) -> Values:
-    """Return the lateral progress, from 0 to 1, after shares (n,) of the manoeuvre's time."""
+    """Return the lateral progress, from 0 to 1, after given shares (n,) of the manoeuvre's time."""
     p = np.clip(share, 0.0, 1.0)
     ramp, speed = RAMP_SHARE, 1.0 / (1.0 - RAMP_SHARE)
     ends = speed / (2.0 * ramp) * np.minimum(p, 1.0 - p) ** 2
@@ -106,7 +107,7 @@ def smooth_step(share: Values) -> Values:
 
 
 def _path(points: Points, base: Track) -> tuple[Points, NDArray[np.intp]]:
-    """Return the points without repeats, and the index of each in them; at least two, the second one straight ahead."""
+    """Return the points without repeats (if only one, with a second straight ahead), and each point's new index."""
     kept, places = [points[0]], [0]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) > _REPEATED_M:
@@ -127,12 +128,12 @@ def _left_of(line: Points, along: Values, stations: Values) -> Points:
 
 
 def resized(track: Track, kind: str, length_m: float, width_m: float) -> Track:
-    """Return the same motion of the centre with another body."""
+    """Return the same motion of the centre with a body of a different size."""
     return replace(track, kind=kind, length_m=length_m, width_m=width_m)
 
 
 def beyond(scene: Scene, track: Track) -> Points:
-    """Return the path (n, 2) of a road user's centre beyond its track: along its lane, then straight on.
+    """Return the path (n, 2) of a road user's centre beyond its track: along its lane, then straight ahead.
 
     An offset from the centre of the lane fades out.
     """
@@ -143,7 +144,7 @@ def beyond(scene: Scene, track: Track) -> Points:
 
 
 def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
-    """Return the path (n, 2) from a place, which is its first point, along lanelets and then straight on."""
+    """Return the path (n, 2) that starts at a position, follows lanelets and then continues straight ahead."""
     lanes = scene.layout.table.lanes
     chain = list(lanelets)
     while sum(lanes[key].length_m for key in chain) < _LOOK_M + lanes[chain[0]].length_m:
@@ -166,7 +167,7 @@ def line_from(scene: Scene, place: Points, lanelets: tuple[int, ...]) -> Points:
 
 
 def _joined_centers(scene: Scene, chain: Sequence[int]) -> Points:
-    """Join the centre lines of consecutive lanelets; after a lane change only the part ahead is used."""
+    """Join the centre lines of consecutive lanelets; after a lane change, only the part ahead is used."""
     lanes, successors = scene.layout.table.lanes, scene.layout.table.successors
     parts = [lanes[chain[0]].center]
     for before, key in pairwise(chain):

@@ -1,8 +1,8 @@
-"""Scripts that depend on the ego: what a road user does once the ego has passed a place or comes near.
+"""Scripts that depend on the ego: what a road user does once the ego has passed a point or comes near.
 
-An edit writes a motion for the ego of an ordinary driver. In addition, a file stores what the road user does without
-the edit, what is prescribed, and what it waits for, as a ``Script``. In reactive traffic the script is executed again,
-and its triggers apply to the ego as the planner drives it.
+An edit writes the motion that results if an ordinary driver drives the ego. In addition, the file stores, as a
+``Script``, what the road user does without the edit, what is prescribed, and what it waits for. In reactive traffic the
+script is executed again, and its triggers respond to the planner's ego.
 """
 
 import math
@@ -28,7 +28,7 @@ _MOST_STATES, _MOST_PARTS, _MOST_ACTS = 20_000, 50, 10
 
 @dataclass(frozen=True)
 class SpeedAct:
-    """From a step on, accelerate or brake by ``rate_mps2`` to ``speed_mps``, which is then kept."""
+    """Starting at a step, accelerate or brake at ``rate_mps2`` to ``speed_mps``, which is then kept."""
 
     from_step: int
     speed_mps: float
@@ -37,7 +37,7 @@ class SpeedAct:
 
 @dataclass(frozen=True)
 class LateralAct:
-    """From a step on, move to the side by ``aside_m`` (left positive) within ``duration_s``."""
+    """Starting at a step, move to the side by ``aside_m`` (left positive) within ``duration_s``."""
 
     from_step: int
     aside_m: float
@@ -51,8 +51,8 @@ Act = SpeedAct | LateralAct
 class Trigger:
     """What the ego must do before a part of a script starts.
 
-    With ``gap_s`` it must come near: behind the road user, it would be there in that time at its speed. Without it, its
-    centre must pass a place: ``station_m`` along a lanelet.
+    With ``gap_s``, the ego must come near: it is behind the road user and, at its speed, would reach it in that time.
+    Without ``gap_s``, the ego's centre must pass a point: ``station_m`` along a lanelet.
     """
 
     lanelet_id: int = 0
@@ -71,7 +71,7 @@ class Trigger:
         Args:
             ego: the motion of the ego.
             index: the examined state.
-            place: where the road user is then, (2,) in m; None if it is not there.
+            place: the road user's position at that time, (2,) in m; None if it is absent.
             center_of: returns the centre line (n, 2) of a lanelet, or None if there is no such lanelet.
         """
         if self.gap_s is not None:
@@ -91,9 +91,9 @@ def _is_within(ego: Track, index: int, place: Points, seconds: float) -> bool:
 
 @dataclass(frozen=True)
 class ScriptPart:
-    """Acts, with the step at which they start for an ordinary ego and with their trigger, None for a time.
+    """Acts, with the step at which they start for an ordinary ego, and their trigger (None: they start at a time).
 
-    A part without acts starts the motion of a road user that stands at its first place before.
+    A part without acts starts the motion of a road user that until then stands at its first position.
     """
 
     step: int
@@ -101,7 +101,7 @@ class ScriptPart:
     trigger: Trigger | None = None
 
     def acts_from(self, step: int) -> tuple[Act, ...]:
-        """Return the acts shifted for a part that starts at another step."""
+        """Return the acts, shifted for a part that starts at a different step."""
         return tuple(replace(act, from_step=act.from_step + step - self.step) for act in self.acts)
 
 
@@ -109,7 +109,7 @@ class ScriptPart:
 class Script:
     """A road user's motion without the prescribed acts, and the parts of its script in the order of the edits.
 
-    ``dodges``: it brakes before it would hit the ego; the others do not.
+    ``dodges``: whether it brakes before it would hit the ego.
     """
 
     base: Track
@@ -122,7 +122,7 @@ class Script:
         return self.dodges or any(part.trigger is not None for part in self.parts)
 
     def text(self) -> str:
-        """Return the script as JSON, which a file can store; class and size are the road user's own in the file."""
+        """Return the script as JSON for a scenario file, which already states the road user's class and size."""
         base = self.base
         stored = _StoredScript(
             id=base.obstacle_id,
@@ -138,7 +138,7 @@ class Script:
 
     @classmethod
     def read(cls, text: str, tracks: "dict[int, Track]") -> "Script | None":
-        """Return the script of one of the tracks of a file, or None if it belongs to another road user.
+        """Return the script for a file's track, or None if the text belongs to a different road user.
 
         Raises:
             UnsafeInput: the text is not a script.

@@ -1,8 +1,8 @@
 """The operation behind ``modify_scenario``: edits in, a new scenario file out.
 
-An edit is a function ``(edit, scene, changes) -> EditStep``: it receives the scene and the changes after the edits
-before it. It simulates and writes nothing. A new edit is a function of this form in one of the modules of
-``OPERATIONS``, and its row in the table of the tool's schema (``EDITS``), which lists its arguments.
+An edit is a function ``(edit, scene, changes) -> EditStep``: it receives the scene and the changes made by the previous
+edits. It neither simulates nor writes. To add an edit, write such a function in one of the modules of ``OPERATIONS``,
+and add a row with its arguments to the table in the tool's schema (``EDITS``).
 """
 
 import itertools
@@ -61,14 +61,14 @@ file are in ``world.TRANSFORMS``.
 
 
 def apply_edits(request: ModificationRequest, report: ProgressReporter) -> ModificationOutcome:
-    """Apply all edits, or no edit, in one re-simulation from the base scenario.
+    """Apply either all edits or none, in one re-simulation from the base scenario.
 
-    Edits that change the scene itself (its lights, its extent) split the list: the edits before one are applied first,
-    and the edits after it start from its result.
+    An edit that changes the scene itself (its lights, its extent) splits the list: the edits before it are applied
+    first, and the edits after it start from its result.
 
     Raises:
         InvalidRequest: an edit is not valid, or the scenario does not allow it.
-        NotPossible: an entry onto an occupied place, or collisions remain and the request refuses them.
+        NotPossible: a vehicle would enter at an occupied position, or collisions remain and the request refuses them.
         UnsafeInput: the file is not readable.
     """
     if not any(edit.op in TRANSFORMS for edit in request.edits):
@@ -81,9 +81,9 @@ def apply_edits(request: ModificationRequest, report: ProgressReporter) -> Modif
 class _Stage:
     """What earlier edits pass on to the edits of a stage.
 
-    ``added``: the ids that each earlier edit added; ``yielding_to``: the lanelets with changed lights (recorded
-    vehicles that would now cross them at red are driven and obey); ``first``: the index of the first new edit in the
-    call.
+    ``added``: the ids that each earlier edit added; ``yielding_to``: the lanelets whose lights were changed (SUMO
+    drives recorded vehicles that would now cross them at red, so that they obey); ``first``: the index of the first new
+    edit in the call.
     """
 
     added: tuple[tuple[int, ...], ...] = ()
@@ -92,7 +92,7 @@ class _Stage:
 
 
 def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, folder: Path) -> ModificationOutcome:
-    """Apply the edits up to the next one that changes the scene itself, then that one, and so on."""
+    """Apply the edits up to the next edit that changes the scene itself, then that edit, and so on."""
     xml, stage, outcomes = request.xml, _Stage(), list[ModificationOutcome]()
     pending = list(enumerate(request.edits))
     while True:
@@ -132,7 +132,7 @@ def _apply_in_stages(request: ModificationRequest, report: ProgressReporter, fol
 
 
 def _transformed(edit: Edit, xml: Path, request: ModificationRequest, output: Path) -> str:
-    """Change a file by an edit of the scene, and return what was done."""
+    """Apply an edit of the scene to a file, and return what was done."""
     kept = scene_of(xml, request.problem_id)
     with tempfile.TemporaryDirectory() as name:
         net = Path(name) / NET_FILE
@@ -153,7 +153,7 @@ def _transform_outcome(index: int, edit: Edit, what: str) -> ModificationOutcome
 
 
 def _joined_outcome(request: ModificationRequest, outcomes: list[ModificationOutcome]) -> ModificationOutcome:
-    """Return the outcome of all stages: files and figures of the last one, and what each of them did."""
+    """Return the outcome of all stages: the last stage's files and figures, and what each stage did."""
     last = outcomes[-1]
     reports = [report for outcome in outcomes for report in outcome.edits]
     touched = {vehicle.vehicle_id: vehicle for outcome in outcomes for vehicle in outcome.touched}
@@ -177,7 +177,7 @@ def _joined_outcome(request: ModificationRequest, outcomes: list[ModificationOut
 def _apply_stage(
     request: ModificationRequest, report: ProgressReporter, stage: _Stage
 ) -> tuple[ModificationOutcome, tuple[tuple[int, ...], ...]]:
-    """Apply edits in one re-simulation; return the outcome, and the ids that each of them added."""
+    """Apply edits in one re-simulation; return the outcome, and the ids that each edit added."""
     report(0.0, "reading the scenario")
     kept = scene_of(request.xml, request.problem_id)
     document = ScenarioDocument.read(request.xml)
@@ -212,7 +212,7 @@ def _apply_stage(
 
 
 def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:
-    """Return plans for the recorded vehicles that would cross the end of lanelets at red: they are driven and obey."""
+    """Return plans that make recorded vehicles obey if they would cross the end of a lanelet at red."""
     plans = {}
     for key, track in scene.tracks.items():
         for lanelet in lanelets.intersection(scene.matches[key].sequence) if key in scene.matches else ():
@@ -224,7 +224,7 @@ def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:
 
 @dataclass(frozen=True)
 class _ResolvedEdits:
-    """A list of edits, what each of them did, the changes after the last one, and the base scene with these changes."""
+    """Edits, what each of them did, the changes after the last edit, and the base scene with these changes."""
 
     edits: tuple[Edit, ...]
     steps: tuple[EditStep, ...]
@@ -233,7 +233,7 @@ class _ResolvedEdits:
 
 
 def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
-    """Return the ego as an ordinary driver drives it in the base scenario; None without an ego."""
+    """Return the ego's motion under an ordinary driver in the base scenario; None if there is no ego."""
     drive = kept.ego_before(setup)
     return None if drive is None else drive.track
 
@@ -241,13 +241,13 @@ def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
 def _resolved_edits(
     edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0, first: int = 0
 ) -> _ResolvedEdits:
-    """Apply edits in order; any refusal refuses them all. Every edit sees the scene after those before it.
+    """Apply edits in order; one refusal refuses all. Every edit sees the scene after the previous edits.
 
-    ``start``: the changes before the first edit. ``earlier``: how many edits come from earlier calls; the others are
-    counted in errors from ``first`` on.
+    ``start``: the changes before the first edit. ``earlier``: how many edits come from earlier calls; in errors, the
+    numbering of the other edits starts at ``first``.
 
     Raises:
-        InvalidRequest: edits that are not valid or that the scenario does not allow; all of them are reported at once.
+        InvalidRequest: edits that are not valid or that the scenario does not allow; all of them are reported together.
     """
     changes, scene, steps, faults = start, base, list[EditStep](), Faults()
     for index, edit in enumerate(edits):
@@ -275,7 +275,7 @@ def _resolved_edits(
 
 
 def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
-    """Return what else is wrong with a refused edit: each of its arguments is checked separately.
+    """Return further faults of a refused edit: each of its arguments is checked separately.
 
     An argument that is valid but cannot be applied is not a fault here: the edit itself reports it.
     """
@@ -309,9 +309,9 @@ def _check_arguments(edit: Edit) -> None:
 
 
 def _scene_after(base: Scene, changes: Changes) -> Scene:
-    """Return the base scene with recordings moved in time, with added pedestrians, and with another start of the ego.
+    """Return the base scene with time-shifted recordings, added pedestrians and the ego's new start.
 
-    Vehicles that SUMO will drive are in it as recorded. Edits and the simulation use this scene.
+    It contains vehicles that SUMO will drive as recorded. Edits and the simulation use this scene.
     """
     if not changes.replays and changes.ego is None:
         return base
@@ -325,7 +325,7 @@ def _scene_after(base: Scene, changes: Changes) -> Scene:
 
 @dataclass(frozen=True)
 class _Run:
-    """What all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, or None.
+    """Data that all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, or None.
 
     ``start``: the changes before the first edit.
     """
@@ -337,9 +337,10 @@ class _Run:
     start: Changes
 
     def simulate(self, resolved: _ResolvedEdits) -> SimulatedEdits:
-        """Simulate the edits as they were resolved.
+        """Simulate the resolved edits.
 
-        An added vehicle with an open speed that collides on entry enters slower, if that leaves fewer collisions.
+        If an added vehicle without a given speed collides on entry, it enters more slowly, provided that this leaves
+        fewer collisions.
         """
         usual = self._simulate_once(resolved)
         slower = slower_entries(usual)
@@ -361,7 +362,7 @@ class _Run:
         all_react = self.request.traffic == "reactive"
         if changes.driven or changes.replays or all_react:
             result = Simulation(scene, changes, self.setup).until_clear(shown_ego(scene, drive), all_react=all_react)
-        else:  # removals and goals alone leave all recordings unchanged
+        else:  # edits that only remove vehicles or set goals leave all recordings unchanged
             result = SimulationResult({}, {}, (), ())
         return SimulatedEdits(scene, changes, result, drive, resolved.edits, resolved.steps)
 

@@ -1,4 +1,4 @@
-"""What a list of edits requests, before anything is simulated, and the scene that it creates for later edits.
+"""The changes that edits request, before anything is simulated, and the resulting scene for later edits.
 
 ``Changes`` is an immutable value: each edit returns a new one. Lengths are in m, steps are time steps of the scenario,
 counted from its start.
@@ -28,7 +28,7 @@ MOST_NAMED = 8
 
 @dataclass(frozen=True)
 class GoalChange:
-    """A goal region: rectangle (length, width) around a centre (2,) on a lanelet; None leaves an interval unchanged."""
+    """A goal region: a rectangle (length, width) around a centre (2,) on a lanelet; None leaves an interval as is."""
 
     problem_id: int
     lanelet_id: int
@@ -41,12 +41,12 @@ class GoalChange:
 
 @dataclass(frozen=True)
 class Changes:
-    """Everything that the edits up to one of them request.
+    """Everything that a list of edits requests, up to one of the edits.
 
-    ``added_by_edit``: ids that each edit added, by its index. ``next_id``: the id that the next added vehicle gets.
-    ``replays``: tracks that replace the recorded ones, and added road users that SUMO does not drive. ``ego``: another
-    start of the ego. ``ego_drive``: returns the ego as an ordinary driver drives it in the base scenario, None without
-    one; edits that depend on the ego's position call it.
+    ``added_by_edit``: the ids that each edit added, by the edit's index. ``next_id``: the id that the next added
+    vehicle gets. ``replays``: tracks that replace the recorded ones, and added road users that SUMO does not drive.
+    ``ego``: a new start of the ego. ``ego_drive``: returns the ego's motion under an ordinary driver in the base
+    scenario, None if there is no ego; edits that depend on the ego's position call it.
     """
 
     next_id: int
@@ -59,7 +59,7 @@ class Changes:
     ego_drive: Callable[[], Track | None] = field(default=lambda: None, compare=False)
 
     def with_plan(self, plan: DrivePlan) -> "Changes":
-        """Return the changes with one more driven vehicle, or another plan for it; ids stay in ascending order."""
+        """Return the changes with one more driven vehicle, or a new plan for a driven one; ids stay ascending."""
         driven = {**self.driven, plan.start.obstacle_id: plan}
         return replace(self, driven=dict(sorted(driven.items())))
 
@@ -71,19 +71,19 @@ class Changes:
         return replace(self, driven=driven, replays=replays, removed=removed)
 
     def with_replay(self, replay: Replay) -> "Changes":
-        """Return the changes with one more given track; ids stay in ascending order."""
+        """Return the changes with one more given track; ids stay ascending."""
         key = replay.track.obstacle_id
         driven = {other: plan for other, plan in self.driven.items() if other != key}
         return replace(self, driven=driven, replays=dict(sorted({**self.replays, key: replay}.items())))
 
     @property
     def shifts(self) -> dict[int, int]:
-        """By how many steps recordings are moved in time (later positive), by id."""
+        """The number of steps by which recordings are moved in time (later positive), by id."""
         return {key: replay.shifted_steps for key, replay in self.replays.items()}
 
     @property
     def scripted(self) -> frozenset[int]:
-        """The road users that move as prescribed, or stand parked: they do not react to others."""
+        """The road users that move as prescribed or are parked: they do not react to others."""
         return frozenset(key for key, replay in self.replays.items() if replay.is_scripted or replay.is_parked)
 
     def is_added(self, vehicle_id: int) -> bool:
@@ -96,11 +96,11 @@ class Changes:
 class EditStep:
     """The changes after one edit, its vehicles, and the sentence for its report.
 
-    ``added``: the vehicles that it added. ``aims``: by vehicle, sets of lanelets; the vehicle should reach any lanelet
-    of each set. ``since``: the step from which aims count. ``speeds``: the speed in m/s that a vehicle should reach,
-    and from which step on. ``measure``: returns the results for the requested values, from the ``EditedScene`` after
-    the simulation. ``parameters``: the driver parameters that it sets, each with whether the new value is independent
-    of the old one. ``meant``: the vehicles that its selectors match, "" for plain ids.
+    ``added``: the vehicles that it added. ``aims``: by vehicle, sets of lanelets; the vehicle should reach at least one
+    lanelet of each set. ``since``: the step from which aims count. ``speeds``: the speed in m/s that a vehicle should
+    reach, and the step from which it counts. ``measure``: returns the results for the requested values, from the
+    ``EditedScene`` after the simulation. ``parameters``: the driver parameters that it sets, each with whether the new
+    value is independent of the old one. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
     """
 
     changes: Changes
@@ -116,7 +116,7 @@ class EditStep:
 
 
 def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
-    """Return the current plan of a vehicle, or a new one that drives its recorded route from its first step on.
+    """Return the current plan of a vehicle, or a new plan along its recorded route from its first step.
 
     Raises:
         NotPossible: the vehicle cannot be driven (a pedestrian, an obstacle off the lanes, or an occupancy set).
@@ -135,10 +135,10 @@ def plan_of(scene: Scene, changes: Changes, vehicle_id: int) -> DrivePlan:
 
 
 def scene_for_references(scene: Scene, changes: Changes) -> Scene:
-    """Return a scene of ``scene_after`` with added vehicles at their entries and without removed vehicles.
+    """Return ``scene_after``'s scene, with added vehicles at their entries and without removed vehicles.
 
-    It resolves selectors and occupied places, as a description of the edited scenario would. It is not for a
-    simulation, which drives the added vehicles and has no recording of them.
+    The scene serves to resolve selectors and occupied positions in agreement with a description of the edited scenario.
+    Don't simulate it: a simulation drives the added vehicles and has no recording of them.
     """
     added = {key: plan for key, plan in changes.driven.items() if plan.cause == "added"}
     if not added and not changes.removed:
@@ -154,7 +154,7 @@ def scene_for_references(scene: Scene, changes: Changes) -> Scene:
 def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
     """Return the track moved by a number of steps, cut to the steps from 0 to the scenario's last.
 
-    None if fewer than three states are left.
+    The result is None if fewer than three states are left.
     """
     later = replace(track, first_step=track.first_step + steps)
     begin, end = max(-later.first_step, 0), min(len(track.positions), scene.last_step + 1 - later.first_step)
@@ -162,7 +162,7 @@ def moved_in_time(track: Track, steps: int, scene: Scene) -> Track | None:
 
 
 def car_at_start(ego: Ego, key: int) -> Track:
-    """Return the ego at its start, as a track of one state with an id."""
+    """Return the ego at its start, as a track with an id and a single state."""
     length_m, width_m = ego.size_m
     return Track(
         obstacle_id=key,
@@ -179,7 +179,7 @@ def car_at_start(ego: Ego, key: int) -> Track:
 def car_plan(
     scene: Scene, ego: Ego, key: int, route: tuple[int, ...], edges: tuple[str, ...], targets: frozenset[int]
 ) -> DrivePlan:
-    """Return the plan of an ordinary driver with the ego's start, along a route of lanelets and of edges."""
+    """Return the plan of an ordinary driver from the ego's start along a route, given as lanelets and edges."""
     own = vehicle_classes()[ego.vehicle_class]
     return DrivePlan(
         start=car_at_start(ego, key),
@@ -194,7 +194,7 @@ def car_plan(
 
 
 def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: str) -> None:
-    """Refuse a speed below 0 or above the largest one.
+    """Refuse a speed below 0 or above the maximum.
 
     Raises:
         InvalidRequest: the refusal, with the valid speeds.
@@ -226,7 +226,7 @@ _TIMES_TRIED = (0.0, 0.2, 0.5)
 
 
 def within_time(asked: int, first: int, last: int, scene: Scene) -> list[Remedy]:
-    """Return times between two steps that a refusal proposes, those nearest to the requested step first."""
+    """Return times between two steps for a refusal to propose, the nearest to the requested step first."""
     nearer, farther = (first, last) if asked < first else (last, first)
     steps = [round(nearer + share * (farther - nearer)) for share in _TIMES_TRIED]
     return [with_values(time_s=round(step * scene.step_s, 3)) for step in steps if last >= first]

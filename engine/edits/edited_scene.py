@@ -1,8 +1,8 @@
-"""A scene after its edits: every road user as the edits leave it, as tracks.
+"""A scene after its edits: tracks of all road users as the edits leave them.
 
-``EditedScene`` is the input of the checks, the explanations, the report and the ego's risk; it hides which tracks come
-from the recording, from SUMO or from an edit. Collisions are overlaps of rectangles that are not in the recording.
-Lengths are in m, steps are time steps of the scenario.
+``EditedScene`` is the input of the checks, the explanations, the report and the ego's risk; it hides whether a track
+comes from the recording, from SUMO or from an edit. Collisions are overlaps of rectangles that are not in the
+recording. Lengths are in m, steps are time steps of the scenario.
 """
 
 import math
@@ -31,7 +31,7 @@ EGO = 0
 
 @dataclass(frozen=True)
 class Overlap:
-    """The step from which two road users overlap; ``first`` is a touched one."""
+    """The step at which two road users begin to overlap; ``first`` is a road user that the edits touch."""
 
     first: int
     second: int
@@ -53,11 +53,11 @@ class SimulationResult:
 
 @dataclass(frozen=True)
 class EditedScene:
-    """A scene, the changes that edits make in it, and the result of their simulation.
+    """A scene, the changes that edits make to it, and the result of their simulation.
 
-    ``scene``: with the recordings that edits move in time, added pedestrians and the ego's new start; vehicles that
-    SUMO drives are in it as recorded. ``ego``: the ego as an ordinary driver drives it after the edits; None without
-    one.
+    ``scene``: contains the recordings that edits move in time, added pedestrians and the ego's new start; vehicles that
+    SUMO drives are included as recorded. ``ego``: the ego's motion under an ordinary driver after the edits; None if
+    there is no ego.
     """
 
     scene: Scene
@@ -95,31 +95,31 @@ class EditedScene:
 
     @cached_property
     def requested(self) -> dict[int, Track]:
-        """The tracks by id without any hand-over: only what the edits request is new; and the ego at its start."""
+        """The tracks by id, and the ego at its start, without hand-overs: only what the edits request is new."""
         tracks = {key: track for key, track in self.result.tracks.items() if key not in self.handed_over}
         asked = EditedScene(self.scene, self.changes, replace(self.result, tracks=tracks)).road_users
         return asked if self.scene.ego is None else asked | {EGO: car_at_start(self.scene.ego, EGO)}
 
     @cached_property
     def handed_over(self) -> frozenset[int]:
-        """The vehicles that no edit drives, and that are driven because they would hit others."""
+        """The vehicles that are driven only because they would hit others, not because of an edit."""
         return frozenset(key for key in self.result.tracks if self.result.plans[key].cause == "handed_over")
 
     @cached_property
     def shifted(self) -> dict[int, Track]:
-        """The recordings as edits move them in time, by ascending id; driven or not."""
+        """The recordings that edits move in time, driven or not, by ascending id."""
         replays = self.changes.replays.items()
         return {key: replay.track for key, replay in replays if replay.recording is not None and replay.shifted_steps}
 
     @cached_property
     def told_speeds(self) -> frozenset[int]:
-        """The driven vehicles that an edit orders a speed for."""
+        """The driven vehicles for which an edit orders a speed."""
         plans = self.result.plans.items()
         return frozenset(key for key, plan in plans if any(order.speed_mps is not None for order in plan.manoeuvres))
 
     @property
     def driven_shifts(self) -> tuple[int, ...]:
-        """The vehicles that edits only move in time and that are driven nevertheless, by ascending id."""
+        """The vehicles that edits only move in time but that are driven all the same, by ascending id."""
         return tuple(key for key in self.shifted if key in self.handed_over)
 
     @property
@@ -156,13 +156,13 @@ def new_overlaps(
     recorded: Mapping[int, Track],
     shifts: Mapping[int, int] = MappingProxyType({}),
 ) -> tuple[Overlap, ...]:
-    """Return the first overlaps of touched road users with all others and with one another, ordered by step.
+    """Return the first overlaps of touched road users with each other and with all others, ordered by step.
 
-    An overlap that starts when the same two overlap in the recording is left out: no edit caused it. Two recordings
-    moved in time by the same steps count as recorded, those moved differently do not. Several of the others may have
-    one id: they are one obstacle.
+    An overlap is left out if the same two road users overlap in the recording at that time: no edit caused it. Two
+    recordings that are moved in time by the same steps count as recorded; recordings moved by different steps do not.
+    Several tracks may share an id: they belong to one obstacle.
 
-    ``shifts``: by how many steps recordings are moved in time.
+    ``shifts``: the number of steps by which recordings are moved in time.
     """
     moved, rest = list(touched), list(others)
     first_overlaps: dict[tuple[int, int], Overlap] = {}
@@ -180,7 +180,7 @@ def new_overlaps(
 
 
 def _first_new(first: Track, second: Track, first_before: Track | None, second_before: Track | None) -> int | None:
-    """Return the first step at which two start to overlap and did not in the recording at about that time, or None."""
+    """Return the first step at which two begin an overlap that the recording lacks at about that time, or None."""
     steps = overlap_steps(first, second)
     step = next(steps, None)
     if step is None or first_before is None or second_before is None:

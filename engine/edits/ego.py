@@ -1,8 +1,8 @@
 """Edits G: move the ego's goal; let the ego start elsewhere, or in place of a recorded vehicle.
 
-A goal that the ego cannot meet is refused: it must be there within the time window, at a speed of the interval. No
-planner is run: only what no vehicle of the ego's class could do is refused (limits of CommonRoad's vehicle 2 for a
-car), along the lanelets' centre lines. Distances are in m along lanelets.
+A goal that the ego cannot meet is refused: the ego must be there within the time window, at a speed in the interval. No
+planner is run. A goal is refused only if no vehicle of the ego's class could meet it along the lanelets' centre lines
+(for a car: with the limits of CommonRoad's vehicle 2). Distances are in m along lanelets.
 """
 
 import itertools
@@ -55,10 +55,11 @@ _AFTER_START = "add a set_goal edit after set_ego, or choose another start"
 def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Move the goal of the ego's planning problem onto a lanelet; what the edit does not give stays unchanged.
 
-    A curve that the ego enters too fast is noted, not refused: lanelets of real maps bend where their roads do not.
+    If the ego enters a curve too fast, this is noted but not refused: lanelets of real maps bend where their roads do
+    not.
 
     Raises:
-        InvalidRequest: neither or both of ``to`` and ``turn``, or an invalid rectangle or interval.
+        InvalidRequest: neither ``to`` nor ``turn`` is given, or both, or a rectangle or interval is invalid.
         NotPossible: there is no ego, or no vehicle can reach the goal in its time at its speed.
     """
     ego = scene.ego
@@ -80,7 +81,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the ego's routes to the goal's lanelet: to the given one, or those of the matching branch, in order."""
+    """Return the ego's routes to the goal: to the given lanelet, or to those of the matching branch, in order."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
@@ -140,7 +141,7 @@ def _goal_at_end_of_route(
     """Return the goal on a route's last lanelet, its task, and its distance ahead of the ego in m.
 
     Raises:
-        NotPossible: it is behind the ego, or no vehicle meets it in its time at its speed.
+        NotPossible: the goal is behind the ego, or no vehicle meets it in its time at its speed.
     """
     place = Place(route[-1], _station_m(edit, scene, route))
     distance = _distance_along(scene, ego, route, place.station_m)
@@ -171,9 +172,9 @@ def _size(rectangle_m: list[float] | None) -> tuple[float, float] | None:
 
 
 def _steps(edit: Edit, scene: Scene, ego: Ego) -> tuple[int, int] | None:
-    """Return the first and last step of the goal, or None to keep the current ones.
+    """Return the first and last steps of the goal, or None to keep the current ones.
 
-    If neither ``goal_time`` nor a current goal gives them, they span the scenario from the ego's start on.
+    If neither ``goal_time`` nor a current goal states them, they span the scenario from the ego's start.
     """
     if edit.goal_time is None:
         return None if _goal_states(scene, ego) else (ego.step, scene.last_step)
@@ -224,17 +225,17 @@ def _speeds(text: str | None, ego: Ego) -> tuple[float, float] | None:
 
 
 def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Start the ego at another place or speed, as another class, or in place of a recorded vehicle, which is removed.
+    """Start the ego with a new position, speed or class, or in place of a recorded vehicle, which is removed.
 
     If the ego replaces a vehicle, it takes that vehicle's class unless another is given, and its goal becomes the end
     of that vehicle's recording. The former ego vanishes, or becomes a vehicle that SUMO drives to the former goal.
 
     Raises:
-        InvalidRequest: there is no vehicle, start or class, or both a vehicle and a start, or the former ego would stay
+        InvalidRequest: no vehicle, start or class is given, or both a vehicle and a start, or the former ego would stay
             where the ego still starts.
         UnknownName: the ego cannot have this class.
-        NotPossible: there is no ego, no such vehicle at the ego's first step, the place is occupied, or the lanelet is
-            closed to the class.
+        NotPossible: there is no ego or no such vehicle at the ego's first step, the position is occupied, or the
+            lanelet is closed to the class.
     """
     ego = scene.ego
     if ego is None:
@@ -266,7 +267,7 @@ def set_ego(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _class_asked(edit: Edit, otherwise: str) -> str:
-    """Return the class that an edit gives for the ego, as our name.
+    """Return the name of the class that an edit gives for the ego.
 
     Raises:
         UnknownName: the ego cannot have this class.
@@ -277,7 +278,7 @@ def _class_asked(edit: Edit, otherwise: str) -> str:
 
 
 def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
-    """Refuse a start that is closed to the ego's class, too fast for it, or too small for it."""
+    """Refuse a start whose lanelet is closed to the ego's class, or whose speed or room does not suit the class."""
     name = ego.vehicle_class
     top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
     check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive {ego.speed_mps:.1f} m/s", "choose another speed")
@@ -333,9 +334,9 @@ def _instead_of(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[C
 
 
 def _goal_at_end_of(track: Track, scene: Scene, ego: Ego) -> GoalChange | None:
-    """Return the last recorded place of a vehicle as the goal, or None if the file's goal has no place.
+    """Return the last recorded position of a vehicle as the goal, or None if the file's goal has no position.
 
-    The goal's time and speed intervals are widened to include those of the vehicle there.
+    The goal's time and speed intervals are widened to include the vehicle's time and speed there.
     """
     if not goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)):
         return None
@@ -373,7 +374,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """Return the former ego as a vehicle of its class that drives to the former goal, or straight on."""
+    """Return the former ego as a vehicle of its class that drives to the former goal, or straight ahead."""
     if not ego.lanelets:
         raise NotPossible("the former ego is not on a lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
@@ -391,11 +392,11 @@ def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
 
 @dataclass(frozen=True)
 class _GoalTask:
-    """What a goal requires: to be ``ahead_m`` ± ``half_m`` along the route in a time window and a speed interval.
+    """The task to be ``ahead_m`` ± ``half_m`` along the route within a time window and a speed interval.
 
     The window counts in s from the ego's start, which is ``start_s`` after the scenario's; None means any time or any
-    speed. ``speed_mps``: the ego's at its start; ``vehicle``: its limits. ``comes_back``: a route leads from the goal
-    back to it, so the ego may pass it first.
+    speed. ``speed_mps``: the ego's speed at its start; ``vehicle``: its limits. ``comes_back``: whether a route leads
+    from the goal back to the goal, so the ego may pass the goal first.
     """
 
     ahead_m: float
@@ -444,7 +445,7 @@ class _GoalTask:
         """Refuse a goal that no vehicle meets from the ego's start.
 
         Raises:
-            NotPossible: with the times or speeds at which a vehicle can be there.
+            NotPossible: the error states the times or speeds at which a vehicle can be there.
         """
         nearest, farthest = self.bounds_m
         if farthest < 0.0 and not self.comes_back:
@@ -494,10 +495,10 @@ class _GoalTask:
         )
 
     def pace_note(self, recording_end_s: float) -> str:
-        """Return the average speed that the ego needs, after a semicolon; empty for a goal at any time.
+        """Return the average speed that the ego needs, as text after a semicolon; empty if the goal allows any time.
 
-        If the goal's time continues after the recording's end (s from the scenario's start), that is stated too: there
-        is no recorded traffic then. A recording without motion has no end.
+        If the goal's time continues after the recording's end (in s from the scenario's start), the text states this:
+        no traffic is recorded then. A recording without motion has no end.
         """
         if self.window_s is None or self.window_s[1] <= 0.0:
             return ""
@@ -553,14 +554,14 @@ def _distance_along(scene: Scene, ego: Ego, route: tuple[int, ...], station_m: f
 
 
 def _goal_lanelet_ids(scene: Scene, changes: Changes, ego: Ego) -> tuple[int, ...]:
-    """Return the lanelets of the goal, as edits moved it or as the file states it; empty if it has no lanelet."""
+    """Return the lanelets of the goal, moved by edits or as in the file; empty if it has no lanelet."""
     if changes.goal:
         return (changes.goal.lanelet_id,)
     return tuple(goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id)))
 
 
 def _kept_steps(scene: Scene, ego: Ego) -> tuple[int, int] | None:
-    """Return first and last step of the file's goal, or None if it has no time."""
+    """Return the first and last steps of the file's goal, or None if it has no time."""
     ends = _ends(_kept(scene, ego, "time_step"))
     return None if ends is None else (int(ends[0]), int(ends[1]))
 
@@ -575,7 +576,7 @@ def _goal_states(scene: Scene, ego: Ego) -> list[Any]:
 
 
 def _kept_goal(scene: Scene, ego: Ego) -> GoalChange | None:
-    """Return the file's goal if it is a single area centred on one of the goal's own lanelets, else None."""
+    """Return the file's goal if it is a single area centred on one of its own lanelets, else None."""
     states = _goal_states(scene, ego)
     lanelets = goal_center_lanelets(scene.network, scene.loaded.problem(ego.problem_id))
     shape = getattr(states[0], "position", None) if len(states) == 1 else None
@@ -594,5 +595,5 @@ def _kept(scene: Scene, ego: Ego, name: str) -> Any:
 
 
 def _ends(value: Any) -> tuple[float, float] | None:
-    """Return both ends of an interval, or a single value as both; None for None."""
+    """Return the two ends of an interval, which are equal for a single value; None for None."""
     return None if value is None else (float(getattr(value, "start", value)), float(getattr(value, "end", value)))

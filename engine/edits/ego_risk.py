@@ -1,9 +1,9 @@
 """How close an ego comes to the traffic of a scenario before and after edits, as numbers.
 
-A planning problem has a start and a goal, but no motion. SUMO drives the ego once from its start towards its goal among
-the recorded vehicles, as an ordinary driver would. That motion is then replayed, so that the vehicles that edits drive
-see an ego and keep clear of it. It is also the path for measuring the danger before and after the edits. Distances are
-in m, times in s.
+A planning problem has a start and a goal, but no motion. Among the recorded vehicles, SUMO drives the ego once from its
+start towards its goal, as an ordinary driver would. This motion is then replayed, so that vehicles driven by edits see
+the ego and keep clear of it. The danger before and after the edits is also measured along this motion. Distances are in
+m, times in s.
 """
 
 import math
@@ -39,7 +39,7 @@ _NO_CHANGES = Changes(next_id=0, driven={})
 
 @dataclass(frozen=True)
 class EgoRisk:
-    """The figures, and the ids that are left out of them: replayed vehicles that hit the ego from behind."""
+    """The figures, and the ids of vehicles that they leave out: replayed ones that hit the ego from behind."""
 
     figures: EgoDanger
     left_out: tuple[int, ...] = ()
@@ -54,7 +54,7 @@ class EgoDrive:
 
 
 def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
-    """Return the ego's motion among the recorded vehicles of a base scenario; None without an ego."""
+    """Return the ego's motion among the recorded vehicles of a base scenario; None if there is no ego."""
     if base.ego is None:
         return None
     track = _simulate_ego(base, base.ego, _problem_goals(base, base.ego), setup)
@@ -67,7 +67,7 @@ def base_drive(base: Scene, setup: SimulationSetup) -> EgoDrive | None:
 def drive_after(
     before: EgoDrive | None, base: Scene, scene: Scene, changes: Changes, setup: SimulationSetup
 ) -> Track | None:
-    """Return the ego's motion in the edited scene: a new one if the edits change its start or goal."""
+    """Return the ego's motion in the edited scene; it is simulated again if the edits change its start or goal."""
     ego, goal = scene.ego, changes.goal
     if ego is None or (ego is base.ego and goal is None):
         return None if before is None else before.track
@@ -76,16 +76,16 @@ def drive_after(
 
 
 def _problem_goals(scene: Scene, ego: Ego) -> tuple[int, ...]:
-    """Return the lanelets of the goal of the ego's planning problem, ascending; empty if the goal has no place."""
+    """Return the lanelets of the goal of the ego's planning problem, ascending; empty if it has no position."""
     return tuple(goal_lanelets(scene.network, scene.loaded.problem(ego.problem_id).goal) or ())
 
 
 def _simulate_ego(
     scene: Scene, ego: Ego, goals: Collection[int], setup: SimulationSetup, changes: Changes = _NO_CHANGES
 ) -> Track | None:
-    """Return the ego's motion on the shortest route to any of the goal lanelets, else straight on.
+    """Return the ego's motion on the shortest route to any of the goal lanelets, else straight ahead.
 
-    None if the ego is not on a lanelet or starts when the scenario ends.
+    The result is None if the ego is not on a lanelet or starts when the scenario ends.
     """
     plan = _plan(scene, ego, goals)
     if plan is None:
@@ -119,7 +119,7 @@ def _plan(scene: Scene, ego: Ego, goals: Collection[int]) -> DrivePlan | None:
 
 @dataclass(frozen=True)
 class _Replayed:
-    """A road user's track, and its recording, which it follows up to a step (None: to the end)."""
+    """A road user's track, and the recording that it follows up to a step (None: to the end)."""
 
     track: Track
     recording: Track
@@ -129,8 +129,9 @@ class _Replayed:
 def ego_risk_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track] = (), *, step_s: float) -> EgoRisk:
     """Return the most critical figures of a motion of the ego among others with the given tracks.
 
-    A replayed vehicle does not react to this ego. If it hits the ego from behind, a driver would have braked: the
-    collision is not attributed to the ego, and the vehicle counts only until 4 s before (when edits hand over, too).
+    A replayed vehicle does not react to this ego. If it hits the ego from behind, a real driver would have braked. The
+    collision is therefore not attributed to the ego, and the vehicle counts only until 4 s earlier (edits hand over at
+    the same time).
 
     Args:
         drive: the ego's motion.
@@ -142,10 +143,10 @@ def ego_risk_to(drive: Track, others: Iterable[Track], replayed: Iterable[Track]
 
 
 def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
-    """Return the figures of a motion of the ego among all road users as edits leave them.
+    """Return the figures of a motion of the ego among all road users after the edits.
 
-    A driven vehicle always counts from its hand-over on. A hit from behind before that is the recording's, and so is
-    one by a vehicle moved in time with a recording that also hits this ego: both are left out as in recorded traffic.
+    A driven vehicle always counts after its hand-over. An earlier hit from behind comes from the recording. So does a
+    hit by a time-shifted vehicle whose recording also hits this ego. These hits are left out, as in recorded traffic.
     """
     others, replayed = [], []
     for track in edited.tracks:
@@ -180,7 +181,7 @@ def _danger(drive: Track, others: tuple[Track, ...], replayed: tuple[_Replayed, 
 
 @dataclass(frozen=True)
 class _Meetings:
-    """All pairs of a state of the ego and another near it, with their gaps in m and times to collision in s."""
+    """All pairs of a state of the ego and a nearby road user, with gaps in m and times to collision in s."""
 
     ego: Track
     others: tuple[Track, ...]
@@ -199,16 +200,16 @@ class _Meetings:
 
     @property
     def last_steps(self) -> tuple[int, ...]:
-        """The last step of each of the others."""
+        """The last step of each of the other road users."""
         return tuple(track.last_step for track in self.others)
 
     @property
     def touching(self) -> frozenset[int]:
-        """The indices of the others that the ego touches."""
+        """The indices of the road users that the ego touches."""
         return frozenset(self.other[self.gaps_m == 0.0].tolist())
 
     def figures(self, last_steps: Sequence[int], step_s: float) -> EgoDanger:
-        """Return the most critical figures; each of the others counts up to its own last step."""
+        """Return the most critical figures; each road user counts up to its own last step."""
         counts = self.ego.first_step + self.state <= np.asarray(last_steps, dtype=int)[self.other]
         state, other = self.state[counts], self.other[counts]
         gaps, times = self.gaps_m[counts], self.times_s[counts]
@@ -227,7 +228,7 @@ class _Meetings:
 
 
 def _recorded_hit(ego: Track, one: _Replayed) -> int | None:
-    """Return the step at which a replayed road user hits the ego from behind, if its recording does too; else None."""
+    """Return the step at which a replayed road user, like its recording, hits the ego from behind, else None."""
     step = _hit_from_behind(ego, one.track)
     if step is None or (one.until_step is not None and step > one.until_step):
         return None

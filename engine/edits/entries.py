@@ -1,9 +1,9 @@
-"""Whether a vehicle can enter at a place and a time, and how fast.
+"""Checks whether a vehicle can enter at a position and a time, and how fast.
 
 While edits are resolved, only the first step of vehicles that edits drive is known: ``OccupiedPlaces`` and
-``entry_speed`` use the recording. After the simulation, ``check_entries`` checks every simulated motion again: entries
-after the first step, added vehicles that are hit on entry, and time-shifted recordings that start on top of a road
-user. Lengths are in m, speeds in m/s.
+``entry_speed`` use the recording. After the simulation, ``check_entries`` checks every simulated motion again for
+entries after the first step, added vehicles that are hit on entry, and time-shifted recordings that start on top of a
+road user. Lengths are in m, speeds in m/s.
 """
 
 import math
@@ -51,7 +51,7 @@ _SLOWER_SHARES = (0.5, 0.0)
 class OccupiedPlaces:
     """The road users of a scene with a known state at a step, and the ego if it starts at that step.
 
-    Each has the name that messages use for it, its track, and the index of its state at the step.
+    Each road user has a name for messages, a track, and the index of its state at the step.
     """
 
     scene: Scene
@@ -59,7 +59,7 @@ class OccupiedPlaces:
 
     @classmethod
     def at(cls, scene: Scene, step: int, changes: Changes | None = None) -> "OccupiedPlaces":
-        """Return the places at a step: before a simulation with the resolved ``changes``, after one without.
+        """Return the places at a step; give the resolved ``changes`` before a simulation, but not after it.
 
         Except for their first step, only the simulation shows where vehicles driven by ``changes`` are.
         """
@@ -76,11 +76,11 @@ class OccupiedPlaces:
         return cls(scene, tuple(occupants))
 
     def occupant(self, place: Place, size_m: tuple[float, float]) -> str | None:
-        """Return the name of the road user at a place for a vehicle (length, width), or None if the place is free."""
+        """Return the name of the road user that occupies a vehicle's place (length, width), or None if it is free."""
         return self.occupant_at(*place.pose(self.scene), size_m)
 
     def occupant_at(self, center: Points, heading_rad: float, size_m: tuple[float, float]) -> str | None:
-        """Return the name of the road user at a centre (2,) and heading, or None if the place is free."""
+        """Return the name of the road user that occupies a centre (2,) and heading, or None if they are free."""
         wanted = oriented_rectangle(center, heading_rad, (size_m[0] + 2 * CLEARANCE_M, size_m[1] + CLEARANCE_M))
         for name, track, index in self._occupants:
             is_near = float(np.abs(track.positions[index] - center).max()) < _MAY_TOUCH_M
@@ -92,7 +92,7 @@ class OccupiedPlaces:
         """Refuse an occupied place.
 
         Raises:
-            NotPossible: gives the occupant and the nearest free places.
+            NotPossible: the error states the occupant and the nearest free places.
         """
         occupant = self.occupant(place, size_m)
         if occupant is not None:
@@ -110,7 +110,7 @@ class OccupiedPlaces:
             )
 
     def free_places(self, place: Place, size_m: tuple[float, float]) -> list[str]:
-        """Return the nearest free places as ``at`` and ``position``: in the lane, else in the adjacent ones."""
+        """Return the nearest free places as ``at`` and ``position``, in the same lane or else in adjacent lanes."""
         return _format_places(self._free_places(place, size_m))
 
     def _free_places(self, place: Place, size_m: tuple[float, float]) -> list[Place]:
@@ -120,7 +120,7 @@ class OccupiedPlaces:
         return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
 
     def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
-        """Return some free places on lanelets, the nearest to a place (straight-line distance) first."""
+        """Return some free places on lanelets, ordered by straight-line distance from a place."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
@@ -147,17 +147,17 @@ def _format_places(free: Sequence[Place]) -> list[str]:
 
 
 def _at(place: Place) -> Remedy:
-    """Return the edit at another place."""
+    """Return the edit with a different place."""
     return with_values(at=str(place.lanelet_id), position=f"{place.station_m:.1f}m", **dict.fromkeys(_RELATIVE))
 
 
 def _alone_at(place: Place) -> Remedy:
-    """Return the edit at another place, for one vehicle."""
+    """Return the edit with a different place, for a single vehicle."""
     return Remedy((*_at(place).changes, *with_values(**dict.fromkeys(_SEVERAL)).changes))
 
 
 def _spaced_places(free: Sequence[Place], length_m: float) -> list[Place]:
-    """Return the first free places that are a length apart in their lanelets."""
+    """Return the first free places that are at least a length apart on their lanelets."""
     chosen = list[Place]()
     for place in free:
         near = [one for one in chosen if one.lanelet_id == place.lanelet_id]
@@ -171,9 +171,9 @@ def _spaced_places(free: Sequence[Place], length_m: float) -> list[Place]:
 def _would_reach(
     coming: Track, step: int, center: Points, heading_rad: float, size_m: tuple[float, float], friction: float | None
 ) -> bool:
-    """Return True if a recorded vehicle reaches a rectangle (length, width) although it brakes hard from a step on.
+    """Return True if a recorded vehicle reaches a rectangle (length, width) although it brakes hard after a step.
 
-    It stays on its recorded path, at most as far along it as its stopping distance.
+    The vehicle stays on its recorded path, within its stopping distance.
     """
     index = coming.index_at(step)
     if index is None:
@@ -185,13 +185,13 @@ def _would_reach(
 
 
 def _stopping_distance_m(speed_mps: float, friction: float | None) -> float:
-    """Return the distance in which a driver stops from a speed or, for a closing speed, by which it comes closer."""
+    """Return a driver's stopping distance from a speed or, for a closing speed, how much closer it comes."""
     return speed_mps * HARD_BRAKING_REACTION_S + speed_mps**2 / (2 * hardest_braking_mps2(friction))
 
 
 @dataclass(frozen=True)
 class _Neighbour:
-    """A vehicle in the lane: how far ahead of the place its centre is (behind negative), its speed, and its length.
+    """A vehicle in the lane: how far its centre is ahead of the place (behind negative), its speed and length.
 
     ``is_parked``: it never moves.
     """
@@ -218,7 +218,7 @@ class EntrySpeed:
 def entry_speed(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, route: tuple[int, ...]
 ) -> EntrySpeed:
-    """Return the speed: 80 % of the lane's, or that of the nearest moving vehicle in the lane.
+    """Return the speed: 80 % of the lane's speed, or the speed of the nearest moving vehicle in the lane.
 
     It is never too fast for the leader, parked or not, nor for the curves of the route, which starts on the place's
     lanelet.
@@ -248,7 +248,7 @@ def entry_speed(
     follower = max(followers, key=lambda one: one.distance_m, default=None)
     if follower is None:
         return EntrySpeed(speed, reason)
-    # A recorded vehicle may turn off first, or stop; a driven one may reach the place in any case.
+    # A recorded vehicle may turn off or stop first; a driven vehicle may reach the place even so.
     recorded = None if follower.vehicle_id in changes.driven else scene.tracks.get(follower.vehicle_id)
     size_m, gap = (vehicle_class.length_m, vehicle_class.width_m), follower.gap_m(vehicle_class)
     needed = _stopping_distance_m(max(follower.speed_mps - speed, 0.0), scene.friction)
@@ -267,7 +267,7 @@ def entry_speed(
 def gaps_in_words(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, speed_mps: float
 ) -> tuple[str, str]:
-    """Return the gaps to the next vehicles ahead and behind, in m between bumpers, and in s of the follower."""
+    """Return the gaps to the next vehicles ahead and behind: in m between bumpers, and as the follower's time gap."""
     neighbours = [*_same_lane(scene, changes, place, step), *_ego_in_lane(scene, changes, place, step)]
     ahead = min((one for one in neighbours if one.distance_m > 0), key=lambda one: one.distance_m, default=None)
     behind = max((one for one in neighbours if one.distance_m <= 0), key=lambda one: one.distance_m, default=None)
@@ -308,7 +308,7 @@ def _lanes_in_a_row(scene: Scene, place: Place) -> dict[int, float]:
 
 
 def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
-    """Return the ego if it starts in the lane at this step; no recording shows where it is later."""
+    """Return the ego if it starts in the lane at this step; no recording contains its later positions."""
     ego, starts = changes.ego or scene.ego, _lanes_in_a_row(scene, place)
     key = None if ego is None or ego.step != step else next((each for each in ego.lanelets if each in starts), None)
     if ego is None or key is None:
@@ -318,10 +318,10 @@ def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> lis
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
-    """Return the edits with half the speed, or zero, for added vehicles that this keeps from hitting others.
+    """Return the edits with half or zero speed for added vehicles if this keeps them from hitting others.
 
     Returns:
-        The edits, and a sentence on each vehicle that enters slower; None if there is no such vehicle.
+        The edits, and a sentence on each vehicle that enters more slowly; None if there is no such vehicle.
     """
     edits = simulated.edits
     slower, notes, soon = list(edits), [], round(_SOON_S / simulated.scene.step_s) + 1
@@ -338,7 +338,7 @@ def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[s
 
 
 def _slowed(track: Track, share: float, states: int) -> Track:
-    """Return the first places and headings of a track, passed at a share of its speed."""
+    """Return the first positions and headings of a track that is followed at a share of its speed."""
     indices = np.round(np.arange(min(len(track.positions), states)) * share).astype(int)
     positions, headings_rad, speeds_mps = (
         track.positions[indices],
@@ -353,10 +353,10 @@ def _is_clear(track: Track, other: Track) -> bool:
 
 
 def check_entries(simulated: SimulatedEdits) -> None:
-    """Refuse entries onto places that are occupied or hit, now that the motion of all road users is known.
+    """Refuse entries at places that are occupied or hit, now that the motion of all road users is known.
 
     Raises:
-        NotPossible: gives the road users in conflict, and free places or times.
+        NotPossible: the error states the road users in conflict, and free places or times.
     """
     _check_late_entries(simulated)
     _check_not_run_over(simulated)
@@ -366,7 +366,7 @@ def check_entries(simulated: SimulatedEdits) -> None:
 def entering_onto_ego(simulated: SimulatedEdits) -> tuple[int, ...]:
     """Return the vehicles that enter later at the ego's position (ordinary driver), by ascending id.
 
-    This is not refused: the ego's planner decides where it is later.
+    Such entries are not refused: the ego's planner decides where the ego is later.
     """
     ego = simulated.ego
     if ego is None:
@@ -377,7 +377,7 @@ def entering_onto_ego(simulated: SimulatedEdits) -> tuple[int, ...]:
 
 
 def _check_late_entries(edited: EditedScene) -> None:
-    """Refuse an entry after the first step onto a place where a driven vehicle is by then."""
+    """Refuse an entry after the first step at a place where a driven vehicle is at that time."""
     scene = edited.scene
     for key, start in edited.entries.items():
         if start.first_step <= 0:
@@ -413,7 +413,7 @@ def _occupant_of_start(scene: Scene, start: Track, step: int) -> str | None:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """An added vehicle by its plan, the index of the edit that left its speed open, and the id of the other."""
+    """An added vehicle's plan, the index of the edit that left its speed open, and the id of the other vehicle."""
 
     edit: int
     plan: DrivePlan
@@ -421,7 +421,7 @@ class _Conflict:
 
 
 def _check_not_run_over(simulated: SimulatedEdits) -> None:
-    """Refuse an entry if a recorded vehicle hits it at once and cannot brake enough, as on its own lane."""
+    """Refuse an entry if a recorded vehicle, even from another lane, hits it at once and cannot brake enough."""
     scene = simulated.scene
     for conflict in _conflicts(simulated):
         plan, other = conflict.plan, conflict.other
@@ -455,7 +455,7 @@ def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
 
 
 def _is_run_over(start: Track, coming: Track, step: int, friction: float | None) -> bool:
-    """Return True if a recorded vehicle reaches the place of an entry, however hard it brakes from a step on."""
+    """Return True if a recorded vehicle reaches the place of an entry, however hard it brakes after a step."""
     size = start.length_m + 2 * CLEARANCE_M, start.width_m + CLEARANCE_M
     return _would_reach(coming, step, start.positions[0], float(start.headings_rad[0]), size, friction)
 
@@ -471,7 +471,7 @@ def _next_safe_time(edited: EditedScene, plan: DrivePlan) -> list[str]:
 
 
 def _check_shifted(simulated: SimulatedEdits) -> None:
-    """Refuse a time-shifted recording that starts on top of a road user which it does not overlap as recorded."""
+    """Refuse a time-shifted recording that starts on top of a road user, unless they overlap as recorded."""
     for key, other in _on_top(simulated):
         index = max(
             index
@@ -492,8 +492,8 @@ def _check_shifted(simulated: SimulatedEdits) -> None:
 def _on_top(edited: EditedScene) -> Iterator[tuple[int, int]]:
     """Yield pairs of a time-shifted recording and a road user that it starts on top of.
 
-    The others are checked both as simulated, and without any hand-over: as they would drive if the recording were not
-    there.
+    The other road users are checked as simulated and also without any hand-over, that is, as they would drive if the
+    recording were absent.
     """
     shifted = edited.shifted
     for hit in edited.result.overlaps:

@@ -1,4 +1,4 @@
-"""Why a driven vehicle misses the lanelet or the speed that an edit requests, and what remains of an edit.
+"""Explains why a driven vehicle misses a requested lanelet or speed, and what remains of an edit.
 
 ``DrivenVehicle`` is one vehicle as SUMO drove it among the others. Its lanelets are those of SUMO's lanes that the
 written motion reaches: SUMO's bumper may cross a line that the smoothed motion does not reach. Texts are parts of
@@ -63,7 +63,7 @@ _Indices = NDArray[np.intp]
 def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute:
     """Return the lanelets that a vehicle drives in the simulation, and whether it reaches each aim of an edit.
 
-    If it does not get there in time, its lanelets continue as it would drive, as long as there is a route.
+    If the vehicle does not arrive in time, its lanelets continue along the rest of its route, if there is one.
     """
     vehicle, aims = DrivenVehicle.of(edited, key, edited.road_users), step.aims.get(key, ())
     if not aims:
@@ -81,12 +81,12 @@ def vehicle_route(edited: EditedScene, step: EditStep, key: int) -> VehicleRoute
 
 
 def check_not_driven_past(edited: EditedScene, key: int) -> None:
-    """Refuse to send a recorded vehicle to a target that it passes for good.
+    """Refuse to send a recorded vehicle to a target that it passes without being able to return.
 
     A vehicle that waits for a gap, or can still return to its target, is not refused.
 
     Raises:
-        NotPossible: gives the target, and why the vehicle does not reach it.
+        NotPossible: the error states the target, and why the vehicle does not reach it.
     """
     vehicle = DrivenVehicle.of(edited, key, {})
     plan, driven, graph = vehicle.plan, vehicle.lanelets, edited.scene.lanelet_graph
@@ -105,7 +105,7 @@ def check_not_driven_past(edited: EditedScene, key: int) -> None:
 def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list[Achieved]]:
     """Return when vehicles with an ordered speed reach it, or how close they come and what prevents it.
 
-    What is the same for several vehicles is stated once.
+    A statement that holds for several vehicles is made once.
     """
     step_s, achieved = edited.scene.step_s, list[Achieved]()
     reached: dict[int, float] = {}
@@ -169,7 +169,7 @@ _STOOD_MPS, _STOOD_S, _DROVE_ON_M = 0.1, 2.0, 2.0
 def stood_until_s(edited: EditedScene, key: int) -> float | None:
     """Return until when (s) a driven vehicle stood in its recording although it drives now, or None.
 
-    A queue at a light that is missing from the file shows only in recordings.
+    A queue at a light that is missing from the file is visible only in recordings.
     """
     track, recorded = edited.result.tracks[key], edited.scene.tracks.get(key)
     if recorded is None or edited.changes.is_added(key):
@@ -188,7 +188,7 @@ def stood_until_s(edited: EditedScene, key: int) -> float | None:
 
 
 def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
-    """Return since when and why the first three of an edit's time-shifted vehicles are driven after all."""
+    """Return when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
     driven = [key for key in edited.driven_shifts if key in vehicles]
     more = [f"{len(driven) - _MOST_NAMED} more are driven"] if len(driven) > _MOST_NAMED else []
     return [_why_shift_is_driven(edited, key) for key in driven[:_MOST_NAMED]] + more
@@ -209,7 +209,8 @@ def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
 def why_handed_over(edited: EditedScene) -> dict[int, str]:
     """Return which road user vehicles outside the edits would hit on their recording, and when.
 
-    At most ten, those driven first. A vehicle that no longer hits any other, because others react, has no reason.
+    The result covers at most ten vehicles, in the order in which they were handed over. A vehicle that no longer hits
+    any road user, because others react, has no reason.
     """
     tracks, recorded = edited.result.tracks, edited.scene.tracks
     handed_over = sorted(edited.handed_over, key=lambda key: (tracks[key].first_step, key))[:_MOST_EXPLAINED]
@@ -225,7 +226,7 @@ def why_handed_over(edited: EditedScene) -> dict[int, str]:
 
 @dataclass(frozen=True)
 class DrivenVehicle:
-    """A vehicle as SUMO drove it by a plan; ``others``: the road users that it may have been behind, by id."""
+    """A vehicle as SUMO drove it according to a plan; ``others``: road users that it may have been behind, by id."""
 
     scene: Scene
     plan: DrivePlan
@@ -248,7 +249,7 @@ class DrivenVehicle:
         return passed[:1] + self._reached(passed[1:])
 
     def gets_to(self, targets: frozenset[int], since: int | None = None) -> bool:
-        """Return True if the motion reaches one of some lanelets from a step on (None: at any step).
+        """Return True if the motion reaches one of some lanelets at or after a step (None: at any step).
 
         SUMO's bumper may pass a short lanelet while the vehicle is still changing over from the adjacent one.
         """
@@ -270,9 +271,9 @@ class DrivenVehicle:
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
     def held_up(self, targets: frozenset[int], since: int) -> str:
-        """Return why the vehicle reaches none of some lanelets: no room to change lanes, else where it is at the end.
+        """Return why the vehicle reaches none of some lanelets: no room to change lanes, else its final position.
 
-        ``since``: the step from which it should go there.
+        ``since``: the step from which it should head there.
         """
         scene, track = self.scene, self.track
         target, last = self.first_of(targets), self.lanelets[-1] if self.lanelets else self.plan.lanelets[0]
@@ -331,14 +332,14 @@ class DrivenVehicle:
         return between if all(graph.length_m[key] < _SHORT_M for key in between) else ()
 
     def _reached(self, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
-        """Return the lanelets without those at the end that the motion from an index on does not reach."""
+        """Return the lanelets without the last ones if the motion after an index does not reach them."""
         count = len(lanelets)
         while count and not self._gets_onto(lanelets[count - 1], begin):
             count -= 1
         return lanelets[:count]
 
     def _gets_onto(self, lanelet_id: int, begin: int) -> bool:
-        """Return True if more of the vehicle's front half than its bumper is on a lanelet at or between any steps."""
+        """Return True if, at or between any steps, more of the vehicle's front half than its bumper is on a lanelet."""
         area = self.scene.matcher.area(lanelet_id)
         least_m = min(_ON_IT_M, self.scene.lanelet_graph.length_m[lanelet_id] / 2)
         centres, fronts = self.track.positions[begin:], self.track.fronts[begin:]
@@ -352,7 +353,7 @@ class DrivenVehicle:
 def _held_back(scene: Scene, track: TakenOverTrack, speeds: Values, wanted_mps: float) -> str:
     """Return why a speed was not reached: no time, or something in the way.
 
-    Nothing ahead keeps a vehicle from slowing down, and less than a second shows nothing.
+    Nothing ahead prevents a vehicle from slowing down, and less than one second is not enough to judge.
     """
     a_second = round(1.0 / scene.step_s)
     gained_mps = float(speeds[-1] - speeds[-a_second - 1]) if len(speeds) > a_second else math.inf
@@ -368,7 +369,7 @@ def _scenario_ends(scene: Scene) -> str:
 
 
 def _side_by_side(scene: Scene, lanelets: Iterable[int]) -> set[int]:
-    """Return all lanelets of the edges that contain some lanelets."""
+    """Return all lanelets of the edges that contain the given lanelets."""
     edges = {scene.layout.lane_of[key][0] for key in lanelets if key in scene.layout.lane_of}
     return {key for edge in edges for key in scene.layout.edges[edge]}
 
@@ -376,8 +377,8 @@ def _side_by_side(scene: Scene, lanelets: Iterable[int]) -> set[int]:
 def delay(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], driven: tuple[int, ...] = ()) -> str:
     """Return what delayed a vehicle, as the end of a sentence: longest stop, slow lanelets, a leader, or "".
 
-    ``others``: all road users as the edits leave them. ``driven``: the lanelets that it reaches; with its bumper over
-    the line of the next one, it stands on the last.
+    ``others``: all road users after the edits. ``driven``: the lanelets that the vehicle reaches; it stands on the last
+    one even if its bumper is over the line of the next one.
     """
     steps, key = _longest_stand(scene, track, driven)
     stood_s = len(steps) * scene.step_s
@@ -407,7 +408,7 @@ def _behind(scene: Scene, track: TakenOverTrack, others: Mapping[int, Track], st
 
 
 def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -> str:
-    """Return how a vehicle stands on a lanelet at some steps, as text that ends before the lanelet's name."""
+    """Return how a vehicle stands on a lanelet at given steps, as text that ends before the lanelet's name."""
     if sum(is_red(scene, key, step) for step in steps) > len(steps) / 2:
         return "at a red light on"
     return "waiting at the junction after" if _is_at_junction(scene, track, steps[-1], key) else "standing on"
@@ -416,7 +417,7 @@ def _standing(scene: Scene, track: TakenOverTrack, steps: list[int], key: int) -
 def _longest_stand(scene: Scene, track: TakenOverTrack, driven: tuple[int, ...]) -> tuple[list[int], int]:
     """Return the steps at which a vehicle stood on the lanelet of its longest stop, and the lanelet's id.
 
-    Without a stop there are no steps.
+    If the vehicle does not stop, there are no steps.
     """
     stands: dict[int, list[int]] = {}
     for index, (lane, speed) in enumerate(zip(track.lanes, track.speeds_mps, strict=False)):
@@ -440,13 +441,13 @@ def _is_at_junction(scene: Scene, track: TakenOverTrack, step: int, key: int) ->
 
 
 def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:
-    """Return True if a lanelet has lights and all of them are red, or red and yellow, at a time step."""
+    """Return True if a lanelet has lights and all of them are red (or red and yellow) at a time step."""
     letters = [one.letter_at(step * scene.step_s) for one in scene.signals if lanelet_id in one.lanelets]
     return bool(letters) and _RED.issuperset(letters)
 
 
 def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
-    """Return the lanelet that limited a vehicle to its low speed for longest, or None."""
+    """Return the lanelet whose limit slowed a vehicle for the longest time, or None."""
     limited_steps: dict[int, int] = {}
     for lane, speed in zip(track.lanes, track.speeds_mps, strict=False):
         for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:
@@ -459,7 +460,7 @@ def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
 
 
 def _gaps_m(track: TakenOverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
-    """Return the gap in m between two vehicles at some steps (n,); infinite if the other is not directly ahead."""
+    """Return the gap in m to another vehicle at some steps (n,); infinite if it is not directly ahead."""
     heading = track.headings_rad[indices]
     x, y = (other.positions[there] - track.positions[indices]).T
     ahead, aside = x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)
@@ -482,8 +483,8 @@ def why_undone(
 ) -> str | None:
     """Return why nothing remains of an edit, or None if something does.
 
-    Something remains of vehicles that arrived where it sent them; of others nothing remains if later edits remove them,
-    send them elsewhere, or prevent its speed from ever applying.
+    Something remains for vehicles that arrived where the edit sent them. For other vehicles, nothing remains if later
+    edits remove them, send them elsewhere, or prevent the edit's speed from ever applying.
     """
     final = (step, *later)[-1].changes
     is_replaced = {"set_goal": final.goal is not step.changes.goal, "set_ego": final.ego is not step.changes.ego}
@@ -501,7 +502,7 @@ def why_undone(
 
 
 def why_missed(values: Sequence[Achieved]) -> str | None:
-    """Return why an edit is not done although its vehicles drive as it prescribes; None if it is done.
+    """Return why an edit counts as not done although its vehicles follow its orders; None if it is done.
 
     An edit is not done if its effect occurred for none of its vehicles. A value that only differs from the requested
     one is reported as a value.
@@ -520,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits set all parameters that an edit sets, regardless of their values."""
+    """Return True if later edits set all of an edit's parameters to values independent of the earlier ones."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)

@@ -1,4 +1,4 @@
-"""Edits of positions: move and replace vehicles, run a red light, close a lane for a time.
+"""Edits that move or replace vehicles, make them run a red light, or close a lane for a time.
 
 Lengths are in m, speeds in m/s; times count from the scenario's start.
 """
@@ -52,11 +52,11 @@ _SPEEDING_UP_MPS2 = 2.0
 
 
 def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Put a vehicle at another place; it keeps its id, class, speeds and, if its route continues there, its route.
+    """Put a vehicle elsewhere; it keeps its id, class, speeds and, if possible from there, its route.
 
     Raises:
-        InvalidRequest: several vehicles, or no place.
-        NotPossible: the place is occupied, or the vehicle cannot be driven.
+        InvalidRequest: several vehicles, or no position.
+        NotPossible: the position is occupied, or the vehicle cannot be driven.
     """
     key = select_one(edit, scene, changes)
     base, earlier = motion_of(scene, changes, key)
@@ -115,7 +115,7 @@ def _crosses_at_red(scene: Scene, track: Track, match: LaneMatch) -> bool:
 
 
 def _route_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:
-    """Return the lanelets from one to a vehicle's last recorded one; only the first if no route leads there."""
+    """Return the lanelets from a start to a vehicle's last recorded lanelet; only the start if there is no route."""
     match = scene.matches.get(key)
     if match is None:
         return (lanelet_id,)
@@ -126,7 +126,7 @@ def _route_from(scene: Scene, key: int, lanelet_id: int) -> tuple[int, ...]:
 
 
 def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Give vehicles another class: they drive as before with its type and size, within its limits.
+    """Give vehicles a new class: they drive as before, with the type, size and limits of that class.
 
     Raises:
         InvalidRequest: no class.
@@ -174,7 +174,7 @@ def _of_class(plan: DrivePlan, vehicle_class: VehicleClass) -> DrivePlan:
 def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Have vehicles cross the next light on their route at red: they adapt their speed and do not stop.
 
-    They obey no light and yield to no other; they keep their distance to the vehicle ahead.
+    They obey no lights and do not yield, but they keep their distance from the vehicle ahead.
 
     Raises:
         NotPossible: no light is ahead, or it is not red when a vehicle can be there.
@@ -206,7 +206,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        # It stays in the lanes that lead to its light: another lane has another light, or no light.
+        # It stays in the lanes that lead to its light: other lanes have a different light or none.
         kept = (
             plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
             if lanelet in plan.lanelets
@@ -267,7 +267,7 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
 def _speed_into_red(
     scene: Scene, signal: Signal, plan: DrivePlan, away_m: float, now_mps: float, limit_mps: float
 ) -> float | None:
-    """Return the speed nearest to a vehicle's usual one at which it crosses a line at red, or None."""
+    """Return the speed, as near as possible to a vehicle's usual one, at which it crosses a line at red, or None."""
     usual = max(now_mps, 0.6 * limit_mps, _LEAST_MPS)
     low, high = (
         max(_SLOWEST_SHARE * usual, _LEAST_MPS),
@@ -299,12 +299,12 @@ def crossing_step(scene: Scene, track: Track, lanelet: int) -> int | None:
 
 
 def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Close lanelets by a barrier across each, for the whole scenario or for a time; vehicles that would hit it react.
+    """Close lanelets with a barrier across each, permanently or for a time; vehicles that would hit it react.
 
     Raises:
         InvalidRequest: no lanelet, or a time outside the scenario.
         UnknownName: no such lanelet.
-        NotPossible: a road user is at the place of the barrier.
+        NotPossible: a road user is where the barrier would be.
     """
     lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []
     if not lanelets:

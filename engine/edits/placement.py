@@ -1,4 +1,4 @@
-"""The place on a lanelet that an edit gives: an arc length in m along the lanelet's centre line."""
+"""The place that an edit gives on a lanelet: an arc length in m along the lanelet's centre line."""
 
 import math
 import re
@@ -42,7 +42,7 @@ class Place:
 
 @dataclass(frozen=True)
 class _Reference:
-    """Something that a place is given relative to."""
+    """The reference of a relative place."""
 
     name: str
     lanelet_id: int
@@ -97,8 +97,9 @@ def first_place(edit: Edit, scene: Scene, changes: Changes, length_m: float) -> 
 def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
     """Return how far along the lane a place is from its reference, between centres: as given, or by a time gap.
 
-    A time gap is between bumpers, and is that of the follower: of the reference for a place ahead of it. For a place
-    behind it also uses the reference's speed, because followers drive about as fast.
+    A time gap is measured between bumpers at the follower's speed. For a place ahead of the reference, the follower is
+    the reference. For a place behind the reference, the reference's speed is also used, because followers drive about
+    as fast.
 
     Raises:
         InvalidRequest: both a distance and a time gap, or a time gap to a standing vehicle.
@@ -120,16 +121,16 @@ def _offset_m(edit: Edit, reference: _Reference, length_m: float) -> float:
 def read_trigger(
     text: str, scene: Scene, changes: Changes, place_at: Callable[[int], Points | None]
 ) -> tuple[Trigger, int]:
-    """Return a trigger, and the first step at which it holds on the ego's drive by an ordinary driver.
+    """Return a trigger, and the first step at which it holds when an ordinary driver drives the ego.
 
-    ``ego@595:35m`` holds once the ego's centre has passed a place on a lanelet (``ego@595`` is its start), and
-    ``gap<=2s`` once the ego would reach the road user in that time at its speed, and is behind it.
+    ``ego@595:35m`` holds once the ego's centre has passed a point on a lanelet (``ego@595`` is its start), and
+    ``gap<=2s`` once the ego is behind the road user and, at its speed, would reach it in that time.
 
     Args:
         text: the trigger.
         scene: the scene after the earlier edits.
-        changes: they provide the ego's drive.
-        place_at: returns the place (2,) of the road user at a step, or None if it is not there.
+        changes: the changes so far, which provide the ego's drive.
+        place_at: returns the position (2,) of the road user at a step, or None if it is absent.
 
     Raises:
         InvalidRequest: the text is not a trigger.
@@ -171,9 +172,9 @@ def read_trigger(
 
 
 def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: frozenset[int] = frozenset()) -> Place:
-    """Return the place farther along the lane (behind for a negative distance), over the straightest joints.
+    """Return the place farther along the lane, or behind for a negative distance, via the straightest joints.
 
-    ``targets``: if a route leads to any of these lanelets, the place is on the shortest one.
+    ``targets``: if any routes lead to these lanelets, the place is on the shortest of the routes.
 
     Raises:
         NotPossible: the road ends before.
@@ -206,7 +207,7 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
 
 
 def _towards(scene: Scene, key: int, onward: list[int], targets: frozenset[int]) -> list[int]:
-    """Return the next lanelets on the shortest route to targets, else those that lead there, else all."""
+    """Return the next lanelets on the shortest route to targets, else those that lead to targets, else all."""
     if not targets:
         return onward
     route = scene.driven_graph.shortest_route([key], sorted(targets)) or ()
@@ -246,7 +247,7 @@ def _reference(text: str, scene: Scene, changes: Changes) -> _Reference:
 
 
 def _matching_vehicles(text: str, selector: str, scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Return the vehicles that ``at`` matches if it is not the name of a lanelet or edge."""
+    """Return the vehicles that ``at`` matches, unless it is the name of a lanelet or edge."""
     try:
         parse_selector(selector)
     except InvalidRequest as error:
@@ -264,7 +265,7 @@ def _matching_vehicles(text: str, selector: str, scene: Scene, changes: Changes)
 def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
     """Return the oncoming lane next to a point ``offset_m`` along the reference's own lane.
 
-    It is the lane that the map declares as adjacent, else the nearest.
+    This is the lane that the map declares as adjacent, else the nearest oncoming lane.
     """
     station, _ = project(scene.layout.table.lanes[reference.lanelet_id].center, reference.position)
     own = advance_along_lane(scene, Place(reference.lanelet_id, station), offset_m)
@@ -287,7 +288,7 @@ def _oncoming(reference: _Reference, offset_m: float, scene: Scene) -> Place:
 
 
 def _declared_opposite(scene: Scene, lanelet_id: int) -> int | None:
-    """Return the lanelet of the other direction that the map puts to the left of a lanelet's carriageway, or None."""
+    """Return the opposite lanelet that the map puts to the left of a lanelet's carriageway, or None."""
     lanes, seen = scene.layout.table.lanes, {lanelet_id}
     while (left := lanes[lanelet_id].left) in lanes and left not in seen:
         lanelet_id = left

@@ -1,7 +1,7 @@
 """Edits P: add vehicles and pedestrians, remove vehicles.
 
-A pedestrian moves at a constant speed along a given line, a footpath or across a road, because SUMO's vehicles do not
-walk. The vehicles that SUMO drives see it when it is on their lane, or about to be.
+SUMO's vehicles do not walk, so a pedestrian moves at a constant speed along a given line, along a footpath or across a
+road. The vehicles that SUMO drives see the pedestrian when it is on their lane, or about to be.
 
 A lanelet's users and type decide who may use it; bicycles and pedestrians are kept off motorways. Pedestrians cross any
 other road, and walk along footpaths. An emergency vehicle may drive everywhere.
@@ -64,7 +64,7 @@ _SLOW_CLASSES, _EVERYWHERE = ("bicycle", "pedestrian"), "priorityVehicle"
 
 @dataclass(frozen=True)
 class _Entering:
-    """A vehicle as it enters: the reason for its speed (empty if it was given), and the gaps to its neighbours."""
+    """A vehicle on entry: the reason for its speed (empty if the speed was given), and the gaps to its neighbours."""
 
     plan: DrivePlan
     reason: str
@@ -73,11 +73,11 @@ class _Entering:
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add one or several vehicles of a class; several are placed downstream of the first, ``spacing_m`` apart.
+    """Add one or more vehicles of a class; further ones are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
         UnknownName: no such class, lanelet or vehicle.
-        NotPossible: the place is occupied (the error lists the nearest free ones), the vehicle behind cannot brake
+        NotPossible: the place is occupied (the error lists the nearest free places), the vehicle behind cannot brake
             enough, or there is no such lane.
     """
     if edit.vehicle_class is not None and vehicle_class_of(edit.vehicle_class) == "pedestrian":
@@ -129,7 +129,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _why_there(edit: Edit) -> str:
-    """Return what the place was computed from, if the edit gives no position on a lanelet."""
+    """Return how the place was computed, if the edit gives no position on a lanelet."""
     if edit.position is not None:
         return ""
     lane = f", lane {edit.lane}" if edit.lane else ""
@@ -139,7 +139,7 @@ def _why_there(edit: Edit) -> str:
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
-    """Return where the vehicles enter: the place of one, or of the first and the last."""
+    """Return where the vehicles enter: the place of a single vehicle, or those of the first and the last."""
     first, last = places[0], places[-1]
     begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
     if len(places) == 1:
@@ -152,7 +152,7 @@ def _where(places: list[Place], spacing_m: float) -> str:
 
 
 def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehicle_class: VehicleClass) -> NotPossible:
-    """Return the refusal of several vehicles if only some have a place: fewer of them or another spacing would do."""
+    """Return the refusal if only some of several vehicles have a place; it proposes a smaller number or spacing."""
     least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + _ROUNDING_M)) / 10
     too_near = spacing_m < least_m
     return NotPossible(
@@ -164,7 +164,7 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
 
 
 def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> str:
-    """Return speed and time of the vehicles' entries, once if all are equal, with the requested time if it differs."""
+    """Return speeds and times of entries, once if all are equal, with the requested time if it differs."""
     words = []
     for key in added:
         start = changes.driven[key].start
@@ -177,7 +177,7 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
 
 
 def resolve_class(word: str | None) -> VehicleClass:
-    """Return the class of vehicle for a word.
+    """Return the class of vehicle that a word means.
 
     Raises:
         InvalidRequest: no word.
@@ -245,7 +245,7 @@ def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
 
 
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
-    """Return the step at which the vehicle enters: at once, or after a given departure as soon as there is room."""
+    """Return the step at which the vehicle enters: at once or, with a given departure, as soon as there is room."""
     size = (vehicle_class.length_m, vehicle_class.width_m)
     first = _asked_step(edit, scene)
     if not 0 <= first < scene.last_step:
@@ -263,7 +263,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
 
 
 def _asked_step(edit: Edit, scene: Scene) -> int:
-    """Return the step of the given departure, else that of the ego's start, which relative places refer to."""
+    """Return the step of the given departure, else of the ego's start, to which relative places refer."""
     if edit.time_s is None:
         return scene.ego.step if scene.ego else 0
     return round(edit.time_s / scene.step_s)
@@ -288,7 +288,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
 
     Raises:
         InvalidRequest: arguments for driving vehicles.
-        NotPossible: the place is occupied, or another lane is there.
+        NotPossible: the place is occupied or belongs to another lane.
     """
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
     if foreign:
@@ -339,7 +339,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
     """Return the centre (2,) in m and the heading of a vehicle parked next to the outermost lane of a side.
 
     Raises:
-        NotPossible: another lane is there.
+        NotPossible: the place belongs to another lane.
     """
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
@@ -365,7 +365,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
 
 
 def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add a pedestrian: along a footpath or crossing from the place on, or across a road from right to left there.
+    """Add a pedestrian who walks along a footpath or crossing from the place, or there crosses a road to the left.
 
     Raises:
         InvalidRequest: an argument for vehicles, or an impossible speed or departure.
@@ -467,7 +467,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """Return the lanelets of a road at a place, oncoming ones included."""
+    """Return the lanelets of a road at a place, including oncoming ones."""
     row = [lanelet_id]
     for key in row:
         lanelet = scene.network.find_lanelet_by_id(key)
@@ -476,7 +476,7 @@ def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
 
 
 def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[float]:
-    """Return how far the bounds of a lanelet are to the left of a point (negative: to its right)."""
+    """Return how far each bound of a lanelet is to the left of a point (negative: to the right)."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     lines = [
         without_repeats(np.asarray(bound, dtype=float)) for bound in (lanelet.left_vertices, lanelet.right_vertices)
@@ -485,7 +485,7 @@ def _bounds(scene: Scene, lanelet_id: int, point: Points, left: Points) -> list[
 
 
 def _walk(key: int, line: Points, speed_mps: float, first: int, scene: Scene) -> Track:
-    """Return the walk until the line or the scenario ends; at speed 0, standing at the start of the line."""
+    """Return the walk until the line or the scenario ends; at speed 0, the pedestrian stands at its start."""
     stations = np.arange(scene.last_step - first + 1) * scene.step_s * speed_mps
     poses = [point_at(line, float(station)) for station in stations if station <= length_m(line)]
     return Track(
@@ -517,12 +517,12 @@ def check_allowed(class_name: str, lanelet_id: int, scene: Scene) -> None:
 
 
 def _is_footpath(scene: Scene, lanelet_id: int) -> bool:
-    """Return True if a lanelet is meant for walking."""
+    """Return True if a lanelet is intended for walking."""
     return bool(_kinds(scene, lanelet_id) & _FOOTPATH_TYPES) or _users(scene, lanelet_id) == {"pedestrian"}
 
 
 def _closed_because(class_name: str, lanelet_id: int, scene: Scene) -> str | None:
-    """Return why a class may not use a lanelet, or None: by its users, else its type, else the kind of road."""
+    """Return why a class may not use a lanelet, judged by its users, else its type, else the kind of road, or None."""
     user, kinds, users = _user(class_name), _kinds(scene, lanelet_id), _users(scene, lanelet_id)
     if user == _EVERYWHERE or user in users:
         return None
@@ -550,7 +550,7 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """Return the users that a file lists for a lanelet, in its direction or in both; empty if it lists no users."""
+    """Return the users that a file lists for a lanelet, for one direction or both; empty if it lists none."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 

@@ -1,7 +1,7 @@
-"""Resolve the references of an edit: vehicles, lanelets, and the routes that lead there.
+"""Resolve the references of an edit: vehicles, lanelets, and routes to lanelets.
 
-Selectors match the vehicles that earlier edits leave, at the ego's first time step, as a description of the scenario at
-that step shows them. Lanelets are given by id, by SUMO's edges and lanes, or by a turn at the next fork.
+Selectors match the vehicles that remain after earlier edits, at the ego's first time step, as in a description of the
+scenario at that step. Lanelets are given by id, by SUMO's edges and lanes, or by a turn at the next fork.
 """
 
 import itertools
@@ -41,7 +41,7 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Return the ids of the vehicles that the selectors match together, ascending.
+    """Return the ids of the vehicles that the selectors match, without excluded ones, ascending.
 
     Vehicles that earlier edits added count like recorded ones; removed ones do not count.
 
@@ -80,10 +80,10 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
 
 
 def select_one(edit: Edit, scene: Scene, changes: Changes) -> int:
-    """Return the id of the vehicle of an edit of a single vehicle.
+    """Return the vehicle's id for an edit of a single vehicle.
 
     Raises:
-        InvalidRequest: its selectors match several vehicles, or what :func:`select` raises.
+        InvalidRequest: its selectors match several vehicles, or :func:`select` raises it.
     """
     vehicles = select(edit.vehicles, scene, changes)
     if len(vehicles) != 1:
@@ -96,7 +96,7 @@ def select_one(edit: Edit, scene: Scene, changes: Changes) -> int:
 
 
 def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], changes: Changes) -> tuple[int, ...]:
-    """Resolve a selector among the vehicles that are not excluded: their nearest, their fastest, the only one left."""
+    """Resolve a selector, such as the nearest or the fastest, among the vehicles that are not excluded."""
     if not excluded or selector.kind in _MEAN_ALL:
         return _resolve(selector, scene, changes)
     if selector.kind in ("one", "only"):
@@ -107,9 +107,9 @@ def _resolve_without(selector: Selector, scene: Scene, excluded: set[int], chang
 
 
 def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene, changes: Changes) -> str:
-    """Return the vehicles that selectors matched, each with its class and its place relative to the ego.
+    """Return, as text, the vehicles that selectors matched, with their classes and positions relative to the ego.
 
-    Empty if they were given by id, and for selectors that need no answer (all, the vehicle of an edit).
+    The text is empty for vehicles given by id, and for selectors that need no explanation (all, an edit's vehicle).
     """
     kinds = {parse_selector(text).kind for text in texts}
     if kinds <= {"id", "all", "new"}:
@@ -129,7 +129,7 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
 
 
 def _with_meaning(text: str) -> str:
-    """Return a selector as written, plus the class that it was read as if its word is another name."""
+    """Return a selector as written; if its word is not a class's own name, the class is added."""
     selector = parse_selector(text)
     known = vehicle_class_of(selector.argument) if selector.kind in ("class", "one", "only") else None
     if known is None or selector.argument.lower() == known:
@@ -138,7 +138,7 @@ def _with_meaning(text: str) -> str:
 
 
 def _selector(text: str, scene: Scene) -> Selector:
-    """Return the parsed selector; the ego and its planning problem are refused, because it is not traffic."""
+    """Return the parsed selector; the ego and its planning problem are refused, because the ego is not traffic."""
     body = text.strip().removeprefix("!").lower()
     if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
         raise NotPossible(
@@ -185,7 +185,7 @@ def _known(vehicle_id: int, scene: Scene, changes: Changes) -> int:
 
 
 def _gone(scene: Scene, changes: Changes) -> set[int]:
-    """Return the vehicles that edits removed; an added vehicle that was removed again has left no other trace."""
+    """Return the vehicles that edits removed, including added vehicles that were removed again."""
     return {*changes.removed, *(key for added in changes.added_by_edit for key in added if key not in scene.tracks)}
 
 
@@ -248,7 +248,7 @@ def _outermost(side: str, scene: Scene) -> tuple[int, ...]:
 
 
 def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
-    """Resolve descriptions that hold at the first time step: by distance, speed or order in the ego's lane."""
+    """Resolve descriptions by distance, speed or order in the ego's lane, at the first time step."""
     step = scene.ego.step if scene.ego else 0
     there = {key: scene.tracks[key] for key in _vehicles(scene) if scene.tracks[key].index_at(step) is not None}
     if not there:
@@ -273,7 +273,7 @@ def _described(selector: Selector, scene: Scene) -> tuple[int, ...]:
 
 
 def _number(selector: Selector, there: int) -> int:
-    """Return how many vehicles a selector requests; refuse 0, and more than the ``there`` available ones."""
+    """Return how many vehicles a selector requests; refuse 0, and more than the available number ``there``."""
     count = int(selector.argument)
     if count == 0:
         raise InvalidRequest(
@@ -299,7 +299,7 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """Return the first vehicles by a rank; the last must differ from the next one."""
+    """Return the first vehicles by rank; the last one's rank must differ from the next vehicle's."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]
@@ -330,7 +330,7 @@ def _name(track: Track) -> str:
 
 
 def target_lanelets(texts: Sequence[str], scene: Scene, changes: Changes) -> frozenset[int]:
-    """Return lanelets given by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
+    """Return the lanelets given by id, by SUMO edge (all its lanes) or as ``lanelet_of:SELECTOR``.
 
     Raises:
         InvalidRequest: no lanelet is given.
@@ -351,7 +351,7 @@ def _resolve_lanelets(text: str, scene: Scene, changes: Changes) -> tuple[int, .
 
 
 def known_lanelet(text: str, scene: Scene) -> int:
-    """Return the drivable lanelet with this id, or under this lane of SUMO's (edge, underscore, index).
+    """Return the drivable lanelet with this id, or that of a SUMO lane (edge, underscore, index).
 
     Raises:
         UnknownName: no such lanelet or edge; the error lists the nearest ids.
@@ -401,9 +401,9 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
 
 
 def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_there: bool = False) -> tuple[int, ...]:
-    """Return the lanelets that a vehicle drives from its own to the nearest target, both included.
+    """Return the lanelets that a vehicle drives from its own lanelet to the nearest target, both included.
 
-    ``is_there``: it is already on the start, so it may change over from there inside a junction.
+    ``is_there``: whether it is already on the start lanelet, so that it may change lanes there inside a junction.
 
     Raises:
         NotPossible: no target can be reached, or only by a lane change inside a junction.
@@ -427,7 +427,7 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
 
 
 def _toward(lanelet: int, other: int) -> Remedy:
-    """Return the edit with another lanelet as its target, or as one that it leads through."""
+    """Return the edit with a different lanelet as its target, or as a lanelet that its route leads through."""
     return instead(str(lanelet), other, "to", "via")
 
 
@@ -440,13 +440,13 @@ def nearest_driven(scene: Scene, start: int, targets: Sequence[int]) -> list[int
 
 
 def reachable_lanelets(scene: Scene, starts: Sequence[int]) -> list[int]:
-    """Return reachable lanelets outside junctions, the fewest lanelets away first, without the starts."""
+    """Return reachable lanelets outside junctions, except the starts, ordered by the number of lanelets on the way."""
     nearest_first = scene.lanelet_graph.reachable(starts)
     return [key for key in nearest_first if key not in starts and key in scene.layout.lane_of]
 
 
 def _by_distance_to(targets: Sequence[int], lanelets: Sequence[int], scene: Scene) -> list[int]:
-    """Return lanelets by the straight-line distance of their centre line from that of any target."""
+    """Return lanelets, ordered by the straight-line distance between their centre line and the nearest target's."""
     lanes = scene.layout.table.lanes
     wanted = np.vstack([lanes[key].center for key in targets])
 

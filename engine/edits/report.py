@@ -49,8 +49,8 @@ def outcome_of(
     Args:
         request: the edits and the requested detail.
         simulated: the edits after their simulation.
-        before: the ego's danger in the base scenario; None without an ego.
-        files: the scenario file and its SUMO network, None for a dry run.
+        before: the ego's danger in the base scenario; None if there is no ego.
+        files: the scenario file and its SUMO network; None for a dry run.
         notes: sentences on what else changed when the files were written.
     """
     scene, changes, result, ego = simulated.scene, simulated.changes, simulated.result, simulated.ego
@@ -79,7 +79,7 @@ def outcome_of(
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
     """Return one report per edit of this request; those of earlier requests are not repeated.
 
-    An edit counts as not done if later edits leave nothing of it.
+    An edit counts as not done if later edits undo it completely.
     """
     reports = []
     for index in range(request.earlier, len(request.edits)):
@@ -109,7 +109,7 @@ def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tu
 
 
 def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
-    """Return the results for the values that an edit requests, for its first vehicles; equal results are joined."""
+    """Return the achieved values of an edit as text, for its first vehicles; equal results are merged."""
     vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
         asked = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
@@ -119,7 +119,7 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
-    """Return the touched vehicles, and on how many of them both checks agree if both were requested."""
+    """Return the touched vehicles and, if both checks were requested, the number on which they agree."""
     screened = _touched_vehicles(edited, check_kinematics)
     if request.detail == "brief":
         return screened, None
@@ -158,7 +158,7 @@ def _verdict(scene: Scene, track: Track, motion: Motion, check: Callable[..., Fe
 
 
 def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> TouchedVehicle:
-    """Return a road user that moves by a given track; vehicle limits do not apply to pedestrians."""
+    """Return the report on a road user that follows a given track; vehicle limits do not apply to pedestrians."""
     is_vehicle = replay.track.kind not in NOT_DRIVEN and len(replay.track.positions) > 1
     motion = replayed_motion(replay.track, scene.step_s) if is_vehicle else None
     verdict = None if motion is None else _verdict(scene, replay.track, motion, check)
@@ -202,7 +202,7 @@ def _moved_m(track: TakenOverTrack, recorded: Track) -> float:
 
 
 def _ego_notes(simulated: SimulatedEdits) -> list[str]:
-    """Return notes about the ego that are not refusals: entries at its position, and its own recording."""
+    """Return notes about the ego that do not refuse an edit: entries at its position, and its own recording."""
     notes = []
     entering = entering_onto_ego(simulated)
     if entering:
@@ -272,7 +272,7 @@ def _late_entries(edited: EditedScene) -> list[str]:
 
 
 def _kept_recordings(request: ModificationRequest, edited: EditedScene) -> list[str]:
-    """Return warnings on vehicles that should react to the edits and do not."""
+    """Return warnings about vehicles that should react to the edits but do not."""
     scene, changes, result = edited.scene, edited.changes, edited.result
     warnings = []
     if result.missing:

@@ -1,4 +1,4 @@
-"""Edit T, a new route: to lanelets or along a turn, as far as a vehicle can still brake and change lanes.
+"""Edit T, a new route: to lanelets or along a turn, if the vehicle can still brake and change lanes for it.
 
 A route is refused before it is simulated if the vehicle reaches a curve too fast, or cannot change lanes before a road
 ends or inside a junction. Distances are in m, speeds in m/s.
@@ -42,7 +42,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Send the selected vehicles to any of the target lanelets, or along a turn at their next fork.
 
     Raises:
-        InvalidRequest: neither or both of ``to`` and ``turn``.
+        InvalidRequest: neither ``to`` nor ``turn`` is given, or both.
         NotPossible: a vehicle cannot get there, reaches a curve or the last point for a lane change too fast, or cannot
             be driven.
     """
@@ -64,10 +64,10 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
-    """Return the plan from the vehicle's matched lanelet, or from another under it that leads there sooner.
+    """Return the plan from the vehicle's matched lanelet, or from an overlapping one that leads to the target sooner.
 
-    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate. A
-    vehicle so near may be handed over into the other lane; otherwise it is refused after the simulation.
+    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate: a
+    vehicle that is so near may be handed over into the adjacent lane; otherwise it is refused after the simulation.
 
     Raises:
         NotPossible: why it cannot get there from its matched lanelet.
@@ -95,7 +95,7 @@ def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> Dr
 def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
     """Return other lanelets that match a recorded vehicle equally well, such as the other branch at a fork.
 
-    A vehicle with its front past its lanelet is on those that follow.
+    If a vehicle's front is past its lanelet, the following lanelets count.
     """
     if plan.cause == "added":
         return ()
@@ -110,9 +110,9 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
 def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
     """Return True if a vehicle at the fastest lane's speed, or its own, completes a route before the scenario ends.
 
-    A vehicle that earlier edits limit to speeds drives no faster than these, or than at its start.
+    A vehicle whose speed earlier edits limit drives no faster than these limits, or than at its start.
 
-    A vehicle that passed its turn returns to it around the block, which is useless after the end.
+    A vehicle that has passed its turn drives around the block to return, which is useless if the scenario ends first.
     """
     table, route = scene.layout.table, plan.lanelets
     route_m = sum(table.lanes[key].length_m for key, after in pairwise(route) if after in table.successors[key])
@@ -147,7 +147,7 @@ def _rerouted_from(
 
 
 def drive_along(scene: Scene, plan: DrivePlan, route: tuple[int, ...], targets: frozenset[int]) -> DrivePlan:
-    """Return the plan with another route, continued straight ahead after its end.
+    """Return the plan with a new route, continued straight ahead after its end.
 
     Raises:
         NotPossible: SUMO's edges do not connect along the route.
@@ -194,7 +194,7 @@ class _Branch:
 
     @property
     def turn(self) -> str:
-        """``left``, ``right``, ``straight``, or "" for a curve in between."""
+        """The direction: ``left``, ``right``, ``straight``, or "" for a curve in between."""
         if abs(self.turn_rad) < _STRAIGHT_RAD:
             return "straight"
         if abs(self.turn_rad) > _TURN_RAD:
@@ -209,7 +209,7 @@ class _Branch:
 
 
 def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
-    """Return the branches of the first fork of a lanelet's own lane; empty if the lane ends without one."""
+    """Return the branches of the first fork of a lanelet's own lane; empty if the lane ends without a fork."""
     successors = scene.layout.table.successors
     current, seen = start, {start}
     while len(successors[current]) == 1 and successors[current][0] not in seen:
@@ -273,7 +273,8 @@ def _check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: st
     Lanelets of the recorded route are left out: the vehicle was recorded in their curves.
 
     Raises:
-        NotPossible: gives the lanelet, the lowest possible speed there and the highest that its curve allows.
+        NotPossible: the error states the lanelet, the lowest possible speed there and the highest that its curve
+            allows.
     """
     index = plan.from_step - plan.start.first_step
     recorded = scene.matches.get(plan.start.obstacle_id)
@@ -289,10 +290,10 @@ def _check_curves(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: st
 def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str, *, in_junctions: bool) -> None:
     """Refuse a route with a lane change that the vehicle must pass, even if it brakes as hard as it can.
 
-    A vehicle that can stop and wait for a gap is sent there, even if it does not get there in time.
+    A vehicle that can stop and wait for a gap is sent to the target, even if it does not arrive in time.
 
     Raises:
-        NotPossible: gives the lanelet that ends too soon.
+        NotPossible: the error states the lanelet that ends too soon.
     """
     lanes = scene.layout.table.lanes
     index = plan.from_step - plan.start.first_step
@@ -323,13 +324,13 @@ def _way_along_m(line: Points, front: Points) -> float:
 
 
 def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
-    """Return the least distance in which a vehicle gets from the first of adjacent lanes to the edge of the last."""
+    """Return the shortest distance in which a vehicle gets from the first of adjacent lanes to the last one's edge."""
     first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 
 
 def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
-    """Return the index of the last lanelet of a row of lane changes that starts at an index (the same without any)."""
+    """Return the index of the last lanelet in the lane changes that start at an index, or that index if none do."""
     neighbours = scene.lanelet_graph.neighbours
     while place + 1 < len(route) and route[place + 1] in neighbours.get(route[place], ()):
         place += 1
@@ -339,7 +340,7 @@ def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
 def _last_place(
     scene: Scene, route: tuple[int, ...], place: int, end: int, *, in_junctions: bool
 ) -> tuple[float, int, int]:
-    """Return how much farther (m) the lane change is possible, and the last pair of lanes: the wrong and the route's.
+    """Return how far (m) the lane change remains possible, and the last pair of lanes: the wrong one, the route's.
 
     The two lanes may continue side by side beyond their ends. Lanes inside a junction count only for a vehicle that is
     already inside one, or for all vehicles if ``in_junctions``.
@@ -358,10 +359,10 @@ def _last_place(
 
 
 def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> JunctionLaneChange | None:
-    """Return how a vehicle changes lanes inside a junction at the start of its route, or None if it does not.
+    """Return how a vehicle changes lanes inside a junction at the start of its route; None if it does not.
 
-    It moves sideways by a smooth step, 3p² - 2p³ after the share p of the length: at most 1.5 times as steep as on
-    average, and with a lateral acceleration of at most 6 v² · aside / length².
+    It moves sideways along a smooth step, 3p² - 2p³ after the share p of the length. The path is at most 1.5 times as
+    steep as on average, and the lateral acceleration is at most 6 v² · aside / length².
 
     Raises:
         NotPossible: it is too near the end of its lanelet for that, or too fast.

@@ -1,4 +1,4 @@
-"""A worker's cache of scenes: one scenario is edited repeatedly, and reading it takes longer than an edit."""
+"""A worker's cache of scenes: a scenario is edited repeatedly, and reading it takes longer than an edit."""
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -15,7 +15,7 @@ _KEPT = 4
 
 @dataclass(frozen=True)
 class KeptScene:
-    """A scene, and the ego's drive in it before any edit: a simulation that does not depend on the edits."""
+    """A scene, and the ego's drive in it before any edit, which is a simulation independent of the edits."""
 
     scene: Scene
     _drives: dict[int, EgoDrive | None] = field(default_factory=dict)
@@ -26,7 +26,7 @@ class KeptScene:
         return leader_and_follower(self.scene, self.scene.ego) if self.scene.ego else (None, None)
 
     def ego_before(self, setup: SimulationSetup) -> EgoDrive | None:
-        """Return the ego's ordinary drive among the recorded vehicles; the last seed's drive is cached."""
+        """Return the ego's drive by an ordinary driver among the recorded vehicles; the last seed's drive is cached."""
         if setup.seed not in self._drives:
             drive = base_drive(self.scene, setup)
             self._drives.clear()

@@ -1,7 +1,8 @@
 """Edits T with a prescribed motion: cut_in, swerve, wrong_way, and speeds and lane changes with prescribed values.
 
-The motion is computed here and replayed: the others see it and react, while it reacts to no other. The resulting values
-are measured on the written motion. Lengths are in m, speeds in m/s; times count from the scenario's start.
+The motion is computed here and replayed: other road users see the vehicle and react, while it does not react to them.
+The resulting values are measured on the written motion. Lengths are in m, speeds in m/s; times count from the
+scenario's start.
 """
 
 import math
@@ -68,12 +69,12 @@ _ONCOMING_RAD = math.radians(120.0)
 def prescribed(
     scene: Scene, changes: Changes, vehicle_id: int, part: ScriptPart, *, dodges: bool = False
 ) -> tuple[Changes, Track, Track]:
-    """Return the changes with a vehicle's motion as acts prescribe it, and its track before and after.
+    """Return the changes with a vehicle's motion as prescribed by acts, and its tracks before and after.
 
-    ``dodges``: in reactive traffic it brakes before it would hit the ego.
+    ``dodges``: whether it brakes in reactive traffic before it would hit the ego.
 
     Raises:
-        NotPossible: it cannot be driven, was rerouted by an earlier edit, or nothing of its motion is left.
+        NotPossible: the vehicle cannot be driven, was rerouted by an earlier edit, or has no motion left.
     """
     base, earlier = motion_of(scene, changes, vehicle_id)
     ahead = beyond(scene, base)
@@ -109,10 +110,10 @@ def with_motion(
 
 
 def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, tuple[Act, ...]]:
-    """Return the motion of a vehicle after earlier edits, and the acts that they order in addition.
+    """Return the motion of a vehicle after earlier edits, and the acts that those edits order in addition.
 
     Raises:
-        NotPossible: it cannot be driven, or an earlier edit reroutes it.
+        NotPossible: the vehicle cannot be driven, or an earlier edit reroutes it.
     """
     plan = changes.driven.get(vehicle_id)
     if plan is None:
@@ -139,7 +140,7 @@ def motion_of(scene: Scene, changes: Changes, vehicle_id: int) -> tuple[Track, t
 
 
 def _rolling(scene: Scene, start: Track, lanelets: tuple[int, ...]) -> Track:
-    """Return the track of a vehicle that enters and continues at its speed along lanelets, then straight on."""
+    """Return the track of a vehicle that enters and continues at its speed along lanelets, then straight ahead."""
     line = line_from(scene, start.positions[0], lanelets)
     along = arc_length(line)
     count = scene.last_step - start.first_step + 1
@@ -163,7 +164,7 @@ def _standing(start: Track, count: int) -> Track:
 
 
 def _behind(scene: Scene, point: Points, lanelet_id: int) -> Points:
-    """Return the path (n, 2) that leads to a place on a lanelet, without the place itself."""
+    """Return the path (n, 2) that leads to a point on a lanelet, without the point itself."""
     table = scene.layout.table
     chain, total = [lanelet_id], project(table.lanes[lanelet_id].center, point)[0]
     while total < _BACK_M:
@@ -199,7 +200,7 @@ class _Path:
 
 
 def _thinned(points: Points) -> Points:
-    """Drop points of a path that are closer than half a metre to the one before."""
+    """Drop points of a path that are less than half a metre from the previous one."""
     kept = [points[0]]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) >= 0.5:
@@ -212,10 +213,11 @@ def _thinned(points: Points) -> Points:
 def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple[int, Trigger | None]:
     """Return the step at which an edit starts, and its trigger.
 
-    It starts at its time, when its trigger holds for an ordinary ego, or at the first step with both ego and vehicle.
+    The edit starts at its time, when its trigger holds for an ordinary ego, or at the first step at which ego and
+    vehicle are present.
 
     Raises:
-        InvalidRequest: the vehicle is not there then, or there is no such trigger.
+        InvalidRequest: the vehicle is absent at that time, or there is no such trigger.
         NotPossible: the trigger never holds.
     """
     if edit.when is not None:
@@ -234,7 +236,7 @@ def _begin_of(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tuple
 
 
 def _since(edit: Edit, made: Mapping[int, tuple[int, float, Track]], step_s: float) -> str:
-    """Return when an edit starts, as the end of a sentence; ``made`` has its start steps."""
+    """Return when an edit starts, as the end of a sentence; ``made`` contains its start steps."""
     if edit.when is not None:
         times = ", ".join(f"{step * step_s:.1f} s" for step, _, _ in list(made.values())[:3])
         return f" once {edit.when} holds (in reactive runs for the planner's ego; here for an ordinary one, at {times})"
@@ -245,7 +247,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tupl
     """Return the step at which the trigger of an edit holds for an ordinary ego, and the trigger.
 
     Raises:
-        InvalidRequest: a time is given too, or there is no such trigger.
+        InvalidRequest: a time is also given, or there is no such trigger.
         NotPossible: the trigger never holds while the vehicle is in the scenario.
     """
     if edit.time_s is not None:
@@ -269,7 +271,7 @@ def _triggered(edit: Edit, scene: Scene, changes: Changes, track: Track) -> tupl
 
 
 def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterable[int]) -> EditStep:
-    """Bring vehicles to a speed with a prescribed acceleration, regardless of what is ahead of them."""
+    """Bring vehicles to a speed with a prescribed acceleration, whatever is ahead of them."""
     vehicles = tuple(vehicles)
     rate = comfortable_mps2(scene.friction) if edit.rate_mps2 is None else edit.rate_mps2
     hardest = hardest_braking_mps2(scene.friction)
@@ -315,7 +317,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
 
 
 def wanted_speed(text: str, now_mps: float) -> float:
-    """Return the speed in m/s that a text states; a sign or a percent sign makes it relative to the current speed.
+    """Return the speed in m/s that a text states; with +, - or % it is relative to the current speed.
 
     Raises:
         InvalidRequest: the text is not a speed.
@@ -342,7 +344,7 @@ TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines c
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
-    """Return a measured value with the requested one; by default it is reached within a tenth of that."""
+    """Return a measured value with the requested one, which counts as reached within a tenth by default."""
     if reached is None:
         reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
     rounded = None if asked is None else round(asked, 3)
@@ -366,7 +368,7 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
 
 
 def _asides(edited: EditedScene, made: dict[int, tuple[int, float, Track]]) -> tuple[Achieved, ...]:
-    """Measure how far vehicles moved to the side of their earlier motion."""
+    """Measure how far vehicles moved to the side relative to their earlier motion."""
     found = []
     for key, (step, aside_m, before) in made.items():
         if key not in edited.changes.replays:
@@ -389,7 +391,7 @@ def _aside_to_lane(scene: Scene, track: Track, step: int, side: str) -> float:
     """Return how far a vehicle has to move to the centre of the next lane; left is positive.
 
     Raises:
-        NotPossible: there is no lane in its direction on that side.
+        NotPossible: there is no lane in the vehicle's direction on that side.
     """
     match, index = scene.matcher.match(track), step - track.first_step
     lanes = scene.layout.table.lanes
@@ -410,8 +412,8 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Move vehicles to the side and back again, in prescribed times.
 
     Raises:
-        InvalidRequest: they are not there then.
-        NotPossible: they cannot be driven.
+        InvalidRequest: the vehicles are absent at that time.
+        NotPossible: the vehicles cannot be driven.
     """
     vehicles = select(edit.vehicles, scene, changes)
     far_m = _SWERVE_M if edit.offset_m is None else abs(edit.offset_m)
@@ -438,7 +440,7 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 @dataclass(frozen=True)
 class _CutIn:
-    """A cut-in: stations on the other vehicle's path from step ``first`` on, and the step at which it is complete."""
+    """A cut-in: stations on the other vehicle's path after step ``first``, and the step at which it is complete."""
 
     first: int
     last: int
@@ -449,8 +451,8 @@ class _CutIn:
 def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Have a vehicle in the next lane cut in ahead of the ego, or of another vehicle, with a time gap.
 
-    It takes on the speed of the vehicle that it cuts off, or the given one, and moves over in the prescribed time. The
-    gap holds at the end of the move. The ego is assumed to drive like an ordinary driver.
+    The vehicle takes on the speed of the vehicle that it cuts off, or the given speed, and moves over in the prescribed
+    time. The gap applies at the end of the move. The ego is assumed to drive like an ordinary driver.
 
     Raises:
         InvalidRequest: several vehicles are given, or the vehicle is not there at that time.
@@ -486,7 +488,7 @@ def cut_in(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _cut_off(edit: Edit, scene: Scene, changes: Changes) -> tuple[Track, str]:
-    """Return the motion and the name of the road user that is cut off."""
+    """Return the motion and the name of the road user that the vehicle cuts off."""
     text = (edit.at or "ego").strip()
     if text.lower() in EGO_WORDS:
         drive = changes.ego_drive()
@@ -505,7 +507,7 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     """Refuse a vehicle that is not in the lane next to a path.
 
     Raises:
-        NotPossible: it is not in that lane; the message says where it is.
+        NotPossible: the vehicle is not in that lane; the message states where it is.
     """
     index = first - base.first_step
     if not 0 <= index < len(base.positions):
@@ -550,12 +552,13 @@ def _cut_in_motion(
     lateral_s: float,
     who: str,
 ) -> _CutIn:
-    """Find the motion along the other vehicle's path that ends with the gap: the earliest easy one, or the easiest.
+    """Find the motion along the other vehicle's path that ends with the gap: the earliest easy one, else the easiest.
 
-    While the vehicle prepares, its acceleration changes linearly in time, so that it meets place and speed at the end.
+    While the vehicle prepares, its acceleration changes linearly in time, so it reaches the right position and speed at
+    the end.
 
     Raises:
-        NotPossible: no time works, or the given one does not.
+        NotPossible: no time is possible, or the given time is not.
     """
     step_s, index = scene.step_s, first - base.first_step
     x0, v0 = project(path.line, base.positions[index])[0], float(max(base.speeds_mps[index], 0.0))
@@ -639,7 +642,7 @@ def _cut_in_achieved(
     ahead = project(path.line, track.positions[mine])[0] - project(path.line, target.positions[at])[0]
     gap_m = ahead - (track.length_m + target.length_m) / 2
     speed = float(target.speeds_mps[at])
-    if speed <= TIME_GAP_MPS:  # there is no time gap to a standing vehicle, so the request is not fulfilled
+    if speed <= TIME_GAP_MPS:  # a standing vehicle has no time gap, so the request is not fulfilled
         return (achieved(key, TIME_GAP_MISSED, None, gap_m, "m", reached=False),)
     in_s = achieved(key, "gap", gap_s, gap_m / speed, "s", reached=abs(gap_m / speed - gap_s) <= 0.1)
     return (in_s, achieved(key, "gap", None, gap_m, "m"))

@@ -1,10 +1,10 @@
-"""Simulate edits: SUMO drives the edited vehicles in rounds until no avoidable collision is left.
+"""Simulate edits: SUMO drives the edited vehicles in rounds until no avoidable collision remains.
 
 After each round, replayed vehicles that a driven one hits are also handed over to SUMO, early enough to react; if two
-driven ones collide, one of them waits.
+driven vehicles collide, one of them waits.
 
 SUMO knows lanes, not bodies: it does not see a vehicle that stands across two lanes, a rear that cuts a corner, or two
-lanelets that overlap before they meet, and ignores vehicles that have passed their stop line.
+lanelets that overlap before they meet. It also ignores vehicles that have passed their stop line.
 """
 
 import math
@@ -59,8 +59,9 @@ class Simulation:
         If all vehicles that are hit are already driven, one of them gives way, as long as that leaves fewer collisions.
 
         Args:
-            shown: further road users that the driven ones see, but that collide with no other (the ego). They are
-                replayed, unless a collision is left and they drive through a driven vehicle: then they are driven too.
+            shown: further road users (the ego) that the driven vehicles see, but whose collisions do not count. They
+                are replayed, unless a collision remains and they drive through a driven vehicle: then they are driven
+                too.
             all_react: hand over all vehicles at their first step.
         """
         plans = dict(sorted({**(self._all_handed_over() if all_react else {}), **self.changes.driven}.items()))
@@ -78,7 +79,7 @@ class Simulation:
             if len(result.overlaps) < len(best.overlaps) or not any(plan.gives_way for plan in plans.values()):
                 best, seen_by_best = result, shown
         if best is not result and self.setup.keeps_routes:
-            # The last simulation leaves its files behind; they must be those of the written motion.
+            # The last simulation's files remain; they must be those of the written motion.
             return self._round(best.plans, seen_by_best)
         return best
 
@@ -103,10 +104,10 @@ class Simulation:
         return SimulationResult(plans, tracks, overlaps, tuple(key for key in plans if key not in tracks))
 
     def _new_overlaps(self, tracks: Mapping[int, Track]) -> tuple[Overlap, ...]:
-        """Return overlaps of driven vehicles and of time-shifted recordings, with each other and with all that stay.
+        """Return overlaps of driven vehicles and time-shifted recordings with each other and with all other road users.
 
-        ``tracks``: of the driven vehicles, from their first appearance: a vehicle that is handed over late may hit
-        another driven one on its recording.
+        ``tracks``: the tracks of the driven vehicles from their first appearance: before a late hand-over, a vehicle
+        may hit another driven vehicle while it still follows its recording.
         """
         scene, removed, replays = self.scene, self.changes.removed, self.changes.replays
         known = scene.tracks | scene.standing
@@ -121,7 +122,7 @@ class Simulation:
         return new_overlaps([*moved, *tracks.values()], others, recorded, self.changes.shifts)
 
     def _gone_at_once(self, plan: DrivePlan) -> DrivenTrack | None:
-        """Return the track of a vehicle that SUMO never showed because its bumper is beyond the end of the network."""
+        """Return the track of a vehicle that never appeared in SUMO because its bumper is beyond the network's end."""
         table = self.scene.layout.table
         index = plan.from_step - plan.start.first_step
         match = self.scene.matches.get(plan.start.obstacle_id)
@@ -133,7 +134,7 @@ class Simulation:
         return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
     def _handed_over(self, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:
-        """Return plans for replayed vehicles that are hit, and earlier hand-overs if one came too late."""
+        """Return plans for replayed vehicles that are hit, and earlier hand-overs where one came too late."""
         scene, more = self.scene, dict[int, DrivePlan]()
         for hit in overlaps:
             for key in (hit.first, hit.second):
@@ -157,7 +158,7 @@ class Simulation:
         return round(HAND_OVER_S / self.scene.step_s)
 
     def _giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
-        """Return plans that give way, except for vehicles that enter onto another one: those are refused."""
+        """Return plans that give way, except for vehicles that enter on top of another: such entries are refused."""
         overlaps = tuple(hit for hit in result.overlaps if not self._is_taken_place(result.plans, hit))
         if not overlaps:
             return {}
@@ -171,10 +172,10 @@ class Simulation:
         return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
     def _reacting(self, shown: tuple[Actor, ...], result: SimulationResult) -> tuple[Actor, ...] | None:
-        """Return the shown road users, driven from before they pass through a driven vehicle on; None if no user does.
+        """Return shown road users, driven from before they pass through a driven vehicle; None if none of them does.
 
-        SUMO keeps its order of the vehicles on a lane if one is put through another: those behind see it as their
-        leader from then on instead of the one that it passed through, and hit that one.
+        SUMO keeps its order of the vehicles on a lane even if one is placed through another. Vehicles behind then see
+        the placed vehicle as their leader instead of the one that it passed through, and hit the latter.
         """
         if not result.overlaps or any(plan.gives_way for plan in result.plans.values()):
             return None
@@ -203,14 +204,14 @@ def plans_giving_way(
     overlaps: Iterable[Overlap],
     hardest_mps2: float = HARDEST_BRAKING_MPS2,
 ) -> dict[int, DrivePlan]:
-    """Return plans with one more halt for one vehicle of every overlapping pair, if one of the two can still stop.
+    """Return plans in which one vehicle of every overlapping pair has one more halt, if it can still stop.
 
     A handed-over vehicle waits rather than an edited one; of two handed-over vehicles, the later one waits.
 
     Args:
-        plans: of the driven vehicles, with new motions in ``tracks``.
-        road_users: as the edits leave them, by id.
-        hardest_mps2: the hardest braking of vehicles.
+        plans: those of the driven vehicles, with new motions in ``tracks``.
+        road_users: all road users after the edits, by id.
+        hardest_mps2: the vehicles' maximum deceleration.
     """
     waiting: dict[int, DrivePlan] = {}
     for hit in overlaps:
@@ -232,9 +233,9 @@ def plans_giving_way(
 
 
 def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
-    """Return how a vehicle waits until another has left the conflict area; None if it cannot stop before.
+    """Return how a vehicle waits until another has left the conflict area; None if it cannot stop in time.
 
-    It does not react before the other one has entered.
+    It does not react before the other vehicle has entered.
     """
     in_the_way, roomy_m = (
         _in_the_way(other, hit_step),
@@ -259,7 +260,7 @@ def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, h
 
 
 def _in_the_way(track: Track, from_step: int) -> list[tuple[int, Points]]:
-    """Return the places of a road user from a step on, each with the last step at which it is there, and corners."""
+    """Return a road user's places after a step, each with its corners and the last step at which it is occupied."""
     places: list[tuple[int, int]] = []
     for index in range(max(from_step - track.first_step, 0), len(track.positions)):
         stays = bool(places) and math.dist(track.positions[places[-1][0]], track.positions[index]) < _SAME_PLACE_M

@@ -1,4 +1,4 @@
-"""Edits T and B: when, how fast, in which lane and in which manner recorded or added vehicles drive.
+"""Edits T and B: when, how fast, in which lane and in what manner recorded or added vehicles drive.
 
 Each edit creates or changes plans of vehicles (``DrivePlan``) or replays of recordings; SUMO drives the plans later.
 Times count from the scenario's start.
@@ -58,8 +58,8 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     A vehicle keeps its route if the new lane leads along it, and otherwise continues in the new lane.
 
     Raises:
-        InvalidRequest: neither left nor right, or a vehicle that is not there at the time.
-        NotPossible: no such lane in the vehicle's direction then, or the vehicle cannot be driven.
+        InvalidRequest: neither left nor right is given, or a vehicle is absent at that time.
+        NotPossible: there is no such lane in the vehicle's direction at that time, or the vehicle cannot be driven.
     """
     if edit.lane not in ("left", "right"):
         raise InvalidRequest(
@@ -81,7 +81,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         order = Manoeuvre(step, lanes_left=1 if edit.lane == "left" else -1)
         changes = changes.with_plan(_with_manoeuvre(plan, order))
         since[vehicle_id] = step
-        # The change may happen farther on than requested.
+        # The change may happen farther along the road than requested.
         aims[vehicle_id] = (frozenset({*adjacent, *_adjacent_lanes(scene, plan.lanelets, edit.lane)}),)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     return EditStep(
@@ -92,7 +92,7 @@ def change_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 def _lanelets_at(scene: Scene, plan: DrivePlan, step: int, *, exact: bool) -> tuple[int, ...]:
     """Return the lanelet at a step (``exact``); for a vehicle on another route than recorded, its whole route.
 
-    Lane changes that were ordered before count as done.
+    Lane changes that were ordered earlier count as done.
     """
     match = scene.matches.get(plan.start.obstacle_id)
     lanelets = (match.at(step - plan.start.first_step),) if exact and match else plan.lanelets
@@ -103,7 +103,7 @@ def _lanelets_at(scene: Scene, plan: DrivePlan, step: int, *, exact: bool) -> tu
 
 
 def _adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[int]:
-    """Return the lanes to the left or right of lanelets, for each that has one."""
+    """Return the adjacent lane, on the left or right, of each lanelet that has one."""
     lanes = scene.layout.table.lanes
     adjacent = [lanes[key].left if side == "left" else lanes[key].right for key in lanelets]
     return [key for key in adjacent if key is not None and key in lanes]
@@ -124,7 +124,7 @@ def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], la
 
 
 def _leads_on(scene: Scene, plan: DrivePlan, lanelet_id: int, edge: str) -> bool:
-    """Return True if a lane leads to the next edge of the route (always at its end)."""
+    """Return True if a lane leads to the next edge of the route (at the route's end, always)."""
     onward = plan.edges[plan.edges.index(edge) + 1 :][:1]
     paths, lane_of = scene.layout.paths, scene.layout.lane_of
     indices = scene.edge_graph.paths_from.get(lanelet_id, ())
@@ -148,7 +148,7 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
 
 
 def _first_time_with_lane(scene: Scene, vehicle_id: int, side: str) -> float | None:
-    """Return when (s) a recorded vehicle first has another lane on that side, or None if it never has."""
+    """Return when (s) a recorded vehicle first has an adjacent lane on that side, or None if it never has."""
     track, match = scene.tracks.get(vehicle_id), scene.matches.get(vehicle_id)
     if track is None or match is None:
         return None
@@ -158,12 +158,12 @@ def _first_time_with_lane(scene: Scene, vehicle_id: int, side: str) -> float | N
 
 
 def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Limit the selected vehicles to a speed from a time on, as far as the traffic ahead allows it.
+    """Bring the selected vehicles to a speed from a given time, where the traffic ahead allows it.
 
     They accelerate and brake within their own limits; 0 stops them.
 
     Raises:
-        InvalidRequest: no speed, an impossible one, or a vehicle that is not there at the time.
+        InvalidRequest: no speed or an impossible one is given, or a vehicle is absent at that time.
         NotPossible: a vehicle cannot be driven.
     """
     if edit.speed is None:
@@ -191,7 +191,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[int, ...]) -> EditStep:
-    """Have vehicles drive faster or slower by a share or a difference at every place of their path."""
+    """Have vehicles drive faster or slower, by a share or a difference, at every point of their path."""
     text, since, made = edit.speed or "", dict[int, int](), dict[int, tuple[int, float, float]]()
     for vehicle_id in vehicles:
         motion, orders = motion_of(scene, changes, vehicle_id)
@@ -249,7 +249,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
 
 
 def _by_place(now: Values, wanted: Values) -> tuple[float, ...]:
-    """Return the speeds over time of a drive with the wanted speeds at the places where a motion has its own.
+    """Return the speeds over time of a drive that has the wanted speeds at the points of a motion's path.
 
     After the end of the motion the last speed is kept; if the motion stood, the drive stands as long.
     """
@@ -262,9 +262,9 @@ def _by_place(now: Values, wanted: Values) -> tuple[float, ...]:
 
 
 def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Move the recordings of the selected vehicles in time; what falls outside the scenario is cut off.
+    """Move the recordings of the selected vehicles in time; states outside the scenario are cut off.
 
-    The motion itself stays as recorded, unless the vehicle would hit another one: then it is handed over, too.
+    The motion itself stays as recorded, unless the vehicle would hit another one: then it is handed over to SUMO.
 
     Raises:
         InvalidRequest: no time, or one that leaves nothing of a recording.
@@ -325,7 +325,7 @@ def _nothing_left(track: Track, steps: int, scene: Scene) -> InvalidRequest:
 def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Give the selected vehicles a preset, single parameters, or a preset with single parameters on top.
 
-    Class, length and width of a vehicle stay, and so does the minimum gap of a class that has its own, unless a
+    A vehicle keeps its class, length and width. A class with its own minimum gap also keeps that gap, unless a
     parameter sets it.
 
     Raises:
@@ -357,7 +357,7 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return the selected vehicles that can be driven, and the others if only whole groups were requested.
+    """Return the selected vehicles that can be driven and, if only whole groups were requested, those that cannot.
 
     Raises:
         NotPossible: a vehicle requested individually cannot be driven, or no vehicle of a group can.
@@ -378,13 +378,13 @@ def _drivable(edit: Edit, scene: Scene, changes: Changes) -> tuple[tuple[int, ..
 def _plan_from(
     scene: Scene, changes: Changes, vehicle_id: int, time_s: float | None, *, sends_on: bool = False
 ) -> tuple[DrivePlan, int]:
-    """Return the plan of a vehicle that is driven from a time on at the latest, and the step of that time.
+    """Return the plan of a vehicle that is driven from a given time at the latest, and the step of that time.
 
-    ``time_s``: from the scenario's start; None means from the vehicle's first step. ``sends_on``: a vehicle that was
-    added to stand starts to move.
+    ``time_s``: from the scenario's start; None means from the vehicle's first step. ``sends_on``: whether a vehicle
+    that was added to stand starts to move.
 
     Raises:
-        InvalidRequest: the vehicle is not there then.
+        InvalidRequest: the vehicle is absent at that time.
         NotPossible: the vehicle cannot be driven.
     """
     before = changes.driven.get(vehicle_id)

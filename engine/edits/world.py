@@ -1,6 +1,6 @@
-"""Edits S: the scene itself: cut out a time or a place, mirror it, change the phases of lights and the weather.
+"""Edits S, of the scene itself: crop it in time or space, mirror it, or change its lights and weather.
 
-These change a whole file, not single elements. The edits before one of them are applied first; those after it start
+These change a whole file, not single elements. The edits before such an edit are applied first; those after it start
 from its result. Lengths are in m; times count from the scenario's start.
 """
 
@@ -55,7 +55,7 @@ _LARGER_M = (100.0, 200.0, 500.0, 1000.0)
 
 
 def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track | None], output: Path) -> str:
-    """Change a file by an edit of the scene, write it to another, and return what was done.
+    """Apply an edit of the scene to a file, write the result to a new file, and return what was done.
 
     Raises:
         InvalidRequest: arguments are not valid.
@@ -70,7 +70,7 @@ def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track |
 
 
 def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Mirror a scene at the east-west axis: left becomes right, and traffic drives on the other side."""
+    """Mirror a scene at the east-west axis: left becomes right, and traffic drives on the opposite side."""
     for tag in ("point", "center"):
         for point in root.iter(tag):
             _negate(point.find("y"))
@@ -110,7 +110,7 @@ def _negate_value(value: _Element) -> None:
 
 
 def _exchange(parent: _Element, first: str, second: str, *, repeated: bool = False) -> None:
-    """Exchange the names of two kinds of children, and their places, so that the schema's order is kept."""
+    """Exchange the names and positions of two kinds of children, which keeps the schema's order."""
     ones, others = parent.findall(first), parent.findall(second)
     if not repeated and ones and others:
         at, to = parent.index(ones[0]), parent.index(others[0])
@@ -147,7 +147,7 @@ def _invert_left_of(root: _Element) -> None:
 
 
 def _crop(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:
-    """Keep a time span, a place, or both."""
+    """Keep a time span, an area, or both."""
     words = []
     if edit.time_s is None and edit.duration_s is None and edit.rectangle_m is None:
         raise InvalidRequest(
@@ -246,7 +246,7 @@ def _shift_light(light: _Element, begin: int) -> None:
 
 
 def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | None], begin: int) -> str:
-    """Count the egos' times from a step on; an ego that starts earlier is put where it drives to by then."""
+    """Count the egos' times from a step; an ego that starts earlier is put where it would be at that step."""
     words = ""
     for problem in root.iterchildren("planningProblem"):
         initial = problem.find("initialState")
@@ -298,7 +298,7 @@ def _place_ego(initial: _Element, track: Track, index: int) -> None:
 
 
 def _larger_rectangles(sizes: list[float]) -> list[Remedy]:
-    """Return squares that a refusal of a rectangle proposes."""
+    """Return the squares that a refusal of a rectangle proposes."""
     return [with_values(rectangle_m=[side, side]) for side in _LARGER_M if side > max(sizes, default=0.0)]
 
 
@@ -404,7 +404,7 @@ def _drop_references(root: _Element, kept: set[int]) -> None:
 
 
 def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Give the lights of lanelets other phases, and add a light to lanelets without one."""
+    """Give the lights of lanelets new phases, and add a light to lanelets that have none."""
     lanelets = sorted(target_lanelets(edit.to, scene, Changes(next_id=0, driven={}))) if edit.to else []
     phases = [_phase(text, scene.step_s) for text in edit.params]
     if not lanelets or not phases:
@@ -501,7 +501,7 @@ def _write_cycle(light: _Element, phases: list[tuple[int, str]]) -> None:
 
 @dataclass(frozen=True)
 class _Conditions:
-    """A weather and the friction of roads (each None if it is unchanged), and how words were read."""
+    """A weather and the friction of roads (None if unchanged), and how the words were interpreted."""
 
     weather: Weather | None
     friction: float | None
@@ -510,10 +510,10 @@ class _Conditions:
 
 
 def _conditions_named(edit: Edit) -> _Conditions:
-    """Return the weather and the friction of an edit; without a friction, that of roads in this weather, if known.
+    """Return the weather and the friction of an edit; by default, that of roads in this weather, if known.
 
     Raises:
-        InvalidRequest: neither of them, or something else.
+        InvalidRequest: neither of them is given, or an argument of another kind is.
     """
     valid = [f"weather={word}" for word in WEATHERS]
     if not edit.params:
@@ -552,7 +552,7 @@ def _conditions_named(edit: Edit) -> _Conditions:
 
 
 def _friction_named(text: str, value: str) -> tuple[float, str]:
-    """Return a coefficient of friction, given as a number or as a road condition, and the latter as text."""
+    """Return the coefficient of friction for a number or a road condition, and the condition as text."""
     word = re.sub(r"[\s-]+", "_", value)
     if word in ROAD_FRICTIONS:
         return ROAD_FRICTIONS[word], word
@@ -577,7 +577,7 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
 
 
 def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Write the weather and the friction of the roads into the file; a note lists what uses them."""
+    """Write the weather and the friction of the roads to the file; a note states what uses them."""
     conditions = _conditions_named(edit)
     notes = []
     if conditions.weather is not None:

@@ -59,7 +59,7 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
 
 
 def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
-    """Replace the states of a recorded obstacle after its hand-over; those up to it stay unchanged."""
+    """Replace the states of a recorded obstacle after its hand-over; earlier states stay unchanged."""
     trajectory = document.obstacle(track.obstacle_id).find("trajectory")
     if trajectory is None:
         return
@@ -123,7 +123,7 @@ def _obstacle_element(track: Track, motion: Motion, step_s: float, *, is_2018b: 
 
 
 def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
-    """Replace the goal of a planning problem; what the edit does not give stays.
+    """Replace the goal of a planning problem; what the edit does not give stays unchanged.
 
     Returns:
         Sentences on what else had to change.
@@ -154,7 +154,7 @@ def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
 
 
 def _first_goal(problem: _Element) -> _Element:
-    """Append an empty goal state to a problem without one, indented like the others."""
+    """Append an empty goal state to a problem that has none, indented like the other elements."""
     before = problem[-1]
     goal = etree.SubElement(problem, "goalState")
     before.tail, goal.tail = problem.text, before.tail
@@ -174,7 +174,7 @@ def _goal_position(old: _Element, goal: GoalChange) -> _Element:
 
 
 def _turned(orientation: _Element, heading_rad: float) -> _Element:
-    """Return the interval with its old width around a new heading."""
+    """Return the interval, with its old width, around a new heading."""
     start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
     half = min(abs(end - start) / 2, 3.14)
     middle = wrap_angle(heading_rad)
@@ -224,7 +224,7 @@ def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> 
 
 
 def _write_prescribed(document: ScenarioDocument, obstacle: _Element, replay: Replay, step_s: float) -> None:
-    """Replace the states that an edit prescribes, and the body if it changed; the others keep their bytes."""
+    """Replace the states that an edit prescribes, and the body if it changed; the other bytes are kept."""
     track, recording, trajectory = replay.track, replay.recording, obstacle.find("trajectory")
     if recording is None or trajectory is None:
         return
@@ -257,7 +257,7 @@ def _write_body(document: ScenarioDocument, obstacle: _Element, track: Track) ->
 
 
 def _write_first_state(document: ScenarioDocument, initial: _Element, track: Track, step_s: float) -> None:
-    """Write another place, heading and speed into an initial state; its other values are kept."""
+    """Write a new position, heading and speed into an initial state; its other values are kept."""
     fields = tuple(str(child.tag) for child in initial if isinstance(child.tag, str))
     first = _state_elements(track.part(0, 2), replayed_motion(track.part(0, 2), step_s), fields, step_s)[0]
     document.replace_children(initial, [one for one in initial if isinstance(one.tag, str)], list(first))
@@ -284,7 +284,7 @@ def replayed_motion(track: Track, step_s: float) -> Motion:
 
 
 def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
-    """Replace place, heading and speed of a planning problem's initial state; its other motion values become 0."""
+    """Replace position, heading and speed in a problem's initial state; its other motion values become 0."""
     state = document.problem(ego.problem_id).find("initialState")
     if state is None:
         return
@@ -299,7 +299,7 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
 
 
 def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
-    """Return True if an ego starts at another place, heading or speed than its planning problem states."""
+    """Return True if an ego's position, heading or speed at the start differs from its planning problem's."""
     state = loaded.problem(ego.problem_id).initial_state
     is_there = bool(np.array_equal(ego.position, np.asarray(center_of(state.position), dtype=float)))
     is_as_fast = ego.speed_mps == middle_of(state.velocity) and ego.heading_rad == middle_of(state.orientation)
@@ -327,7 +327,7 @@ def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> Non
 
 
 def set_step(state: _Element, step: int) -> None:
-    """Give a state of a file another time step; a state without a time stays unchanged."""
+    """Give a state of a file a new time step; a state without a time stays unchanged."""
     time = state.find("time")
     if time is None:
         return

@@ -1,6 +1,6 @@
 """Runs work outside the server's process: warm workers, jobs that outlive their call, claims, limits.
 
-``Claims``: Claims of this process on recipes, so that no two processes create the same result at once.
+``Claims``: Claims of this process on recipes, so that no two processes create the same result simultaneously.
 ``ClusterExecutor``: Runs operations on the workers of a Dask cluster.
 ``Executor``: Runs operations in isolation from each other and returns their responses.
 ``Lane``: The workers that run an operation: ``compute`` or ``retrieval``.
@@ -16,7 +16,7 @@
 ``JobProgress``: Records the progress and the results of a job.
 ``JobRunner``: Starts, waits for and cancels jobs.
 ``JobStore``: Reads and writes job records.
-``JobWork``: The work of a job, which receives the means to report its progress.
+``JobWork``: The work of a job, which receives an object to report its progress.
 ``RunApart``: Runs an async function of a job with its arguments, for example in another thread.
 ``Task``: A separate call; its client requests the answer later.
 ``TaskStore``: Reads and writes tasks.
@@ -24,11 +24,11 @@
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.
 ``end_with_parent``: Makes the operating system kill this process when its parent is gone.
 ``limit_memory``: Limits the data memory of this process, in bytes.
-``HeapsGivenBack``: Returns freed memory to the operating system after work, at a limited rate.
+``HeapsGivenBack``: Returns freed memory to the operating system after work, at most every few seconds.
 ``share_heaps``: Makes all threads of this process share few heaps.
 ``ReachableExecutor``: An executor of one event loop, for callers in threads with other loops.
 ``CallThreads``: Threads with their own event loops that serve one call after another.
-``OwnThread``: A thread for one user, such as a stream.
+``OwnThread``: A thread reserved for one user, such as a stream.
 ``run_in``: Runs an async function in the event loop of another thread.
 ``WorkerPool``: Runs operations in worker processes.
 """

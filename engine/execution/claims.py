@@ -1,4 +1,4 @@
-"""Claims on work, so that servers and batches on one workspace do not create the same result at once."""
+"""Claims on work, so that servers and batches on one workspace do not create the same result simultaneously."""
 
 import os
 import threading

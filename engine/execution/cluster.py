@@ -81,7 +81,7 @@ class ClusterExecutor:
         connect_s: float = 10.0,
         versions: Mapping[str, str] | None = None,
     ) -> AsyncIterator["ClusterExecutor"]:
-        """Yield an executor on the cluster at an address, such as ``tcp://host:8786``, or of a scheduler file.
+        """Yield an executor for the cluster at an address, such as ``tcp://host:8786``, or in a scheduler file.
 
         The executor ``here`` runs what cannot travel. An unreachable cluster is not an error: ``notice`` reports it,
         and the executor tries again later.
@@ -91,8 +91,8 @@ class ClusterExecutor:
             here: Runs what cannot travel, and everything while the cluster is gone.
             limits: The resources that an operation may use on a worker.
             connect_s: How long to wait for the scheduler, which answers within a second on a working network.
-            versions: Packages that workers must have in these versions; None means the local versions of those that
-                affect results.
+            versions: Packages that workers must have in these versions; None means the local versions of the packages
+                that affect results.
         """
         executor = cls(address, here, limits, connect_s, versions or versions_of(*_RESULTS))
         await executor._connect_if_due()
@@ -170,7 +170,7 @@ class ClusterExecutor:
     def _close(self) -> None:
         client, self._client = self._client, None
         if client is not None:
-            with contextlib.suppress(OSError, TimeoutError):  # the other end is already gone
+            with contextlib.suppress(OSError, TimeoutError):  # the peer is already gone
                 client.close(timeout=2)
 
     async def _on_cluster(self, operation: Operation[Request, Response], request: Request) -> Response:
@@ -180,7 +180,7 @@ class ClusterExecutor:
             if not isinstance(answer, Missing):
                 break
             self.sent_files += len(answer.digests)
-            # the next worker may be a different one, so the order carries all that this one lacks
+            # the next worker may be a different one, so the order contains everything that this worker lacks
             parcel = await anyio.to_thread.run_sync(_with_contents, parcel, paths, answer)
         if isinstance(answer, Missing):
             raise WorkerFailure(f"{operation.name} was sent its files {_MOST_SENT} times, and no worker kept them")

@@ -98,7 +98,7 @@ class WorkerProcesses(WorkerPlugin):  # type: ignore[misc]  # distributed is not
         self._exits.close()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return only the limits, which travel."""
+        """Return only the limits, which are sent to the worker."""
         return {"_limits": self._limits}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -33,7 +33,7 @@ def hide_environment() -> None:
     """Hide the initial environment of this process from other processes (on Linux).
 
     The kernel exposes the memory of the initial environment. Setting every variable again makes the C library copy it,
-    and then that memory is cleared. The process itself sees no difference.
+    and then the original memory is cleared. The process itself sees no difference.
     """
     if sys.platform != "linux":
         return

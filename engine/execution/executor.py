@@ -1,8 +1,7 @@
 """The tools' interface to operations of the engine and to their executors.
 
-The local pool of processes is one executor, a cluster another. A request is an entry point ``module:function`` and
-JSON, a response is JSON; files are given by their paths. An operation that declares these fields can run on other
-machines.
+The local pool of processes and a cluster are executors. A request is an entry point ``module:function`` and JSON, a
+response is JSON; files are given by their paths. An operation that declares these fields can run on other machines.
 """
 
 import importlib
@@ -60,7 +59,7 @@ class Operation(Generic[Request, Response]):
 
 
 class Executor(Protocol):
-    """Runs operations in isolation: one that crashes or hangs does not disturb the others."""
+    """Runs operations in isolation: an operation that crashes or hangs does not disturb the others."""
 
     @property
     def capacity(self) -> int:
@@ -83,7 +82,7 @@ class Executor(Protocol):
 
 
 class ExecutorAround:
-    """Base of executors that pass operations on to another one; subclasses add ``run``."""
+    """Base of executors that pass operations on to another executor; subclasses add ``run``."""
 
     def __init__(self, inner: Executor) -> None:
         self._inner = inner

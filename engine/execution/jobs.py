@@ -56,7 +56,7 @@ class Job(Model):
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimated remaining time in seconds, or None while too little is done for an estimate."""
+        """Estimated remaining time in seconds, or None until enough is done for an estimate."""
         if self.ended or self.share < 0.02:  # chosen: an earlier estimate is mostly the start-up
             return None
         return (self.updated_at - self.started_at) * (1 - self.share) / self.share
@@ -69,10 +69,10 @@ class JobStore:
         self._database = database
 
     def start(self, kind: str, recipe: Recipe, owner: str = "") -> tuple[Job, bool]:
-        """Return the job for this recipe, and whether it is new; two servers that ask at once get the same job.
+        """Return the job for this recipe, and whether it is new; simultaneous requests by two servers get the same job.
 
-        The id of a new job counts the attempts (``job_<digest>``, ``job_<digest>_2``, …). Its ``owner`` stays the one
-        that started it.
+        The id of a new job counts the attempts (``job_<digest>``, ``job_<digest>_2``, …). Its ``owner`` remains the
+        owner that started it.
         """
         now = time.time()
         with self._database.writing() as connection:
@@ -137,7 +137,7 @@ class JobStore:
         return [_job(row) for row in self._database.connection().execute(query, (owner, limit)).fetchall()]
 
     def lately(self, within_s: float = 60.0) -> list[Job]:
-        """Return jobs that run, or that changed in the last seconds, newest first."""
+        """Return jobs that are running or changed in the last few seconds, newest first."""
         query = f"{_JOBS} WHERE state = 'running' OR updated_at > ? ORDER BY sequence DESC"
         return [_job(row) for row in self._database.connection().execute(query, (time.time() - within_s,)).fetchall()]
 
@@ -264,7 +264,7 @@ class JobRunner:
         return self.store.get(job_id)
 
     async def _run_job(self, job_id: str, work: JobWork) -> None:
-        """Run a job in its proper place; if it cannot start there, only this job fails."""
+        """Run a job where it belongs; if it cannot start there, only this job fails."""
         try:
             await self._run_apart(self._carry_out, job_id, work)
         except Exception as raised:  # noqa: BLE001 - the boundary of a job: the exception becomes this job's error

@@ -26,7 +26,7 @@ class Limits:
         roots: Folders with files that a call may read and write.
         worker_count: Worker processes for simulation and planning.
         worker_memory_bytes: Data memory of one worker process (enforced by the operating system on Linux).
-        worker_idle_bytes: Largest memory of an idle worker; a larger one is replaced.
+        worker_idle_bytes: Largest memory of an idle worker; a larger worker is replaced.
         operation_timeout_s: Time limit of one operation of a worker.
         file_bytes: Largest size of a file to read.
         recordings: The folder for workers' cached recordings; None disables caching.
@@ -122,7 +122,8 @@ _BETWEEN_TRIMS_S = 10.0
 class HeapsGivenBack:
     """Returns freed memory to the operating system (with glibc) after work, at most every few seconds.
 
-    glibc keeps memory below memory in use, so a server would keep the largest total that simultaneous calls ever used.
+    glibc does not return freed memory that lies below memory in use. A server would therefore keep the largest total
+    that simultaneous calls ever used.
 
     Args:
         trim: Returns the memory; glibc's function by default.

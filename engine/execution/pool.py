@@ -1,7 +1,7 @@
 """Warm worker processes that run engine operations, one at a time each.
 
-There are two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the one process with the
-embedding model, which takes seconds to import and hundreds of megabytes.
+There are two lanes: ``compute`` for SUMO, planners, files and pictures, and ``retrieval`` for the single process with
+the embedding model, which takes seconds to import and hundreds of megabytes.
 """
 
 import contextlib
@@ -271,7 +271,7 @@ def response_of(operation: Operation[Request, Response], report: Answer | Failur
 
 
 def _order_line(operation: Operation[Request, Response], request: Request) -> bytes:
-    """Return the order as one line; runs in a thread, since requests may include the records of a thousand runs."""
+    """Return the order as one line; this runs in a thread, since a request may contain a thousand runs' records."""
     return line_of(Order(operation.entry_point, request.model_dump_json()))
 
 

@@ -1,8 +1,8 @@
-"""Durable records of calls that a client does not wait for; it requests the answer later, in any session.
+"""Durable records of calls that a client does not wait for; the client requests the answer later, in any session.
 
 A task is found only by its unguessable id together with its owner. Its record has the request and the process that
-works on it. If that server is gone, the next server that is asked repeats the call and reuses what was finished, since
-recipes identify runs, scenarios and jobs.
+works on it. If that process is gone, the next server to receive a request for the task repeats the call. It reuses
+finished results, since recipes identify runs, scenarios and jobs.
 """
 
 import json
@@ -100,7 +100,7 @@ class TaskStore:
         self._set(task_id, "questions = json_set(questions, ?, json(?))", f'$."{key}"', json.dumps(question))
 
     def answer(self, task_id: str, answers: Mapping[str, Any]) -> None:
-        """Record answers, except those to questions that are not open."""
+        """Record answers to open questions; other answers are ignored."""
         with self._database.writing() as connection:
             row = connection.execute("SELECT questions, answers FROM tasks WHERE task_id = ?", (task_id,)).fetchone()
             if row is None:
@@ -124,7 +124,7 @@ class TaskStore:
         self._set(task_id, "owner_pid = ?", _RELEASED)
 
     def take_over(self, task: Task) -> bool:
-        """Take over an unattended task; return False if another server was faster."""
+        """Take over a task without a running server; return False if another server was faster."""
         with self._database.writing() as connection:
             taken = connection.execute(
                 "UPDATE tasks SET owner_pid = ?, updated_at = ? WHERE task_id = ? AND owner_pid = ? AND updated_at = ?"

@@ -1,4 +1,4 @@
-"""Runs calls and jobs in separate threads, so that they never block the server's other answers.
+"""Runs calls and jobs in separate threads, so that they never block other answers of the server.
 
 ``CallThreads`` gives a call a thread with an event loop for its whole duration: reading arguments, SQLite, files, and
 shaping the answer. ``run_in`` reaches what belongs to the server's own loop (workers, the client's stream). Ordinary
@@ -34,7 +34,7 @@ class CallThreads:
     async def run(self, function: Callable[..., Awaitable[_Result]], *arguments: object) -> _Result:
         """Run an async function in a thread with its own event loop, and return its result.
 
-        A cancelled caller cancels it there and waits for its end, at most 5 s.
+        If the caller is cancelled, the function is cancelled too; the caller waits for its end, at most 5 s.
 
         Raises:
             Exception: The function raised it.
@@ -65,7 +65,7 @@ class CallThreads:
 
 
 class OwnThread:
-    """A thread for one user, which neither waits for other threads nor lacks one when the limit is reached."""
+    """A thread reserved for one user, who neither waits for other threads nor is affected by their limit."""
 
     def __init__(self) -> None:
         self._thread = _start_thread()
@@ -95,7 +95,8 @@ async def run_in(
 ) -> _Result:
     """Run an async function in the event loop of another thread, or directly if it is the caller's own.
 
-    A cancelled caller cancels it there and waits for its end, at most ``patience_s`` seconds.
+    If the caller is cancelled, the function is cancelled too; the caller waits for its end, at most ``patience_s``
+    seconds.
 
     Raises:
         Exception: The function raised it.
@@ -182,7 +183,7 @@ class ReachableExecutor(ExecutorAround):
     async def run(
         self, operation: Operation[Request, Response], request: Request, *, on_progress: OnProgress = no_progress
     ) -> Response:
-        """Run the operation there, and report progress in the caller's loop."""
+        """Run the operation in the executor's loop, and report progress in the caller's loop."""
         own = asyncio.get_running_loop()
 
         async def tell(share: float, message: str) -> None:

@@ -125,7 +125,7 @@ def log_decisions() -> None:
 
 
 def warm_up(modules: Iterable[str]) -> None:
-    """Import modules and exclude them from later garbage collections, which need not traverse what stays."""
+    """Import modules and exclude them from later garbage collections, which need not traverse permanent objects."""
     for module in modules:
         importlib.import_module(module)
     gc.freeze()

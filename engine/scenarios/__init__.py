@@ -2,10 +2,11 @@
 
 ``Manoeuvre``: what a road user does on the ego's path, and when.
 ``manoeuvres_met``: returns what road users would do on the path of an ego with its own planning problem.
-``read_facts``: operation that returns the facts of one CommonRoad file, for the catalogue.
-``describe``: operation that returns ego, vehicles and lanelets near the focus of a scenario.
-``write_opendrive``: operation that writes the lanelets of a scenario as OpenDRIVE, and returns losses and deviations.
-``write_openscenario``: operation that writes the recording of a scenario as OpenSCENARIO XML, and returns losses.
+``read_facts``: the operation that returns the facts of one CommonRoad file, for the catalogue.
+``describe``: the operation that returns the ego, vehicles and lanelets near the focus of a scenario.
+``write_opendrive``: the operation that writes the lanelets of a scenario as OpenDRIVE, and returns losses and
+deviations.
+``write_openscenario``: the operation that writes the recording of a scenario as OpenSCENARIO XML, and returns losses.
 """
 
 from typing import TYPE_CHECKING

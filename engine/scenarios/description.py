@@ -55,11 +55,11 @@ OWN_RECORDING = "at the ego's start and speed: its own recording, which counts a
 
 
 def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
-    """Return ego, vehicles and lanelets near the focus; how many depends on the detail.
+    """Return the ego, vehicles and lanelets near the focus; the detail decides how many.
 
     Raises:
         UnknownName: the focus is not a vehicle, lanelet or selector.
-        NotPossible: the focus has no motion, or no vehicle is there at the requested time.
+        NotPossible: the focus has no motion, or no vehicle is present at the requested time.
         UnsafeInput: the file is broken.
     """
     report(0.0, "reading the scenario")
@@ -96,10 +96,10 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
 
 
 def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
-    """Return the vehicles that are there at a step.
+    """Return the vehicles that are present at a step.
 
     Raises:
-        NotPossible: there is no such vehicle.
+        NotPossible: no vehicle is present at the step.
     """
     there = {key: track for key, track in tracks.items() if track.index_at(step) is not None}
     if there or not tracks:
@@ -110,7 +110,7 @@ def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int,
 
 
 def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
-    """Return the focus with its whole motion; for the ego that of its own recording.
+    """Return the focus with its whole motion; for the ego, the motion in its own recording.
 
     Raises:
         NotPossible: the focus is a lanelet, a vehicle without a recording, or an ego that was not recorded.
@@ -186,20 +186,20 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
 
 
 def _near(tracks: Mapping[int, Track], begin: int, center: Points, radius_m: float) -> list[int]:
-    """Return vehicles within a distance of the centre, the nearest first, at their described positions."""
+    """Return the vehicles within a distance of the centre, nearest first, at their described positions."""
     away = sorted((_distance_m(track, begin, center), key) for key, track in tracks.items())
     return [key for distance_m, key in away if distance_m <= radius_m]
 
 
 def _distance_m(track: Track, begin: int, center: Points) -> float:
-    """Return the distance of a vehicle from a place, at its described position."""
+    """Return the distance of a vehicle, at its described position, from a point."""
     return round(float(np.linalg.norm(track.positions[track.index_at(begin) or 0] - center)), 1)
 
 
 def _vehicles(
     scene: Scene, center: Points, keys: Collection[int], roles: Mapping[int, str], at_step: int
 ) -> dict[int, DescribedVehicle]:
-    """Return some vehicles by id, each at a step or at its first appearance."""
+    """Return the given vehicles by id, each at a step or at its first appearance."""
     if not keys:
         return {}
     lane, known = ego_lane(scene, scene.ego) if scene.ego else None, scene.tracks | scene.standing
@@ -209,7 +209,7 @@ def _vehicles(
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """Return the vehicle with its role: own recording, ``lead`` or ``follow`` outside the ego's lane, not drivable."""
+    """Return the vehicle with its role: the ego's recording, not drivable, or ``lead``/``follow`` in another lane."""
     track = scene.tracks.get(vehicle.vehicle_id)
     if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
         return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
@@ -285,7 +285,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
 
 
 def _goal_figures(problem: "PlanningProblem", step_s: float, start: Any) -> dict[str, float]:
-    """Return the figures of a goal with one state: its time, and the distance of the centre of its region."""
+    """Return the figures of a goal with one state: its time, and the distance to the centre of its region."""
     states = problem.goal.state_list
     if len(states) != 1:
         return {}
@@ -310,7 +310,7 @@ def vehicle_words(name: str) -> str:
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
-    """Return the goal's position, time, speed and heading as text, as far as it states them."""
+    """Return those of the goal's position, time, speed and heading that it states, as text."""
     states = problem.goal.state_list
     if not states:
         return "not stated"
@@ -340,7 +340,7 @@ def _span(value: Any, factor: float) -> str:
 def _describe_lanelets(
     scene: Scene, ego: DescribedEgo | None, center: Points, radius_m: float, most: int
 ) -> tuple[tuple[DescribedLanelet, ...], int]:
-    """Return the lanelets within the radius, those of the ego's route first, then the nearest; and their total."""
+    """Return lanelets within the radius, first those of the ego's route, then the nearest, and the total number."""
     distances = {
         lanelet.lanelet_id: float(np.min(np.linalg.norm(lanelet.center_vertices - center, axis=1)))
         for lanelet in scene.network.lanelets

@@ -1,7 +1,7 @@
 """Read the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
 
-Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). About the recording, the
-facts state how dense the traffic is, and when it meets an ego that does not react.
+Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). The facts also state how
+dense the recorded traffic is, and when it meets an ego that does not react.
 """
 
 import math
@@ -52,8 +52,8 @@ def read_facts(request: ReadFactsRequest, report: ProgressReporter) -> ScenarioF
     """Return the facts of one CommonRoad file.
 
     Raises:
-        UnsafeInput: the file is hostile, broken or not a CommonRoad file, or contains numbers that no scenario has; or
-            the SUMO network next to it is not valid.
+        UnsafeInput: the file is hostile, broken or not a CommonRoad file, or contains numbers outside the limits of
+            scenarios; or the SUMO network next to it is not valid.
     """
     report(0.0, f"reading {shown_name(request.path.name)}")
     if request.net is not None:
@@ -128,9 +128,10 @@ _OUR_AUTHOR = "PlannerForge"
 
 
 def _circumstances(scenario: "Scenario") -> tuple[str, ...]:
-    """Return bad weather, night and rush hour, as stated by the environment of a file of this program.
+    """Return bad weather, night and rush hour, as stated in the environment element of a file by this program.
 
-    Other files are not trusted: of CommonRoad's public ones, one of 195 states an environment, a test of the format.
+    Other files are not trusted: of CommonRoad's 195 public files, only one states an environment, and it is a test of
+    the format.
     """
     environment = getattr(scenario.location, "environment", None)
     if environment is None or scenario.author != _OUR_AUTHOR:
@@ -145,7 +146,7 @@ def _circumstances(scenario: "Scenario") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _Recording:
-    """The source of the facts of every ego; ``bodies`` are the tracks and the static obstacles."""
+    """The recording, from which the facts for every ego come; ``bodies`` are the tracks and the static obstacles."""
 
     loaded: LoadedScenario
     scenario: "Scenario"
@@ -162,7 +163,7 @@ def manoeuvres_met(
     problem: "PlanningProblem",
     vehicle_class: str,
 ) -> tuple[Manoeuvre, ...]:
-    """Return what road users would do on the path of an ego with its own planning problem, in a scenario's lanes.
+    """Return what road users would do, in a scenario's lanes, on the path of an ego with a given problem.
 
     The result is that of :func:`read_facts` for a file with these tracks and this problem.
 
@@ -250,7 +251,7 @@ def _manoeuvres(
 
 
 def _first_step(problems: Iterable["PlanningProblem"], tracks: Iterable[Track]) -> int:
-    """Return the first step of the scenario: that of the first ego or recorded state, or 0 without any."""
+    """Return the scenario's first step: the first ego start or recorded state, or 0 if there is neither."""
     starts = [int(problem.initial_state.time_step) for problem in problems]
     return min([*starts, *(track.first_step for track in tracks)], default=0)
 
@@ -273,10 +274,10 @@ INSIDE_END_M = 0.1
 def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -> float | None:
     """Return the seconds until an ego that keeps its path and initial speed meets the recording, or None.
 
-    This differs from a run's time to collision (:mod:`plannerforge.engine.criticality`), which assumes that both road
-    users keep course and speed from one time on, in the plane: here the others move as recorded, and the ego follows
-    its lanes. Both are rectangles along the path's coordinates, the ego with the size of a BMW 320i. Bodies that
-    overlap the ego at its start are left out, and so are those that hit it from behind.
+    This differs from a run's time to collision (:mod:`plannerforge.engine.criticality`), which assumes that the two
+    road users keep their course and speed in the plane. Here, the others move as recorded, and the ego follows its
+    lanes. All are rectangles in the path's coordinates; the ego has the size of a BMW 320i. Bodies that overlap the ego
+    at its start are left out, and so are those that hit it from behind.
     """
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is None or not recording.bodies:
@@ -295,7 +296,7 @@ def _time_to_conflict_s(recording: _Recording, ego: EgoFacts, start_step: int) -
             continue
         skipped = max(start_step - track.first_step, 0)
         steps = np.arange(track.first_step + skipped, track.last_step + 1) - start_step
-        looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # one pose of a static obstacle
+        looked_at = slice(skipped, None if key in recording.tracks else skipped + 1)  # a static obstacle has one pose
         positions, facing = track.positions[looked_at], track.headings_rad[looked_at]
         if key in recording.tracks:
             near = is_near_line(line, positions, track.length_m + track.width_m + own_width_m)

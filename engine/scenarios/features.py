@@ -1,7 +1,8 @@
-"""What the geometry shows about a scenario, apart from the tags that its author wrote into the file.
+"""Features of a scenario computed from its geometry, independent of the tags that its author wrote.
 
-Found in the lanelet network: crossings (lanelets that cross at an angle), roundabouts (short round cycles of successors
-with several entries) and motorway ramps (roads of one direction that diverge or merge at a small angle). Angles in rad.
+The features include these, found in the lanelet network: crossings (lanelets that cross at an angle), roundabouts
+(short round cycles of successors with several entries) and motorway ramps (roads of one direction that diverge or merge
+at a small angle). Angles in rad.
 """
 
 import math
@@ -83,7 +84,7 @@ def features(
 
 
 def _has_crossing(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
-    """Return True if two lanelets cross at over 25° within 100 m of the point, or one on the route is crossed.
+    """Return True if two lanelets cross at over 25° within 100 m of the point, or if any crosses the route.
 
     Lanelets that share an end (a fork, a merge) do not cross. CommonRoad has no heights, so a bridge counts.
     """
@@ -162,7 +163,7 @@ def _share_an_end(graph: LaneletGraph, one: int, two: int) -> bool:
 
 
 def _cross_at_angle(first: Points, second: Points, point: Points) -> bool:
-    """Return True if the lines meet there at more than the crossing angle, regardless of their directions."""
+    """Return True if the lines meet at a point at more than the crossing angle, regardless of direction."""
     angles = []
     for line in (first, second):
         station = project(line, point)[0]
@@ -184,9 +185,9 @@ FEWEST_ENTRIES = 2
 def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
     """Return True if lanelets form a circular junction.
 
-    That is a round one-way cycle of at most 400 m that at least two lanelets enter, driven anticlockwise if traffic
-    keeps right and clockwise if it keeps left. The round trip around a block of houses is neither one-way nor driven
-    that way.
+    A circular junction is a round one-way cycle of at most 400 m that at least two lanelets enter, driven anticlockwise
+    if traffic keeps right and clockwise if it keeps left. The round trip around a block of houses is neither one-way
+    nor driven that way.
     """
     seen: set[int] = set()
     keeps_right = _keeps_right(network)
@@ -204,7 +205,7 @@ def has_roundabout(network: "LaneletNetwork", graph: LaneletGraph) -> bool:
 
 
 def _keeps_right(network: "LaneletNetwork") -> bool | None:
-    """Return the side of the traffic from the positions of opposite lanes; None if no road has both directions."""
+    """Return whether traffic keeps right, judged by opposite lanes; None if no road has both directions."""
     left = sum(1 for lane in network.lanelets if lane.adj_left is not None and not lane.adj_left_same_direction)
     right = sum(1 for lane in network.lanelets if lane.adj_right is not None and not lane.adj_right_same_direction)
     return None if left == right else left > right
@@ -221,7 +222,7 @@ def _neighbours(lane: "Lanelet") -> tuple[tuple[int | None, bool | None], ...]:
 
 
 def _shortest_cycle(graph: LaneletGraph, start: int) -> tuple[int, ...]:
-    """Return the fewest successors that lead back to the start, within the longest length; empty if there are none."""
+    """Return the shortest chain of successors back to the start, within the maximum length; empty if there is none."""
     came_from: dict[int, int] = {}
     lengths = {start: graph.length_m[start]}
     queue = deque([start])
@@ -265,9 +266,9 @@ APART_M = 0.3
 
 
 def _has_ramp(network: "LaneletNetwork", graph: LaneletGraph, point: Points, route: tuple[int, ...]) -> bool:
-    """Return True if roads diverge or merge as at a motorway ramp, within 200 m of the point or on the route.
+    """Return True if roads diverge or merge as at a motorway ramp, within 200 m of the point or along the route.
 
-    That is two lanelets that leave (or reach) the same one at less than 20°, on carriageways without oncoming lanes.
+    That is, two lanelets leave (or reach) the same lanelet at less than 20°, on carriageways without oncoming lanes.
     The caller must exclude crossings and roundabouts.
     """
     for key in graph.successors:
@@ -294,7 +295,7 @@ def _is_ramp_pair(
 
 
 def _has_oncoming_lane(network: "LaneletNetwork", lanelet_id: int) -> bool:
-    """Return True if any lane of the carriageway has a neighbour of the other direction."""
+    """Return True if any lane of the carriageway has a neighbour in the opposite direction."""
     seen: set[int] = set()
     waiting = [lanelet_id]
     while waiting:

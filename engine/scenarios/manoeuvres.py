@@ -1,4 +1,4 @@
-"""What the recorded traffic does on the ego's path: cut-ins and cut-outs, merging, overtaking, hard braking, crossing.
+"""Manoeuvres of recorded traffic on the ego's path: cut-ins, cut-outs, merging, overtaking, braking, crossing.
 
 Everything is measured along the line that the ego follows, from its start along its route to the goal. If the file
 contains a recording of the ego, the ego follows it; otherwise it keeps its initial speed. A vehicle is close ahead
@@ -96,7 +96,7 @@ class _Ego:
 
     @property
     def reach_m(self) -> float:
-        """The station that the ego reaches within the recording, at least the distance that counts as near."""
+        """The station that the ego reaches within the recording, and at least the distance that counts as near."""
         return max(float(self.stations[-1]), float(self.stations[0]) + AHEAD_OF_START_M)
 
     def gap_m(self, seen: "_Seen", index: int) -> float:
@@ -112,7 +112,7 @@ class _Ego:
 
 @dataclass(frozen=True)
 class _Seen:
-    """The samples of a road user near the ego's line: steps since the ego's start, places, headings and speeds."""
+    """A road user's samples near the ego's line: steps since the ego's start, positions, headings and speeds."""
 
     track: Track
     steps: NDArray[np.int_]
@@ -150,11 +150,11 @@ def manoeuvres(
     start_step: int,
     step_s: float,
 ) -> tuple[Manoeuvre, ...]:
-    """Return what road users do on the ego's path, sorted; of each road user the first manoeuvre of a name.
+    """Return the manoeuvres on the ego's path, sorted; of each road user, the first manoeuvre of each name.
 
     Args:
         network: the lanelets.
-        graph: the same as a graph.
+        graph: the lanelets as a graph.
         tracks: the recorded road users by id.
         ego: the ego at its start.
         length_m: the ego's length.
@@ -188,7 +188,7 @@ def manoeuvres(
 
 
 def _is_own(track: Track, ego: EgoFacts, start_step: int) -> bool:
-    """Return True if a track starts at the ego's place and speed, so that it is the ego's own recording."""
+    """Return True if a track starts at the ego's position and speed, and so is the ego's own recording."""
     index = track.index_at(start_step)
     if index is None:
         return False
@@ -219,7 +219,7 @@ def _driver(
 
 
 def _seen(line: Points, track: Track, start_step: int, every: int) -> _Seen | None:
-    """Return the samples of a road user near the line from the ego's start on; None if there are fewer than two."""
+    """Return a road user's samples near the line after the ego's start; None if there are fewer than two."""
     begin = max(start_step - track.first_step, 0)
     indices = np.arange(begin, len(track.positions), every)
     indices = indices[is_near_line(line, track.positions[indices], REACH_M)]
@@ -282,7 +282,8 @@ def _joins(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -
 def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozenset[int]) -> bool:
     """Return True if lanelets lead only to lanes that end next to a path, as an acceleration lane does.
 
-    A lane ends if the next lane continues. At the end of the file all lanes stop, and no lane ends.
+    A lane counts as ending if the adjacent lane continues. Where the map ends, all lanes stop, but none of them counts
+    as ending.
     """
 
     def ends(key: int, within: int) -> bool:
@@ -326,7 +327,7 @@ def _crossings(ego: _Ego, seen: _Seen) -> dict[str, int]:
 
 
 def _overtaking(driving: Sequence[_Seen], width_m: float) -> Iterator[Manoeuvre]:
-    """Yield vehicles that approach another one from behind in its lane, pass it in the next lane and are then ahead."""
+    """Yield vehicles that approach another from behind in its lane, pass it in the next lane and end up ahead."""
     for one in driving:
         if float(np.ptp(one.offsets)) < OUTSIDE * width_m:
             continue

@@ -1,7 +1,7 @@
 """How a recorded vehicle moves over time: speed, acceleration, lane, and the vehicle that it follows, with its gap.
 
-Phases of braking list what was ahead when they started: a slower vehicle, a crossing one, a light, a turn, a lower
-limit. That is what the recording shows, not what a driver thought.
+Each phase of braking lists what was ahead when it started: a slower vehicle, a crossing road user, a light, a turn, or
+a lower limit. This reports what the recording contains, not what a driver thought.
 """
 
 import math
@@ -122,7 +122,7 @@ def _braking(scene: Scene, track: Track, begin: int, acceleration: Values) -> It
 
 
 def _cause(scene: Scene, track: Track, first: int, last: int) -> tuple[str, str]:
-    """Return what was ahead when a vehicle started to brake: a code, and text with the evidence."""
+    """Return what was ahead when a vehicle started to brake: a code, and the evidence as text."""
     speed = float(track.speeds_mps[first])
     reach_m = max(HEADWAY_S * speed, STANDING_GAP_M)
     leader = leader_of(scene, track, first)
@@ -156,13 +156,13 @@ def other_kind(scene: Scene, key: int) -> str:
 
 
 def _index_after(track: Track, index: int, further_m: float) -> int:
-    """Return the index at which a vehicle has driven so much farther, or its last one."""
+    """Return the index at which a vehicle has driven a given distance farther, or its last index."""
     driven = arc_length(track.positions)
     return min(int(np.searchsorted(driven, driven[index] + further_m)), len(driven) - 1)
 
 
 def _crosses(scene: Scene, track: Track, first: int, last: int) -> int | None:
-    """Return a road user that crosses a vehicle's path until a headway after the braking, or None."""
+    """Return a road user that crosses a vehicle's path by one headway after the braking, or None."""
     end = min(last + round(AHEAD_S / scene.step_s), len(track.positions) - 1)
     match = scene.matches.get(track.obstacle_id)
     if match is None:

@@ -1,7 +1,7 @@
 """Routes of SUMO edges for sequences of lanelets.
 
 A recording gives lanelets, with gaps and lanelets inside junctions; SUMO needs connected edges. A *path* leads through
-a junction, from the lanelet before it to the one after it (``NetLayout.paths``).
+a junction, from the lanelet before it to the lanelet after it (``NetLayout.paths``).
 """
 
 import math
@@ -48,9 +48,9 @@ class EdgeGraph:
         return {key: tuple(indices) for key, indices in leaving.items()}
 
     def route(self, lanelets: Sequence[int]) -> tuple[str, ...] | None:
-        """Return the edges for a drive over lanelets, from the one into the first to the one after the last.
+        """Return the edges for a drive over lanelets, from the edge into the first to the edge after the last.
 
-        Gaps are closed by the fewest edges; None if that takes too many.
+        Gaps are closed with as few edges as possible; the result is None if that takes too many.
         """
         edges: list[str] = []
         for edge in self._edges_of(lanelets):
@@ -71,10 +71,10 @@ class EdgeGraph:
         return next(broken, (lanelets[0], lanelets[-1]))
 
     def extended(self, edges: Sequence[str], last_lanelet: int | None = None) -> tuple[str, ...]:
-        """Return the route continued straight ahead, so that a vehicle does not end with its recording.
+        """Return the route continued straight ahead, so that a vehicle does not stop where its recording ends.
 
-        ``last_lanelet``: the lane in which the vehicle arrives; the route continues from it if it leads on and not
-        back.
+        ``last_lanelet``: the lane in which the vehicle arrives; the route continues from this lane if it leads onwards
+        and not back.
         """
         route, total, lanelet = list(edges), 0.0, last_lanelet
         while total < _EXTENSION_M:
@@ -90,7 +90,7 @@ class EdgeGraph:
         return tuple(route)
 
     def straight_on(self, lanelet_id: int) -> tuple[int, ...]:
-        """Return the lanelets of a route's continuation from one, through a junction and after it; empty at the end."""
+        """Return a route's continuation after a lanelet, through a junction and beyond it; empty at the end."""
         successors = self.layout.table.successors[lanelet_id]
         index = self._straightest([lanelet_id], ())
         if index is None:
@@ -126,7 +126,7 @@ class EdgeGraph:
         return [*before, *outside, *after]
 
     def _inside_exits(self, lanelets: Sequence[int]) -> list[str]:
-        """Return exits of paths that use all leading internal lanelets: they distinguish paths that share the first."""
+        """Return the exits of paths through all leading internal lanelets, which separate paths with equal starts."""
         inside: list[int] = []
         for key in lanelets:
             if key in self.layout.lane_of:

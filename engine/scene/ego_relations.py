@@ -1,4 +1,4 @@
-"""The vehicles around the ego: which are ahead and behind along its lane, and a description of their positions.
+"""The vehicles around the ego: which are ahead and behind along its lane, and descriptions of their positions.
 
 In edits and descriptions, ``lead`` and ``follow`` are the vehicles of :func:`leader_and_follower`. A vehicle counts if
 it is on the ego's lanelet, on any successor (on every branch) or on any predecessor. It also counts if it is on another
@@ -33,7 +33,7 @@ def leader_and_follower(scene: Scene, ego: Ego) -> tuple[int | None, int | None]
     """Return the nearest vehicles ahead and behind along the ego's lane; None if there is no such vehicle.
 
     Distances are along the centre lines, at the ego's first time step; the search along lanelets ends after 300 m. A
-    vehicle that overtakes next to the lane is neither, nor is the ego's own recording.
+    vehicle that is overtaking next to the lane and the ego's own recording do not count.
     """
     gaps = [*_gaps_along_lanelets(scene, ego), *_gaps_in_lane(scene, ego)]
     ahead = [(gap, key) for key, gap in gaps if gap > 0.0]
@@ -44,7 +44,7 @@ def leader_and_follower(scene: Scene, ego: Ego) -> tuple[int | None, int | None]
 def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
     """Return the lane from the ego's start along its route to its goal, extended straight at both ends.
 
-    None if it does not start on a lanelet.
+    The result is None if the ego does not start on a lanelet.
     """
     network = scene.network
     starts = lanelets_of_pose(network, ego.position, ego.heading_rad) or ego.lanelets
@@ -61,7 +61,7 @@ def ego_lane(scene: Scene, ego: Ego) -> "EgoLane | None":
 
 
 def is_own_recording(track: Track, ego: Ego) -> bool:
-    """Return True if a track starts as the ego does, in place, heading and speed: the ego's own recording."""
+    """Return True if a track starts at the ego's position, heading and speed: it is the ego's own recording."""
     index = track.index_at(ego.step)
     if index is None:
         return False
@@ -72,7 +72,7 @@ def is_own_recording(track: Track, ego: Ego) -> bool:
 
 
 def _others(scene: Scene, ego: Ego) -> Iterator[tuple[int, Track, int]]:
-    """Yield vehicles that are there at the ego's first step, with their index at it."""
+    """Yield the vehicles that are present at the ego's first step, with their index at that step."""
     for key, track in scene.tracks.items():
         index = track.index_at(ego.step)
         if index is not None and track.kind not in NOT_DRIVEN and not is_own_recording(track, ego):
@@ -108,7 +108,7 @@ def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple[int, int, float]]:
-    """Yield vehicles on some lanelets, and their arc length on them, at the ego's first time step."""
+    """Yield vehicles on some lanelets, and their arc lengths on these, at the ego's first time step."""
     for key, track, index in _others(scene, ego):
         match = scene.matches.get(key)
         if match is None or (lanelet := match.at(index)) not in wanted:
@@ -118,7 +118,7 @@ def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple
 
 
 def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], first_m: float) -> dict[int, float]:
-    """Return lanelets in one direction → distance in m from the ego to their near end."""
+    """Return a mapping of lanelets in one direction to the distance in m from the ego to their near end."""
     lanes = scene.layout.table.lanes
     graph = Digraph[int](lambda key: ((after, lanes[key].length_m) for after in onward[key] if after != start))
     return graph.costs({key: first_m for key in onward[start] if key != start}, _LOOK_M)
@@ -148,7 +148,7 @@ _OWN, _ONCOMING = "same lane", "oncoming"
 
 @dataclass(frozen=True)
 class _Where:
-    """A description, the distance in m along the ego's lane (ahead positive; None off its road), and the gap."""
+    """Where a vehicle is: a description, the distance in m along the ego's lane (ahead positive), and the gap."""
 
     words: str
     ahead_m: float | None
@@ -156,7 +156,7 @@ class _Where:
 
     @property
     def in_lane(self) -> bool:
-        """Whether it is in the ego's own lane."""
+        """Whether the vehicle is in the ego's own lane."""
         return self.gap_m is not None
 
 
@@ -164,8 +164,8 @@ class _Where:
 class EgoLane:
     """The lane that the ego follows: its centre line from behind the ego to far ahead, and the adjacent lanes.
 
-    ``lanes_left``: lanelet → lanes to the left of the ego's (right negative) in its direction; 0 is its own.
-    ``length_m``: the ego's length.
+    ``lanes_left``: lanelet → number of lanes to the left of the ego's (right negative) in the ego's direction; 0 is its
+    own lane. ``length_m``: the ego's length.
     """
 
     network: "LaneletNetwork"
@@ -177,7 +177,7 @@ class EgoLane:
     length_m: float
 
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
-        """Return where the track is at an index of its arrays."""
+        """Return where a track's vehicle is at an index of the track's arrays."""
         point, heading = track.positions[index], float(track.headings_rad[index])
         station, offset = project(self.line, point)
         ahead = station - self.here_m
@@ -198,7 +198,7 @@ class EgoLane:
         return _Where(f"{_along(ahead)}, {lane}", round(ahead, 1), None if gap is None else round(gap, 1))
 
     def _lane(self, track: Track, index: int, lanelet: int | None, at: tuple[float, float]) -> str | None:
-        """Return the lane that a vehicle is in, at an arc length and an offset of the line; None on another road."""
+        """Return a vehicle's lane at an arc length along the line and an offset from it; None on another road."""
         station, offset = at
         if lanelet not in self.lanes_left and not _LINE_END_M < station < arc_length(self.line)[-1] - _LINE_END_M:
             return None
@@ -239,7 +239,7 @@ class EgoLane:
 
 
 def _outside_lane(network: "LaneletNetwork", lanelet: int, track: Track, index: int) -> bool:
-    """Return True if a vehicle is next to a lanelet with its whole width, as when it overtakes on the oncoming lane."""
+    """Return True if a vehicle's whole width is next to a lanelet, as when it overtakes in the oncoming lane."""
     lane, line, point = network.find_lanelet_by_id(lanelet), center_line(network, lanelet), track.positions[index]
     nearest = int(np.argmin(np.linalg.norm(lane.center_vertices - point, axis=1)))
     width = float(np.linalg.norm(lane.left_vertices[nearest] - lane.right_vertices[nearest]))
@@ -259,7 +259,7 @@ def _bearing(angle_rad: float) -> str:
 
 
 def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tuple[list[Points], list[int]]:
-    """Return the centre lines behind a lanelet, the farthest first, and their lanelets, the nearest first."""
+    """Return the centre lines behind a lanelet, farthest first, and their lanelets, nearest first."""
     chosen: list[int] = []
     total, current = 0.0, start
     while total < _BEHIND_M:

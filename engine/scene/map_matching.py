@@ -1,8 +1,8 @@
 """Map matching: which lanelets a recorded vehicle drove on.
 
 A Viterbi search over the lanelets near the sampled positions of a track. Each lanelet has a cost for the distance
-outside of it and from its centre line and for the difference in heading; each step has a cost for whether the next
-lanelet follows or is adjacent. Costs are plain numbers, weighted by hand on recorded traffic.
+outside it and from its centre line, and for the difference in heading. Each step has a cost that depends on whether the
+next lanelet follows or is adjacent. Costs are plain numbers, tuned by hand on recorded traffic.
 """
 
 import itertools
@@ -90,7 +90,7 @@ class MapMatcher:
         return {key: place for place, key in enumerate(self.keys)}
 
     def match(self, track: Track) -> LaneMatch | None:
-        """Return the most likely lanelets of a track; None if it is never near a lanelet of its direction."""
+        """Return the most likely lanelets of a track; None if it is never near a lanelet in its direction."""
         return self.match_all({track.obstacle_id: track}).get(track.obstacle_id)
 
     def match_all(self, tracks: Mapping[int, Track]) -> dict[int, LaneMatch]:
@@ -113,18 +113,18 @@ class MapMatcher:
         return matches
 
     def near(self, position: Points, heading_rad: float, speed_mps: float) -> list[tuple[int, float]]:
-        """Return lanelets within reach of a pose and their cost, by ascending id; the heading counts while moving."""
+        """Return the lanelets within reach of a pose and their costs, by ascending id; the heading counts in motion."""
         return self._near(position[None], np.array([heading_rad]), np.array([speed_mps]))[0]
 
     def near_as_well(self, position: Points, heading_rad: float, speed_mps: float, key: int) -> tuple[int, ...]:
-        """Return the other lanelets that a pose on one fits nearly as well, best first: they overlap there."""
+        """Return lanelets that fit a pose nearly as well as the given lanelet, best first: they overlap at the pose."""
         costs = dict(self.near(position, heading_rad, speed_mps))
         most = costs.get(key, 0.0) + COST_OF_NO_DIFFERENCE
         others = sorted((cost, other) for other, cost in costs.items() if other != key and cost <= most)
         return tuple(other for _, other in others)
 
     def _near(self, positions: Points, headings_rad: Values, speeds_mps: Values) -> list[list[tuple[int, float]]]:
-        """Return lanelets and costs, as ``near`` does, for n poses at once."""
+        """Return lanelets and costs, as ``near`` does, for n poses together."""
         import shapely
 
         points = shapely.points(positions)
@@ -146,7 +146,7 @@ class MapMatcher:
         return near
 
     def _best(self, candidates: list[list[tuple[int, float]]]) -> tuple[int, ...]:
-        """Return the cheapest sequence of one candidate per sample."""
+        """Return the cheapest sequence that has one candidate per sample."""
         if all(len(lanelets) == 1 for lanelets in candidates):
             return tuple(lanelets[0][0] for lanelets in candidates)
         costs = [cost for _, cost in candidates[0]]
@@ -163,7 +163,7 @@ class MapMatcher:
         return tuple(reversed(chosen))
 
     def _cheapest(self, costs: list[float], before: list[tuple[int, float]], new: int) -> tuple[float, int]:
-        """Return the least cost of reaching a lanelet from the previous ones, and the index of the best of these."""
+        """Return the lowest cost of reaching a lanelet from the previous lanelets, and the index of the best one."""
         least, place = math.inf, 0
         for at, (old, _) in enumerate(before):
             cost = costs[at]
@@ -175,7 +175,7 @@ class MapMatcher:
 
 
 def _outside_m(polygon: Any, points: NDArray[np.object_]) -> Values:
-    """Return distances (n,) in m of points from a prepared polygon; most are inside, which is quick to test."""
+    """Return distances (n,) in m of points from a prepared polygon; most points are inside, which is quick to test."""
     import shapely
 
     outside_m = np.zeros(len(points))
@@ -185,7 +185,7 @@ def _outside_m(polygon: Any, points: NDArray[np.object_]) -> Values:
 
 
 def _likeliest(lanelets: list[tuple[int, float]]) -> list[tuple[int, float]]:
-    """Return the lanelets of a pose that are compared with the next pose's: the cheapest ones, as ordered."""
+    """Return the cheapest lanelets of a pose, in the given order; only they are compared with the next pose's."""
     if len(lanelets) <= _MOST_COMPARED:
         return lanelets
     return sorted(sorted(lanelets, key=lambda one: (one[1], one[0]))[:_MOST_COMPARED])
@@ -206,7 +206,7 @@ def _related(layout: NetLayout, key: int) -> frozenset[int]:
 
 
 def _offsets(center: Points, points: Points) -> tuple[Values, Values]:
-    """Return the distance to a polyline in m and its heading in rad there, both (n,), for n points."""
+    """Return, for n points, the distance to a polyline in m and its heading in rad at the nearest point, each (n,)."""
     step_x, step_y = np.diff(center, axis=0).T
     # Coordinate by coordinate, because numpy is slow at reducing axes of two.
     away_x, away_y = points[:, :1] - center[:-1, 0], points[:, 1:] - center[:-1, 1]

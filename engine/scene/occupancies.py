@@ -1,8 +1,8 @@
-"""Obstacles without a trajectory as bounding tracks of the places where a set-based prediction says that they may be.
+"""Bounding tracks for obstacles without a trajectory: they cover where a set-based prediction says they may be.
 
-An obstacle without a trajectory cannot be driven, but blocks the road like all others. Each part of an occupancy
-becomes an oriented rectangle around it. Because these grow and turn from step to step and a track has one size, an
-obstacle becomes several tracks, one after the other or side by side.
+Such an obstacle cannot be driven, but blocks the road as any other does. Each part of an occupancy becomes an oriented
+rectangle around it. Because these grow and turn from step to step and a track has one size, an obstacle becomes several
+tracks, one after the other or side by side.
 """
 
 import math
@@ -38,7 +38,7 @@ class _Box:
 
     @property
     def size_class(self) -> tuple[int, int]:
-        """Its sides in whole size steps."""
+        """The rectangle's sides in whole size steps."""
         return math.ceil(self.size_m[0] / _SIZE_STEP_M), math.ceil(self.size_m[1] / _SIZE_STEP_M)
 
 
@@ -57,7 +57,7 @@ def occupied_regions(scenario: "Scenario") -> dict[int, tuple[Track, ...]]:
 
 
 def obstacle_of(track_id: int) -> int:
-    """Return the id of the obstacle that a track belongs to: the track's own, unless it is of an occupied region."""
+    """Return the id of the obstacle that a track belongs to: the track's own id, unless it is an occupied region."""
     return track_id if track_id >= 0 else -track_id // _PIECES_PER_OBSTACLE
 
 
@@ -98,7 +98,7 @@ def _parts(shape: Any) -> list[Any]:
 
 
 def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
-    """Return rectangles that point where their centre moves, or as before if it stands."""
+    """Return rectangles that point in their centre's direction of motion, or as before if it stands."""
     boxes: list[_Box] = []
     for step, shape in shapes:
         center, side_rad, size = _rectangle(shape, heading_rad)
@@ -112,7 +112,7 @@ def _oriented(shapes: list[tuple[int, Any]], heading_rad: float) -> list[_Box]:
 
 
 def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], float, tuple[float, float]]:
-    """Return centre in m, direction of one side in rad, and the sides in m (that one first) of a bounding rectangle."""
+    """Return a bounding rectangle: centre in m, direction of one side in rad, and the sides in m (that side first)."""
     if hasattr(shape, "length") or hasattr(shape, "radius"):
         x, y = center_of(shape)
         return (float(x), float(y)), float(getattr(shape, "orientation", heading_rad)), size_of(shape)
@@ -124,7 +124,7 @@ def _rectangle(shape: Any, heading_rad: float) -> tuple[tuple[float, float], flo
 
 
 def _pieces(chain: list[_Box]) -> Iterator[tuple[list[_Box], _Box | None]]:
-    """Yield pieces of a chain cut at missing steps and size changes, each with the rectangle that follows it."""
+    """Yield the pieces of a chain, cut at missing steps and size changes, each with the next rectangle."""
     begin = 0
     for index, box in enumerate(chain):
         following = chain[index + 1] if index + 1 < len(chain) else None

@@ -1,4 +1,4 @@
-"""Find the lanelets that a pose is on, for starts of routes, edits, descriptions and checks.
+"""Finds the lanelets that a pose is on, for starts of routes, edits, descriptions and checks.
 
 A vehicle drives on a lanelet that leads in its direction. If its centre is a few centimetres over the centre line of a
 two-way road, it is on the oncoming lanelet by position only, and on its own lanelet by position and heading.
@@ -26,12 +26,12 @@ _FARTHEST_CENTER_M = 3.0
 
 
 def lanelets_of_pose(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
-    """Return the lanelets that a pose is on, the one that fits best first; empty if there are none.
+    """Return the lanelets that a pose is on, best fit first; empty if there are none.
 
-    They are under the position and lead in the direction of the heading, within 90°. An adjacent lanelet is included if
-    it fits better than each of those: the vehicle then extends over its edge. If no lanelet within reach leads in the
-    direction of the heading, they are the lanelets under the position, or those with a near centre line, regardless of
-    direction.
+    These lanelets are under the position and lead in the direction of the heading, within 90°. An adjacent lanelet is
+    included if it fits better than all of them: the vehicle then extends over its edge. If no lanelet within reach
+    leads in the direction of the heading, the result is the lanelets under the position, or lanelets with a near centre
+    line, regardless of direction.
 
     Args:
         network: the lanelets.

@@ -7,7 +7,7 @@ Two kinds of callers need different answers:
 * descriptions, facts and edits use :func:`ego_route`, from the lanelets under the ego to those that the goal lists or
   that are under its centre (:func:`goal_center_lanelets`), with its turns. It is None if there is no route.
 
-A network is commonroad-io's; positions are (2,) in m, headings in rad.
+Networks are commonroad-io's objects. Positions are (2,) in m, headings in rad.
 """
 
 import math
@@ -65,7 +65,7 @@ def find_route(
 
 
 def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: float) -> tuple[int, ...]:
-    """Return the lanelets of a pose, the one that fits best first (:func:`~.poses.lanelets_of_pose`).
+    """Return the lanelets of a pose, best fit first (:func:`~.poses.lanelets_of_pose`).
 
     Raises:
         NotPossible: there is no lanelet.
@@ -77,11 +77,11 @@ def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: flo
 
 
 def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
-    """Return the lanelets that a goal lists, or that are under the centres of its regions, else touch them; ascending.
+    """Return the lanelets that a goal lists, else those under its regions' centres, else touched ones; ascending.
 
-    None if a goal state leaves the position free. A planner aims at these, so a region next to the lanes still has a
-    lanelet. :func:`goal_center_lanelets` is narrower; of the 195 available public planning problems they differ in one
-    (ZAM_test_0-1, with a second region that only touches lanelets).
+    The result is None if a goal state leaves the position free. A planner aims at these lanelets, so a region next to
+    the lanes still has a lanelet. :func:`goal_center_lanelets` is narrower; of the 195 available public planning
+    problems the two functions differ in one (ZAM_test_0-1, with a second region that only touches lanelets).
     """
     named = goal.lanelets_of_goal_position or {}
     goals: set[int] = set()
@@ -110,7 +110,7 @@ def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
 def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
-    """Return the route with its straightest successors, until they are ``ahead_m`` long or the network ends."""
+    """Extend the route by its straightest successors until these are ``ahead_m`` long or the network ends."""
     longer, passed, length = list(route), set(route), 0.0
     while length < ahead_m:
         following = [key for key in graph.successors.get(longer[-1], ()) if key not in passed]
@@ -146,8 +146,8 @@ _APART_M = 40.0
 class EgoRoute:
     """Lanelets from the ego's start to its goal, both included, and the ego's turns.
 
-    ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: that of the whole
-    route, from the lane's heading at the start to the one at the goal.
+    ``turns_rad``: heading change at each junction, inside its lanelets, left positive; ``bend_rad``: the heading change
+    of the whole route, from the lane's heading at the start to that at the goal.
     """
 
     lanelets: tuple[int, ...]
@@ -157,7 +157,7 @@ class EgoRoute:
 
     @property
     def turns(self) -> tuple[str, ...]:
-        """``left``, ``right`` and ``back`` for each junction where the route turns, in order."""
+        """The turns ``left``, ``right`` and ``back``, in order, one for each junction where the route turns."""
         turned = [angle for angle in self.turns_rad if abs(angle) > TURN_RAD]
         return tuple("back" if abs(angle) > BACK_RAD else "left" if angle > 0 else "right" for angle in turned)
 
@@ -190,10 +190,11 @@ def center_line(network: "LaneletNetwork", lanelet_id: int) -> Points:
 
 
 def goal_center_lanelets(network: "LaneletNetwork", problem: "PlanningProblem") -> tuple[int, ...]:
-    """Return the lanelets that a goal lists, or those under the centre of its region; empty for goals without a place.
+    """Return the lanelets that a goal lists, or those under the centre of its region; may be empty.
 
-    Descriptions and edits use these. Unlike :func:`goal_lanelets`, a region that only touches lanelets has none, and if
-    some goal states list lanelets, the regions of the others do not count.
+    Descriptions and edits use these lanelets; a goal without a position has none. Unlike in :func:`goal_lanelets`, a
+    region that only touches lanelets has none. If some goal states list lanelets, the regions of other goal states do
+    not count.
     """
     named: set[int] = set()
     for keys in (problem.goal.lanelets_of_goal_position or {}).values():
@@ -212,7 +213,7 @@ def goal_centers(problem: "PlanningProblem") -> list[Points]:
 
 
 def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "PlanningProblem") -> EgoRoute | None:
-    """Return the ego's route to its goal; None if the goal has no place or cannot be reached from the start."""
+    """Return the ego's route to its goal; None if the goal has no position or cannot be reached from the start."""
     state = problem.initial_state
     point, heading = np.asarray(center_of(state.position), dtype=float), middle_of(state.orientation)
     starts = lanelets_of_pose(network, point, heading)
@@ -232,10 +233,10 @@ def ego_route(network: "LaneletNetwork", graph: LaneletGraph, problem: "Planning
 def path_ahead(
     network: "LaneletNetwork", graph: LaneletGraph, start: int, route: tuple[int, ...], ahead_m: float
 ) -> tuple[Points, tuple[int, ...]]:
-    """Return the centre line from the start lanelet on, along the route and then the straightest successors.
+    """Return the centre line from the start lanelet along the route, then along the straightest successors.
 
     Returns:
-        Points (n, 2) and their lanelets; at least ``ahead_m`` beyond the start if the map allows.
+        Points (n, 2) and their lanelets, up to at least ``ahead_m`` from the start if the map is large enough.
     """
     chosen, line, length = [start], center_line(network, start), 0.0
     while length < ahead_m:
@@ -263,9 +264,9 @@ def _straightest(network: "LaneletNetwork", line: Points, onward: list[int]) -> 
 def _turns(
     network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
 ) -> tuple[float, ...]:
-    """Return sums of the heading changes inside the lanelets of junctions, from the start's to the goal's station.
+    """Return the total heading change inside each junction's lanelets, from the start's station to the goal's.
 
-    One sum for each junction: a route through a roundabout is one turn, or no turn.
+    There is one total for each junction, so a route through a roundabout is one turn or none.
     """
     sums: list[float] = []
     since_fork_m = math.inf
@@ -318,7 +319,7 @@ def _in_intersections(network: "LaneletNetwork") -> frozenset[int]:
 
 
 def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
-    """Return True if a lanelet follows one that forks, or a dedicated lane next to lanes that lead elsewhere."""
+    """Return True if a lanelet follows a fork, or a dedicated lane next to lanes that lead elsewhere."""
     before = graph.predecessors[key]
     if any(len(graph.successors[one]) > 1 for one in before):
         return True
@@ -328,7 +329,7 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
-    """Return True if the end of a lanelet meets one from elsewhere, such as a side street that joins a road."""
+    """Return True if a lanelet's end meets a lanelet from elsewhere, such as a side street that joins a road."""
     row = graph.beside([key])
     others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - row
     own = _heading_after(center_line(network, key)[::-1])

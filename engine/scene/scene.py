@@ -36,10 +36,10 @@ NOT_DRIVEN = ("pedestrian",)
 
 @dataclass(frozen=True)
 class Ego:
-    """A planning problem's start; the middle if it is uncertain.
+    """A planning problem's start; if it is uncertain, the middle of its range.
 
-    The centre (2,) in m, heading in rad, speed, the lanelets there (best first), the class of vehicle, and the
-    coefficient of friction of the road (None if the file does not state it).
+    It has the centre (2,) in m, heading in rad, speed, the lanelets at the start (best fit first), the class of
+    vehicle, and the coefficient of friction of the road (None if the file does not state it).
     """
 
     problem_id: int
@@ -64,7 +64,7 @@ class Ego:
 
 @dataclass(frozen=True)
 class _Region:
-    """A bounding track of an obstacle given by occupancies, and its lanelets; None if it is not near any."""
+    """A bounding track of an obstacle given by occupancies, and its lanelets; None if it is not near any lanelet."""
 
     obstacle_id: int
     track: Track
@@ -75,15 +75,15 @@ class _Region:
 class Scene:
     """A recorded scenario ready to be edited and simulated; it does not change while edits are applied.
 
-    The attributes that :meth:`of` sets are: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable
-    lanelets as SUMO's edges, lanes and paths through junctions; and ``matcher``, for queries by position. Its road
-    users are: ``tracks``, recorded vehicles with a trajectory, by id; ``standing``, static obstacles as tracks of one
-    pose; ``regions``, dynamic obstacles without a trajectory as bounding tracks, which block all others. ``matches``
-    are the lanelets of each moving or standing track that is near any. ``last_step`` is that of the recording. ``ego``
-    is the start of the planning problem, None without one.
+    :meth:`of` sets: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable lanelets as SUMO's edges,
+    lanes and paths through junctions; ``matcher``, for queries by position; ``tracks``, recorded vehicles with a
+    trajectory, by id; ``standing``, static obstacles as tracks of one pose; ``regions``, dynamic obstacles without a
+    trajectory as bounding tracks, which block all others; ``matches``, the lanelets of each moving or standing track
+    that is near any; ``last_step``, the recording's last step; ``ego``, the start of the planning problem (None if
+    there is no problem).
 
     Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
-    lanes, which are posted or usual ones raised to the recorded speeds (``straight_speeds_mps``, ``lane_speeds_mps``,
+    lanes, which are posted or usual speeds raised to the recorded ones (``straight_speeds_mps``, ``lane_speeds_mps``,
     ``driven_speeds_mps``, ``slow_places``), the traffic lights (``signals``) and SUMO's network (``sumo_net``).
     """
 
@@ -150,7 +150,7 @@ class Scene:
         return replace(graph, neighbours=neighbours)
 
     def graph_from_inside(self, start: int) -> LaneletGraph:
-        """Return ``driven_graph`` for a vehicle inside a junction, which may change to the adjacent lanelets there."""
+        """Return ``driven_graph`` for a vehicle inside a junction, which may change to adjacent lanelets."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
         inside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
         return replace(graph, neighbours={**self.driven_graph.neighbours, **inside})
@@ -168,12 +168,12 @@ class Scene:
 
     @cached_property
     def lane_speeds_mps(self) -> dict[int, float]:
-        """The same, lowered to the speed of a lanelet's sharpest curve if that is less."""
+        """The speed of every drivable lanelet, lowered to the speed of its sharpest curve if that is less."""
         return lowered_by_curves(self.layout, self.straight_speeds_mps, self.friction)
 
     @cached_property
     def slow_places(self) -> dict[str, SlowPlaces]:
-        """Where SUMO's lanes of long lanelets curve: a driven vehicle is slowed only there."""
+        """Where SUMO's lanes of long lanelets curve: driven vehicles are slowed only in these curves."""
         straight, lanes = self.straight_speeds_mps, self.layout.table.lanes
         return {
             f"{edge}_{index}": slow_places(lanes[key].center, straight[key], self._recorded_on(key), self.friction)
@@ -182,7 +182,7 @@ class Scene:
         }
 
     def _recorded_on(self, lanelet_id: int) -> list[tuple[float, float]]:
-        """Return arc lengths in m on a lanelet and the speeds there of all vehicles that were recorded on it."""
+        """Return arc lengths in m on a lanelet, and the recorded speeds of vehicles at them."""
         center = self.layout.table.lanes[lanelet_id].center
         return [
             (project(center, self.tracks[key].positions[index])[0], float(self.tracks[key].speeds_mps[index]))
@@ -194,7 +194,7 @@ class Scene:
 
     @cached_property
     def driven_speeds_mps(self) -> dict[int, float]:
-        """Speed of every lane of SUMO's network: a long lanelet has that of its straights."""
+        """The speed of every lane of SUMO's network: a long lanelet has the speed of its straights."""
         long = {key for lane in self.slow_places for key in self.layout.lanelets_of_lane[lane]}
         straight = self.straight_speeds_mps
         return {key: straight[key] if key in long else speed for key, speed in self.lane_speeds_mps.items()}
@@ -206,7 +206,7 @@ class Scene:
 
     @cached_property
     def sumo_net(self) -> str:
-        """The text of SUMO's network over the lanelets."""
+        """The XML text of SUMO's network for the lanelets."""
         return sumo_net(self.layout, self.driven_speeds_mps, self.signals)
 
 

@@ -1,30 +1,31 @@
-"""Traffic in SUMO: the only access to libsumo, and the traffic of generated sites.
+"""Traffic in SUMO: the only module that uses libsumo, and the traffic of generated sites.
 
 ``Sumo``: the running simulation: inserts vehicles, gives them orders, reads their state and that of the lanes.
 ``sumo_running``: context manager of a simulation with its network, vehicle types and options; yields ``Sumo``.
 ``sumo_version``: returns the installed version of SUMO.
 ``vehicle_type``: returns a ``vType`` element of SUMO.
-``sumo_pose``: returns front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
+``sumo_pose``: returns the front bumper and SUMO's angle of a vehicle, from its centre in m and heading in rad.
 ``LaneChanges``: which lane changes a vehicle of SUMO performs.
 ``LaneHint``: SUMO's edge and lane index.
 ``NO_LANE``: the ``LaneHint`` for an unknown lane.
-``Demand``: vehicles wanted by class.
-``plan_counts``: returns the ``Demand`` of a density and the requested classes, on a site with kilometres of lane.
-``lane_km_of``: returns the kilometres of lane open to cars, without the insides of junctions.
-``FEWEST``: the least number of vehicles on a site.
+``Demand``: the wanted number of vehicles by class.
+``plan_counts``: returns the ``Demand`` of a density and the requested classes, on a site with a given length of lane in
+km.
+``lane_km_of``: returns the kilometres of lane open to cars, without junctions.
+``FEWEST``: the minimum number of vehicles on a site.
 ``PAPER_TRIPS``: the paper's numbers of trips by density.
 ``VEHICLES_PER_LANE_KM``: vehicles per kilometre of lane at the first step, including the ego, by density.
 ``OpenEdges``: the edges of a net that are open to a class: length, speed, lanes and successors.
 ``TripMaker``: creates trips of a class on a net, each long enough to last through the recording if the net allows it.
-``TooFewFoundRoom``: raised if too few vehicles are there at step 0.
-``simulate_traffic``: fills a site with the wanted vehicles, lets them drive for the warm-up and records what follows.
-``DrivingStyle``: how all drivers of a traffic drive: a factor on free speeds, parameters of SUMO's vehicle types.
+``TooFewFoundRoom``: raised if too few vehicles are present at step 0.
+``simulate_traffic``: fills a site with the wanted vehicles, lets them drive for the warm-up and then records them.
+``DrivingStyle``: how all drivers drive: a factor on free speeds, and parameters of SUMO's vehicle types.
 ``published_calibrations``: returns all published calibrations of drivers by name.
 ``SPEED_FACTORS``: free speeds in bad weather relative to those in good weather.
-``SPEED_FACTORS_SOURCE``: the source of these factors.
+``SPEED_FACTORS_SOURCE``: the source of ``SPEED_FACTORS``.
 ``SHARES_OF_DAY_SOURCE``: the source of the hours' shares of a day.
-``heavy_factor``: returns the share of goods vehicles in an hour's traffic relative to the whole day's.
-``NIGHT_HOURS``: hours that are night.
+``heavy_factor``: returns the share of goods vehicles in an hour's traffic, relative to their share in the whole day's.
+``NIGHT_HOURS``: the hours that count as night.
 ``words_of_hour``: returns the catalogue's words for an hour: night, rush hour or nothing.
 ``vehicles_per_lane_km``: returns the density of traffic in an hour of a working day.
 ``WalkedPerson``: a simulated person, and whether they are on a crossing during the recording.
@@ -34,7 +35,8 @@
 ``WARM_UP_S``: how long vehicles drive before the first recorded step, in s.
 ``GeneratedVehicle``: a generated vehicle from step 0 on: class, motion of the centre, and whether it can be driven.
 ``generated_vehicles``: returns the recorded vehicles with smoothed, drivable motions.
-``drop_infeasible``: removes the fewest vehicles so that the others are drivable and do not overlap; returns both.
+``drop_infeasible``: removes as few vehicles as possible so that the others are drivable and do not overlap; returns the
+two groups.
 ``DroppedVehicle``: a recorded vehicle that is left out, and why.
 ``DECIMALS``: decimal places of the motions.
 """

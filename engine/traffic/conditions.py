@@ -1,15 +1,15 @@
-"""How time of day, weather and drivers affect traffic: published figures, and what is derived from them.
+"""How time of day, weather and drivers affect traffic: published figures, and values derived from them.
 
 Hourly shares of a working day's traffic (Tuesday to Thursday, streets of West German cities at the border of the inner
 city): G. Schmidt, B. Thomas, Hochrechnungsfaktoren für manuelle und automatische Kurzzeitzählungen im Innerortsbereich,
 Forschung Straßenbau und Straßenverkehrstechnik 732, Bonn 1996, p. 95 and 98, as quoted in SUMO's documentation of
 od2trips. Speeds in bad weather: freeways of the Twin Cities, thesis, Iowa State University
 (lib.dr.iastate.edu/rtd/18916): 4 to 7 % slower in heavy rain, 11 to 15 % in heavy snow, 12 % at visibilities below a
-quarter of a mile; the middle is used.
+quarter of a mile; the midpoints are used.
 
-Calibrations of drivers are published measurements or fits, by name; what a source does not state stays at its default.
-The reaction time of drivers is not set: SUMO's two parameters for it, ``actionStepLength`` and EIDM's ``treaction``,
-make a platoon behind a steady leader break down at published values (0.9 and 1.5 s, tried in SUMO 1.28).
+Calibrations of drivers are published measurements or fits, by name; a value that a source does not state stays at its
+default. The reaction time of drivers is not set: SUMO's two parameters for it, ``actionStepLength`` and EIDM's
+``treaction``, make a platoon behind a steady leader break down at published values (0.9 and 1.5 s, tried in SUMO 1.28).
 """
 
 import math
@@ -56,7 +56,7 @@ def vehicles_per_lane_km(hour: int) -> float:
 
 
 def heavy_factor(hour: int) -> float:
-    """Return the share of goods vehicles in an hour's traffic relative to the whole day's."""
+    """Return the share of goods vehicles in an hour's traffic, relative to their share in the whole day's."""
     cars, heavy = CAR_SHARES[hour] / sum(CAR_SHARES), HEAVY_SHARES[hour] / sum(HEAVY_SHARES)
     return heavy / cars
 
@@ -86,8 +86,8 @@ class Calibration:
 
     ``sets``: a description of what it sets, with figures; ``classes``: vehicle classes that it applies to.
     ``speed_factor``: free speed relative to the limit, normally distributed; ``time_gap_s``: from bumper to bumper
-    behind another at its speed, beyond the standstill gap, log-normally distributed; ``parameters`` of SUMO's vehicle
-    types, equal for all.
+    behind a vehicle at the same speed, in addition to the standstill gap, log-normally distributed; ``parameters`` of
+    SUMO's vehicle types, equal for all.
     """
 
     sets: str
@@ -122,14 +122,14 @@ def published_calibrations() -> dict[str, Calibration]:
             "C. Zhang and L. Sun, Bayesian Calibration of the Intelligent Driver Model, arXiv 2210.03571, 2024: MA-IDM "
             "on cars and trucks of German motorways (highD), population means in their MA_IDM_hierarchical.ipynb",
             CARS_AND_TRUCKS,
-            # There as multiples (0.706, 1.825, 0.731, 1.185) of 1.6 s, 2 m, 1.5 m/s² and 1.67 m/s².
+            # The source gives multiples (0.706, 1.825, 0.731, 1.185) of 1.6 s, 2 m, 1.5 m/s² and 1.67 m/s².
             parameters={"tau": 1.13, "minGap": 3.65, "accel": 1.0965, "decel": 1.979},
         ),
     }
 
 
 def _british(roads: str, limit_mph: float, *, over: float, far_over: float) -> Calibration:
-    """Return free speeds of cars: the normal distribution with these shares above the limit, and 10 mph above it."""
+    """Return cars' free speeds: the normal distribution with given shares over the limit and over it by 10 mph."""
     at_limit, above = (NormalDist().inv_cdf(1 - share) for share in (over, far_over))
     deviation_mph = _OVER_MPH / (above - at_limit)
     factor = Spread(1 - at_limit * deviation_mph / limit_mph, deviation_mph / limit_mph)
@@ -144,7 +144,7 @@ def _british(roads: str, limit_mph: float, *, over: float, far_over: float) -> C
 
 
 def time_gaps_s(spread: Spread) -> tuple[float, ...]:
-    """Return equally likely values of a log-normal distribution with this mean and standard deviation, ascending."""
+    """Return equally likely values of a log-normal distribution with a given mean and deviation, ascending."""
     variance = math.log1p((spread.deviation / spread.mean) ** 2)
     logarithm = NormalDist(math.log(spread.mean) - variance / 2, math.sqrt(variance))
     shares = ((number + 0.5) / KINDS_OF_DRIVERS for number in range(KINDS_OF_DRIVERS))

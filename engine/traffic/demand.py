@@ -16,8 +16,8 @@ from ..vehicles import VehicleClass, vehicle_classes
 class TripMaker:
     """Creates trips of a class on a net, each long enough to last through the recording if the net allows it.
 
-    Trips start on the edges ``starts`` and turn into the edges ``ways`` more often, by ``FAVOUR_FACTOR``. ``kind``:
-    what determines the edge on which a trip starts.
+    Trips are more likely, by ``FAVOUR_FACTOR``, to start on the edges ``starts`` and to turn into the edges ``ways``.
+    ``kind``: what determines the edge on which a trip starts.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class TripMaker:
         """Refuse a class if no road of the net is open to it.
 
         Raises:
-            NotPossible: lists the classes that can drive here.
+            NotPossible: the error lists the classes that can drive on the net.
         """
         if not self.open_to(vehicle_class).length_m:
             raise NotPossible(
@@ -130,13 +130,13 @@ class OpenEdges:
 
     @cached_property
     def entries(self) -> frozenset[str]:
-        """The edges on which traffic enters: they have no predecessor. All edges if there is no such edge."""
+        """The edges on which traffic enters, which have no predecessor; all edges if there are no such edges."""
         reached = {edge for onward in self.following.values() for edge in onward}
         return frozenset(self.length_m.keys() - reached) or frozenset(self.length_m)
 
     @cached_property
     def exits(self) -> frozenset[str]:
-        """The edges on which traffic leaves: they have no successor. All edges if there is no such edge."""
+        """The edges on which traffic leaves, which have no successor; all edges if there are no such edges."""
         return frozenset(edge for edge, onward in self.following.items() if not onward) or frozenset(self.length_m)
 
     def travel_s(self, route: Iterable[str]) -> float:
@@ -152,7 +152,7 @@ class OpenEdges:
     def random_route(
         self, start: str, wanted_m: float, choice: random.Random, favoured: frozenset[str]
     ) -> tuple[str, ...]:
-        """Return a route from an edge on that prefers wide, fast and favoured roads that continue as far as wanted."""
+        """Return a route from an edge that prefers wide, fast and favoured roads that continue as far as needed."""
         route = [start]
         driven_m = self.length_m[start]
         while self.following[route[-1]] and len(route) < MOST_EDGES and driven_m < wanted_m + SPARE_M:
@@ -195,6 +195,6 @@ def _reach(lengths: dict[str, float], following: dict[str, tuple[str, ...]]) -> 
 
 
 def lane_km_of(net: SumoNet) -> float:
-    """Return the kilometres of lane open to cars, without the insides of junctions."""
+    """Return the kilometres of lane open to cars, without junctions."""
     lanes = (lane for lane in net.lanes.values() if not lane.internal and "passenger" in lane.allowed)
     return sum(length_m(lane.shape) for lane in lanes) / 1000

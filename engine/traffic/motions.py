@@ -1,10 +1,10 @@
 """Recorded SUMO tracks as drivable motions from step 0 on.
 
-SUMO spreads a lane change over time: a vehicle that must stop meanwhile slides on sideways, or is set back if the next
-lane is curved differently, and the heading derived from its track turns across the lane. Therefore each track is first
-put on wheels (:func:`on_wheels`): it moves sideways only as far as it rolls. Then it is smoothed, the more the less
-drivable it is (:func:`generated_vehicles`). Motions that still cannot be driven, or overlap, are left out
-(:func:`drop_infeasible`).
+SUMO spreads a lane change over time: a vehicle that must stop during the change keeps sliding sideways, or is set back
+if the next lane is curved differently, and the heading derived from its track turns across the lane. Therefore each
+track is first corrected (:func:`on_wheels`): the vehicle moves sideways only while it rolls. Then the track is
+smoothed, more strongly if it is less drivable (:func:`generated_vehicles`). Motions that still cannot be driven, or
+overlap, are left out (:func:`drop_infeasible`).
 """
 
 import logging
@@ -43,7 +43,7 @@ class GeneratedVehicle:
 
     @property
     def steps(self) -> int:
-        """The number of steps at which it is there, including step 0."""
+        """The number of steps at which the vehicle is present, including step 0."""
         return len(self.motion.positions)
 
     @property
@@ -68,7 +68,7 @@ class DroppedVehicle:
 def drop_infeasible(
     everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]
 ) -> tuple[tuple[GeneratedVehicle, ...], tuple[DroppedVehicle, ...]]:
-    """Return the vehicles that stay, and those that cannot be driven or overlap others; as few as possible are dropped.
+    """Return the vehicles that stay, and as few as possible that cannot be driven or overlap others.
 
     ``needed``: how many of a class must stay, even if their motion cannot be driven.
     """
@@ -136,7 +136,7 @@ def _generated_vehicle(track: RawTrack, step_s: float) -> GeneratedVehicle:
 
 
 def _rounded(motion: Motion, first: int) -> Motion:
-    """Return the motion from a step on as written to the file, headings in (−π, π], so that all checks see the same."""
+    """Return the motion after a step as written to the file, with headings in (−π, π], for use in all checks."""
     turn = np.arctan2(np.sin(motion.headings_rad), np.cos(motion.headings_rad))
     values = motion.positions, turn, motion.speeds_mps, motion.accelerations_mps2
     return Motion(*(value[first:].round(DECIMALS) for value in values))
@@ -151,7 +151,7 @@ MOVED_M = 1e-3
 
 
 def on_wheels(track: Points, along_m: Values, aside_m: Values) -> Points:
-    """Return a track that follows a vehicle's without jumps, sliding and driving backwards, shape (n, 2).
+    """Return a vehicle's track without jumps, sliding and driving backwards, shape (n, 2).
 
     Args:
         track: where the vehicle is at each step, shape (n, 2), in metres.

@@ -1,8 +1,8 @@
 """Pedestrians in SUMO: their walks, their insertion, and their recorded motion.
 
-A walk leads along a pavement to a junction, most often over a crossing there, and on along the pavements behind it.
+A walk leads along a pavement to a junction, most often over a crossing there, and on along the pavements beyond it.
 People start near enough to their crossing to be on it during the recording; SUMO's model (striping) moves them, stops
-them at red lights and where vehicles go first, and vehicles stop for them at crossings.
+them at red lights and where vehicles have priority, and vehicles stop for them at crossings.
 """
 
 import math
@@ -48,7 +48,7 @@ _MOVED_M = 0.02
 
 @dataclass(frozen=True)
 class Walk:
-    """A walk along edges, from a place on the first one to a place on the last, in m from the start of the road."""
+    """A walk along edges, from a point on the first edge to a point on the last, in m from the start of the road."""
 
     key: str
     edges: tuple[str, ...]
@@ -80,10 +80,10 @@ def plan_walks(
 
 
 def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, Pavement]]:
-    """Return triples: a pavement that leads to a crossing, the corner where it does, and a pavement on the far side.
+    """Return triples: a pavement that leads to a crossing, the corner where they meet, and a pavement beyond it.
 
-    Pairs of pavements that also meet at another junction (the two sides of one road) are a last resort: SUMO
-    would connect them at that other junction.
+    Pairs of pavements that also meet at another junction (the two sides of one road) are a last resort: SUMO would
+    connect them at the second junction.
     """
     ways = []
     for near, far in (crossing.corners, crossing.corners[::-1]):
@@ -122,8 +122,8 @@ def _walk_along(net: WalkNet, pavement: Pavement, key: str, duration_s: float, c
 def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float, choice: random.Random) -> Walk:
     """Return the walk extended by pavements that follow around the last far corner, without another crossing.
 
-    It ends where the fastest people do not arrive in time: from the far end of a long pavement another path may be
-    shorter.
+    It ends where even the fastest people do not arrive in time: from the far end of a long pavement, a different path
+    may be shorter.
     """
     wanted_m = _FASTEST * WALKING_MPS * (duration_s + WARM_UP_S - INSERTED_S)
     edges, walked_m = list(walk.edges), 0.0
@@ -158,7 +158,7 @@ def _pedestrian_type() -> str:
 
 @dataclass
 class _WalkRecording:
-    """What was seen of a person: the first step, fronts, SUMO's headings and edges."""
+    """The recorded data of a person: the first step, fronts, SUMO's headings and edges."""
 
     first_step: int
     fronts: list[tuple[float, float]] = field(default_factory=list)
@@ -179,7 +179,7 @@ class Pedestrians:
         self.sumo_type = _pedestrian_type()
 
     def before_step(self, sumo: Sumo, step: int) -> None:
-        """Insert all people when it is time."""
+        """Insert all people at the right step."""
         if step == self._begin:
             for walk in self._walks:
                 sumo.add_pedestrian(walk.key, walk.edges, (walk.begin_m, walk.end_m), PEDESTRIAN.name)
@@ -195,7 +195,7 @@ class Pedestrians:
             seen.edges.append(sumo.pedestrian_edge(key))
 
     def people(self) -> tuple["WalkedPerson", ...]:
-        """Return the people who are there at step 0; those on a crossing in the recording come first."""
+        """Return the people who are present at step 0; those who are on a crossing in the recording come first."""
         found = []
         ground = _Ground(self._ground)
         for walk in self._walks:
@@ -226,7 +226,7 @@ def _person(walk: Walk, seen: _WalkRecording, lead_in: int, step_s: float, groun
 
 
 class _Ground:
-    """The walkways as one area, shrunk slightly from the kerb."""
+    """The walkways as one area, shrunk slightly away from the kerb."""
 
     def __init__(self, walkways: Sequence[Walkway]) -> None:
         from shapely import Polygon, make_valid, prepare, union_all
@@ -249,7 +249,7 @@ class _Ground:
 
 
 def walked_motion(centers: Points, first_heading_rad: float, step_s: float, lead_in: int = 0) -> Motion:
-    """Return the motion along centres (n, 2) from one of them on; a standing person keeps their heading."""
+    """Return the motion along centres (n, 2) from a given index; a standing person keeps their heading."""
     moved = np.gradient(centers, axis=0) if len(centers) > 1 else np.zeros_like(centers)
     length = np.hypot(moved[:, 0], moved[:, 1])
     headings = _fill_forward(np.arctan2(moved[:, 1], moved[:, 0]), length > _MOVED_M, first_heading_rad)
@@ -261,7 +261,7 @@ def walked_motion(centers: Points, first_heading_rad: float, step_s: float, lead
 
 
 def _fill_forward(values: Values, known: "np.ndarray[tuple[int], np.dtype[np.bool_]]", first: float) -> Values:
-    """Return values where they are known, otherwise the last known one before."""
+    """Return the values, with unknown ones replaced by the last known value before."""
     filled, last = [], first
     for value, is_known in zip(values.tolist(), known.tolist(), strict=True):
         last = value if is_known else last

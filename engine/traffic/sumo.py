@@ -3,9 +3,9 @@
 The only module of the engine that calls libsumo. Generation, edits and reactive traffic drive their simulations through
 :class:`Sumo`. libsumo keeps its state in the process: one simulation runs at a time.
 
-Hidden here: libsumo's calls and its bit masks for drivers, SUMO's options and the XML of vehicle types. SUMO gives the
-place of the front bumper and measures angles in degrees clockwise from north; everything else here is in m, s, m/s and
-radians counterclockwise from east, as in CommonRoad.
+This module hides libsumo's calls and bit masks for drivers, SUMO's options and the XML of vehicle types. SUMO states
+the position of the front bumper and measures angles in degrees clockwise from north; everything else here is in m, s,
+m/s and radians counterclockwise from east, as in CommonRoad.
 """
 
 import math
@@ -77,7 +77,7 @@ def heading_of_angle_rad(angle_deg: float) -> float:
 
 
 def sumo_pose(x_m: float, y_m: float, heading_rad: float, length_m: float) -> tuple[float, float, float]:
-    """Return the front bumper (x, y) and SUMO's angle of a vehicle with its centre at a place."""
+    """Return the front bumper (x, y) and SUMO's angle of a vehicle whose centre is at a position."""
     ahead_m = length_m / 2
     front = x_m + ahead_m * math.cos(heading_rad), y_m + ahead_m * math.sin(heading_rad)
     return *front, sumo_angle_deg(heading_rad)
@@ -109,10 +109,10 @@ def sumo_running(
 
     Args:
         net: SUMO's network.
-        types_file: receives the vehicle types for SUMO.
+        types_file: the file to which the vehicle types for SUMO are written.
         vehicle_types: ``vType`` elements.
         step_s: duration of a step.
-        seed: of SUMO's random numbers.
+        seed: the seed of SUMO's random numbers.
         options: further options of SUMO by name, including ``--``.
         refusal: returns the error for a network, vehicle type or option that SUMO refuses, from its reason.
 
@@ -190,7 +190,7 @@ class Sumo:
         self._vehicle.add(key, route, vehicle_type, departLane="best", departPos="random_free", departSpeed="desired")
 
     def remove(self, key: str) -> None:
-        """Remove a vehicle, if it is still there."""
+        """Remove a vehicle, if it is still present."""
         if key in self._vehicle.getIDList():
             self._vehicle.remove(key)
 
@@ -204,9 +204,9 @@ class Sumo:
     def add_pedestrian(
         self, key: str, edges: Sequence[str], stations_m: tuple[float, float], pedestrian_type: str
     ) -> None:
-        """Put a person onto the pavement of the first edge, to walk along the others to a place on the last.
+        """Put a person onto the pavement of the first edge, to walk along the edges to a point on the last one.
 
-        ``stations_m``: distances of both places from the start of their edges.
+        ``stations_m``: distances of the start and end points from the start of their edges.
         """
         self._person.add(key, edges[0], stations_m[0], typeID=pedestrian_type)
         self._person.appendWalkingStage(key, list(edges), stations_m[1])
@@ -216,7 +216,7 @@ class Sumo:
         return tuple(sorted(self._person.getIDList()))
 
     def pedestrian_front(self, key: str) -> tuple[float, float]:
-        """Return the place (x, y) of the front of a person."""
+        """Return the position (x, y) of the front of a person."""
         x, y = self._person.getPosition(key)[:2]
         return x, y
 
@@ -239,7 +239,7 @@ class Sumo:
             key: the vehicle.
             pose: front bumper and SUMO's angle.
             hint: the lane that it is on.
-            keep_to_route: puts it onto the nearest lane of its route instead of exactly there.
+            keep_to_route: whether to put it onto the nearest lane of its route instead of exactly at the pose.
         """
         keep = _KEEP_ROUTE if keep_to_route else _KEEP_POSE
         self._vehicle.moveToXY(key, *hint, *pose, keep, _MATCH_REACH_M)
@@ -288,7 +288,7 @@ class Sumo:
         return bool(half_length_m * abs(across_rad) <= _TURN_REACH_M)
 
     def show_speed(self, key: str, speed_mps: float) -> None:
-        """Set the speed that other drivers see of a vehicle that is placed by hand."""
+        """Set the speed that other drivers see for a vehicle that is placed by hand."""
         self._vehicle.setPreviousSpeed(key, max(speed_mps, 0.0))
 
     def set_width(self, key: str, width_m: float) -> None:
@@ -334,10 +334,10 @@ class Sumo:
         self._vehicle.changeLane(key, index, within_s)
 
     def pass_by(self, key: str, lane: LaneHint, station_m: float) -> None:
-        """Have a vehicle look for a route into a lane by a stop in it that is passed.
+        """Have a vehicle find a route into a lane, by setting a stop in the lane that the vehicle only passes.
 
-        It replaces a stop that the vehicle has not reached yet. Nothing happens if SUMO refuses the stop, as it does if
-        the vehicle cannot brake for it comfortably.
+        The stop replaces any stop that the vehicle has not reached yet. Nothing happens if SUMO refuses the stop, as it
+        does if the vehicle cannot brake for it comfortably.
         """
         edge, index = lane
         try:
@@ -352,7 +352,7 @@ class Sumo:
     # The state of a vehicle
 
     def front(self, key: str) -> tuple[float, float]:
-        """Return the place (x, y) of the front bumper."""
+        """Return the position (x, y) of the front bumper."""
         x, y = self._vehicle.getPosition(key)[:2]
         return x, y
 
@@ -407,7 +407,7 @@ class Sumo:
             yield from (lane for lane in (link[4], link[0]) if lane)
 
     def driving_distance_m(self, key: str, lane: LaneHint, station_m: float) -> float:
-        """Return the driving distance of a vehicle to a place on a lane; far below 0 if it is past it."""
+        """Return the driving distance of a vehicle to a point on a lane; far below 0 if the vehicle is past it."""
         edge, index = lane
         return float(self._vehicle.getDrivingDistance(key, edge, station_m, index))
 
@@ -415,7 +415,7 @@ class Sumo:
         """Return True if the driver's gaps allow a lane change to the left (1) or right (-1) now."""
         return bool(self._vehicle.couldChangeLane(key, direction))
 
-    # The others around a vehicle
+    # Other vehicles around a vehicle
 
     def leader(self, key: str) -> tuple[str, float] | None:
         """Return the vehicle ahead and the gap in m beyond the standstill gap, or None if no vehicle is in sight."""

@@ -1,4 +1,4 @@
-"""How many vehicles of each class a site gets: those counted in the request, and a density for the rest."""
+"""How many vehicles of each class a site gets: the numbers in the request, and a density for the rest."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ NAMED_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Demand:
-    """Vehicles wanted by class; ``least`` and ``most`` are the request's own bounds, without the ego.
+    """The wanted vehicles by class; ``least`` and ``most`` are the request's own bounds, without the ego.
 
     ``bounded_by``: what keeps the number of vehicles below the requested density, if anything. ``ego_class``: the class
     of the vehicle that is the ego.
@@ -42,7 +42,7 @@ class Demand:
 
     @property
     def needed(self) -> dict[str, int]:
-        """How many vehicles of each class must be there, including the ego."""
+        """How many vehicles of each class must be present, including the ego."""
         return {name: self.least.get(name, 0) + (name == self.ego_class) for name in self.counts}
 
     def with_ego(self, vehicle_class: str) -> "Demand":
@@ -56,8 +56,8 @@ class Demand:
     def with_spares(self, share: float, more: Mapping[str, int]) -> "Demand":
         """Return the demand with more cars, by a share of all vehicles and at least one, and more of every class.
 
-        A class with few vehicles gets no spare one, because it would be a large part of the traffic, except those in
-        ``more``.
+        A class with few vehicles gets no spare vehicle, because that would be a large part of the traffic, unless the
+        class is in ``more``.
         """
         spare = {name: round(share * count) for name, count in self.counts.items()}
         spare["car"] = max(1, round(share * self.total))
@@ -78,13 +78,13 @@ def plan_counts(
     *,
     fewest: int = FEWEST,
 ) -> Demand:
-    """Split a density over the classes: counted and given ones first, cars for the rest; one additional car is the ego.
+    """Split a density over the classes: requested numbers and shares first, then cars; one more car is the ego.
 
     ``lane_km``: kilometres of lane at the site that are open to cars. ``per_lane_km``: vehicles per kilometre of lane,
-    instead of the density's. ``fewest``: the least number of vehicles on the site.
+    instead of the density's. ``fewest``: the minimum number of vehicles on the site.
 
     Raises:
-        UnknownName: a class that does not exist.
+        UnknownName: a class does not exist.
     """
     known = vehicle_classes()
     asked = {demand.vehicle_class: demand for demand in vehicles}

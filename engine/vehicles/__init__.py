@@ -1,20 +1,21 @@
 """Vehicles as bodies: classes, parameters and limits with their sources, and which motions they can drive.
 
 ``VehicleClass``: one class of vehicle: its SUMO class, CommonRoad type, size in m and limits in m/s and m/s².
-``class_by_size``: returns the class of a recorded obstacle by CommonRoad type and length; None for other sizes.
-``nearest_class``: returns the class of a CommonRoad type with the length nearest to a recorded one.
+``class_by_size``: returns the class that matches a recorded obstacle's CommonRoad type and length; None if no class
+does.
+``nearest_class``: returns the class of a CommonRoad type whose length is nearest to a recorded length.
 ``vehicle_classes``: returns all classes by the word used for them in requests.
-``vehicle_class_of``: returns the class of road user for a word of any language; None for other words.
+``vehicle_class_of``: returns the class of road user for a word in any language; None for other words.
 ``PEDESTRIAN``: a pedestrian as a class of road users, which is not a vehicle class.
 ``can_be_there``: returns whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
 ``centers``: returns positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
 ``farthest_m``: returns the longest distance in m that a vehicle covers in a time.
-``latest_passing_s``: returns the time after which a vehicle must have driven a distance; infinite if it can stop first.
+``latest_passing_s``: returns the time by which a vehicle must have covered a distance; infinite if it can stop first.
 ``least_time_s``: returns the shortest time in which a vehicle covers a distance from a speed.
 ``rear_axle``: returns the position of the rear axle, shape (2,) in m, for a centre and heading.
-``ego_class``: returns the ego class with a name; raises ``UnknownName`` for another.
+``ego_class``: returns the ego class with a name; raises ``UnknownName`` if there is no such class.
 ``ego_class_of``: returns the ego's class in place of a recorded vehicle; None for types that an ego cannot be.
-``fits_together``: returns whether a body of a length can have such axles.
+``fits_together``: returns whether a body of a given length can have the given axles.
 ``parameter_values``: returns a vehicle's parameters by name, in order.
 ``BMW_320I``: CommonRoad's vehicle 2, the default ego.
 ``COMFORTABLE_MPS2``: comfortable braking and lateral acceleration, in m/s².
@@ -23,15 +24,16 @@
 ``MODEL_WORDS``: descriptions of CommonRoad's motion models.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: size and limits of an ego.
-``comfortable_mps2``: returns comfortable braking and lateral acceleration on a road of some friction.
-``commonroad_vehicle``: returns the id of the CommonRoad vehicle for settings and an ego's class; None for any other.
-``hardest_braking_mps2``: returns what tyres allow, longitudinally and laterally, on a road of some friction, in m/s².
+``comfortable_mps2``: returns comfortable braking and lateral acceleration on a road with some friction.
+``commonroad_vehicle``: returns the id of the CommonRoad vehicle for settings and an ego's class; None if there is no
+such vehicle.
+``hardest_braking_mps2``: returns what tyres allow, longitudinally and laterally, on a road with some friction, in m/s².
 ``refused_by_planners``: returns why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: returns the vehicle for settings and an ego's class.
-``ARC_LENGTH_MPS``: below this speed, derivatives by time give no derivatives by arc length.
-``CUT_IN_REACTION_S``: the reaction time of a vehicle that is cut in on, by UN Regulation 157.
+``ARC_LENGTH_MPS``: below this speed, derivatives with respect to arc length cannot be computed from those in time.
+``CUT_IN_REACTION_S``: the reaction time of a vehicle whose lane another cuts into, from UN Regulation 157.
 ``HAND_OVER_S``: how long before a collision a vehicle is handed over to SUMO.
-``HARD_BRAKING_REACTION_S``: the least time after which a driver brakes hard.
+``HARD_BRAKING_REACTION_S``: the minimum time after which a driver brakes hard.
 ``HEADING_MPS``: below this speed, the recorded heading of a vehicle does not count.
 ``MONITOR_REACTION_S``: the reaction time of CommonRoad's monitor of traffic rules.
 ``REST_OF_SMOOTHING_MPS``: speeds below this are written as 0.

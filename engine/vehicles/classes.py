@@ -1,8 +1,8 @@
 """Vehicle classes: the words of a request, their SUMO class, CommonRoad type and real dimensions.
 
-Classes and mapping after the paper's generation intent (``request_types``); a class without a CommonRoad type (trailer,
-delivery, coach, moped) uses the nearest type, and its own name is stored with the scenario. A car has the axles of
-CommonRoad's vehicle 2.
+Classes and mapping follow the paper's generation intent (``request_types``); a class without a CommonRoad type
+(trailer, delivery, coach, moped) uses the most similar type, and its own name is stored with the scenario. A car has
+the axles of CommonRoad's vehicle 2.
 """
 
 from dataclasses import dataclass
@@ -53,12 +53,12 @@ def vehicle_classes() -> dict[str, VehicleClass]:
 
 
 def nearest_class(commonroad_type: str, length_m: float) -> VehicleClass:
-    """Return the class of a CommonRoad type with the length nearest to a recorded one; a car for other types."""
+    """Return the class of a CommonRoad type whose length is nearest to a recorded one; a car for other types."""
     fitting = [known for known in _CLASSES if known.commonroad_type == commonroad_type] or _CLASSES[:1]
     return min(fitting, key=lambda known: abs(known.length_m - length_m))
 
 
 def class_by_size(commonroad_type: str, length_m: float) -> VehicleClass | None:
-    """Return the class of a recorded obstacle by CommonRoad type and length; None for other sizes."""
+    """Return the class that matches a recorded obstacle's CommonRoad type and length; None if no class does."""
     fitting = (known for known in _CLASSES if known.commonroad_type == commonroad_type)
     return next((known for known in fitting if abs(known.length_m - length_m) < 0.01), None)

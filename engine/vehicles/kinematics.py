@@ -1,9 +1,9 @@
-"""Where a vehicle's centre and rear axle are, and where a vehicle can be after a time and how fast.
+"""Where a vehicle's centre and rear axle are, and where and how fast a vehicle can be after some time.
 
-The second part gives bounds that a vehicle cannot exceed. Its largest acceleration is assumed at every speed, forwards
-and braking, and its top speed; the extreme motions between two speeds are one phase of braking and one of accelerating,
-in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) represents every car. Lengths in m, times in s, speeds in
-m/s, headings in rad.
+The second part gives bounds that a vehicle cannot exceed. A vehicle is assumed to reach its maximum acceleration at
+every speed, forwards and braking, up to its top speed. The extreme motions between two speeds consist of one phase of
+braking and one of accelerating, in either order. CommonRoad's vehicle 2 (11.5 m/s², 50.8 m/s) represents every car.
+Lengths in m, times in s, speeds in m/s, headings in rad.
 """
 
 import math
@@ -30,8 +30,8 @@ def centers(rear: Points, headings_rad: Points, vehicle: VehicleParameters) -> P
 def farthest_m(speed_mps: float, duration_s: float, vehicle: VehicleParameters, top_mps: float = math.inf) -> float:
     """Return the longest distance in m that a vehicle covers in a time.
 
-    It accelerates with its largest acceleration up to its largest speed and keeps that. The power of its engine, the
-    road and other vehicles are ignored, so no drive is longer. An infinite time gives an infinite distance.
+    The vehicle accelerates at its maximum up to its top speed, which it then keeps. The power of its engine, the road
+    and other vehicles are ignored, so no drive is longer. An infinite time gives an infinite distance.
 
     Args:
         speed_mps: the vehicle's speed at the beginning.
@@ -64,7 +64,7 @@ def can_be_there(
 
 
 def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """Return the least time in s that a vehicle needs for a distance, from a speed."""
+    """Return the shortest time in s in which a vehicle covers a distance from a speed."""
     largest_mps2, top_mps = vehicle.maximum_acceleration_mps2, vehicle.maximum_speed_mps
     speed, ahead = min(speed_mps, top_mps), max(distance_m, 0.0)
     gaining_m = (top_mps**2 - speed**2) / (2 * largest_mps2)
@@ -74,7 +74,7 @@ def least_time_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters
 
 
 def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParameters = BMW_320I) -> float:
-    """Return the time in s after which a vehicle must have driven a distance in m; infinite if it can stop before."""
+    """Return the time in s by which a vehicle must have covered a distance in m; infinite if it can stop first."""
     left = speed_mps**2 - 2 * vehicle.maximum_acceleration_mps2 * max(distance_m, 0.0)
     return math.inf if left <= 0.0 else (speed_mps - math.sqrt(left)) / vehicle.maximum_acceleration_mps2
 
@@ -82,7 +82,7 @@ def latest_passing_s(speed_mps: float, distance_m: float, vehicle: VehicleParame
 def _spans_m(
     speed_mps: float, times_s: Values, finals_mps: Values, vehicle: VehicleParameters
 ) -> tuple[Values, Values]:
-    """Return the least and largest distances in m that can be driven in given times from one speed to final speeds.
+    """Return the shortest and longest distances in m that can be driven in given times from one speed to final speeds.
 
     Times and final speeds are broadcast together.
     """

@@ -1,6 +1,6 @@
-"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and the vehicle of a configuration and a class together.
+"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and that of a configuration with a class.
 
-The server's process imports this module, so it does without numpy.
+The server's process imports this module, so it does not use numpy.
 """
 
 import math
@@ -37,7 +37,7 @@ class VehicleParameters:
     friction: float | None = None
 
     def on_road(self, friction: float | None) -> "VehicleParameters":
-        """Return the vehicle on a road of some friction: tyres allow no more than that; the power stays the same."""
+        """Return the vehicle on a road with some friction, which limits the tyres; the power stays the same."""
         if friction is None:
             return self
         largest = min(self.maximum_acceleration_mps2, friction * GRAVITY_MPS2)
@@ -60,7 +60,7 @@ class VehicleParameters:
         return self.length_m, self.width_m
 
     def most_acceleration_mps2(self, speed_mps: float) -> float:
-        """Return the largest acceleration at a speed: up to the switching speed by the tyres, above it by the power."""
+        """Return the maximum acceleration at a speed: limited by tyres up to the switching speed, above it by power."""
         return self.maximum_acceleration_mps2 * min(1.0, self.switching_speed_mps / max(speed_mps, 1e-6))
 
     @property
@@ -98,7 +98,7 @@ def hardest_braking_mps2(friction: float | None) -> float:
 
 
 def comfortable_mps2(friction: float | None) -> float:
-    """Return the comfortable acceleration on a road of some friction."""
+    """Return the comfortable acceleration on a road with some friction."""
     return COMFORTABLE_MPS2 if friction is None else min(COMFORTABLE_MPS2, friction * GRAVITY_MPS2 / 2)
 
 
@@ -121,8 +121,8 @@ class EgoClass:
 
     ``vehicle``: size and limits; for a semi-trailer, the size of the combination and the limits of its tractor.
     ``source``: the source of the limits, as text; size and axles of every class except ``car`` are those of its traffic
-    (``classes.py``). ``commonroad_vehicle``: the vehicle that a solution file can state for it; None if CommonRoad has
-    no such vehicle.
+    (``classes.py``). ``commonroad_vehicle``: the vehicle that a solution file can state for the class; None if
+    CommonRoad has no such vehicle.
     """
 
     name: str
@@ -169,7 +169,7 @@ def _steering_on_circle_rad(known: VehicleClass, outer_radius_m: float) -> float
 
 
 def _as_traffic(known: VehicleClass, limits: VehicleParameters) -> VehicleParameters:
-    """Return the limits with size and axles of a class of traffic."""
+    """Return the limits, combined with the size and axles of a class of traffic."""
     return replace(
         limits,
         length_m=known.length_m,
@@ -307,7 +307,8 @@ def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> Vehicle
     """Return the vehicle of a run: what the configuration states, otherwise that of the ego's class.
 
     Raises:
-        NotPossible: the class is a vehicle with a trailer, which is two bodies, and the configuration states no other.
+        NotPossible: the class is a vehicle with a trailer, which is two bodies, and the configuration states no other
+            vehicle.
         InvalidRequest: a length or axle that the configuration states does not fit the class.
     """
     own = _own_parameters(settings)
@@ -336,12 +337,12 @@ def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> Vehicle
 
 
 def fits_together(length_m: float, wheelbase_m: float, rear_axle_behind_center_m: float) -> bool:
-    """Return whether a body of a length can have such axles."""
+    """Return whether a body of a given length can have the given axles."""
     return wheelbase_m <= length_m and rear_axle_behind_center_m <= min(length_m / 2, wheelbase_m)
 
 
 def parameter_values(vehicle: VehicleParameters) -> dict[str, float]:
-    """Return a vehicle's parameters by name, in their order."""
+    """Return a vehicle's parameters by name, in a fixed order."""
     return {name: getattr(vehicle, name) for name in PARAMETER_NAMES}
 
 

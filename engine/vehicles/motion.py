@@ -67,7 +67,7 @@ def drivable_motion(
 ) -> Motion:
     """Return the motion of the centre for a track of the front bumper, shape (n, 2), one point per step.
 
-    A track shorter than 0.3 m is a standing vehicle.
+    A track shorter than 0.3 m counts as a standing vehicle.
 
     Args:
         front: the track of the front bumper.
@@ -75,7 +75,7 @@ def drivable_motion(
         length_m: its length.
         step_s: duration of a time step.
         sigma_steps: standard deviation of the smoothing of the progress, in steps.
-        sigma_m: that of the smoothing of the path, in m.
+        sigma_m: standard deviation of the smoothing of the path, in m.
         rear_axle_m: distance from the centre back to the rear axle.
     """
     front = np.asarray(front, dtype=float)
@@ -98,9 +98,9 @@ def drivable_motion(
 def center_track(front: Points, first_heading_rad: float, length_m: float) -> Points:
     """Return the centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
 
-    A centre dragged behind the front bumper would cut corners by metres for a long vehicle. In a curve that is tighter
-    than its bumper can turn, the body would pivot about the rear axle. On the path, the front swings out and the rear
-    in, as bus drivers do it.
+    A centre dragged behind the front bumper would cut corners by metres for a long vehicle, and in a curve that is
+    tighter than its bumper can turn, the body would pivot about the rear axle. With the centre on the path, the front
+    swings out and the rear in, as when bus drivers turn.
 
     Args:
         front: the track of the front bumper.
@@ -216,7 +216,7 @@ def drivable_steps(
 
 
 def _within_friction(motion: Motion, step_s: float, wheelbase_m: float, friction: float) -> NDArray[np.bool_]:
-    """Return which steps need no more than a road of some friction allows, shape (n − 1,).
+    """Return which steps need no more friction than the road has, shape (n − 1,).
 
     The tolerances for positions would hide 4 m/s² in a step of 0.1 s, so speeds and headings are used.
     """
@@ -235,7 +235,7 @@ def check_drivability(
     rear_axle_m: float = BMW_320I.rear_axle_behind_center_m,
     friction: float | None = None,
 ) -> Feasibility:
-    """Judge a motion of the centre by the checker, with the axles at those of the judged vehicle.
+    """Judge a motion of the centre by the checker, with the axles of the judged vehicle.
 
     Every step is checked, so that the share and the first bad one are known. All other parameters are those of
     CommonRoad's vehicle 2 (BMW 320i).
@@ -257,7 +257,7 @@ def check_drivability(
         for index, position in enumerate(motion.positions)
     ]
     model = VehicleDynamics.KS(VehicleType.BMW_320i)
-    model.parameters = copy.deepcopy(model.parameters)  # the library shares one of them among all models
+    model.parameters = copy.deepcopy(model.parameters)  # the library shares one parameter object among all models
     model.parameters.a, model.parameters.b = wheelbase_m - rear_axle_m, rear_axle_m
     if friction is not None:
         model.parameters.longitudinal.a_max = BMW_320I.on_road(friction).maximum_acceleration_mps2

@@ -1,6 +1,6 @@
-"""Thresholds of motion that decide results, one definition each, with its source or its reason.
+"""Thresholds of motion that decide results, each defined once with its source or reason.
 
-Two values for one term are two constants here, with two names.
+If a term has two values, there are two constants with different names.
 """
 
 STANDING_MPS = 0.1

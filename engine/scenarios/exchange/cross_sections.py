@@ -1,8 +1,8 @@
 """A strip of lanes as OpenDRIVE has it: a reference line, and the left offset of each bound along it.
 
-The reference line runs in the middle of the strip, as pieces of cubic curves; at its ends its normals are the ends of
-the strip, so that a skew end is kept. Each bound is where the normals cut it, at every place where any bound has a
-vertex: there the file matches the lanelets exactly. Lengths in m.
+The reference line runs in the middle of the strip, as pieces of cubic curves; at its two ends, the normal is the end of
+the strip, so a skew end is kept. Bounds are described by their intersections with the normals, at every station where
+any bound has a vertex: at these stations, the file matches the lanelets exactly. Lengths in m.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ class CurvePiece:
 
 @dataclass(frozen=True)
 class Strip:
-    """Adjacent lanes: the pieces of the reference line, stations (n,), and left offsets (n, bounds) there."""
+    """Adjacent lanes: the pieces of the reference line, stations (n,), and left offsets (n, bounds) at these."""
 
     pieces: tuple[CurvePiece, ...]
     stations_m: Values
@@ -73,7 +73,7 @@ def strip_of(bounds: Sequence[Points]) -> Strip:
         other, miss = _strip(lines, turning)
         if miss < least:
             best, least = other, miss
-    if _missed_at_ends_m(best, lines) > LEVEL_M:  # folded bounds, shorter than the lane is wide: the ends alone count
+    if _missed_at_ends_m(best, lines) > LEVEL_M:  # folded bounds, shorter than the lane is wide: only the ends count
         other, _ = _strip([line[[0, -1]] for line in lines], 0.0)
         if _missed_at_ends_m(other, lines) <= LEVEL_M:
             return other
@@ -90,7 +90,7 @@ def _missed_at_ends_m(strip: Strip, lines: Sequence[Points]) -> float:
 
 
 def _strip(lines: Sequence[Points], turning: float) -> tuple[Strip, tuple[int, float]]:
-    """Return a strip and its misses: the number of places above ``FAR_M``, and the largest miss."""
+    """Return a strip and its deviations: the number of points above ``FAR_M``, and the largest deviation."""
     pieces = _reference_line(lines[0], lines[-1], turning)
     stations, positions, normals = _sampled(pieces, DENSE_M)
     width = float(max(np.linalg.norm(lines[0][[0, -1]] - lines[-1][[0, -1]], axis=1).max(), 1.0))
@@ -172,7 +172,7 @@ def _reference_line(left: Points, right: Points, turning: float) -> list[CurvePi
 
 
 def _piece(station_m: float, start: Points, end: Points, out: Points, into: Points) -> CurvePiece:
-    """Return the cubic between two points with the given directions there; numbers as they are written."""
+    """Return the cubic between two points with the given directions at them; numbers as written to the file."""
     heading = float(np.round(np.arctan2(out[1], out[0]), 9))
     turn = _rotation(-heading)
     chord = turn @ (end - start)
@@ -188,7 +188,7 @@ def _piece(station_m: float, start: Points, end: Points, out: Points, into: Poin
 
 
 def _rounded(values: Sequence[float]) -> Values:
-    """Round to 1e-9, without a minus before 0."""
+    """Round to 1e-9, without a minus sign before 0."""
     return np.round(np.array(values), 9) + 0.0
 
 
@@ -199,7 +199,7 @@ def _sampled(pieces: Sequence[CurvePiece], spacing_m: float) -> tuple[Values, Po
 
 
 def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
-    """Return places on the reference line, closer together in its first and last piece."""
+    """Return points on the reference line, which are closer together in its first and last pieces."""
     total = pieces[-1].station_m + pieces[-1].length_m
     ends = pieces[0].length_m, pieces[-1].station_m
     parts = ((0.0, ends[0], TRIED_AT_ENDS_M), (*ends, TRIED_M), (ends[1], total, TRIED_AT_ENDS_M))
@@ -211,7 +211,7 @@ def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
 
 
 def _feet(line: Points, stations: Values, positions: Points, normals: Points, reach_m: float) -> list[float]:
-    """Return the stations with normals through the vertices of a line, the nearest one for each."""
+    """Return, for each vertex of a line, the nearest station whose normal passes through it."""
     feet = []
     along = np.column_stack([normals[:, 1], -normals[:, 0]])
     for vertex in line:
@@ -239,7 +239,7 @@ def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
         if hits.any():
             candidates = lateral[hits]
             found[number] = candidates[np.argmin(np.abs(candidates))]
-    for end, vertex in ((0, line[0]), (-1, line[-1])):  # the end of a strip is the normal there, or nearly
+    for end, vertex in ((0, line[0]), (-1, line[-1])):  # a strip's end is the normal at its station, or nearly so
         ahead = abs(float((vertex - at[end]) @ [across[end][1], -across[end][0]]))
         if np.isnan(found[end]) or ahead <= LEVEL_M:  # a bound may cross the normal of its own end once more
             found[end] = float((vertex - at[end]) @ across[end])
@@ -249,7 +249,7 @@ def _cut(line: Points, at: Points, across: Points, reach_m: float) -> Values:
 
 
 def _needed(stations: Values, offsets: Points) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
-    """Return which stations must be written, so that linear interpolation gives every offset (Douglas and Peucker)."""
+    """Return which stations are needed to get every offset by linear interpolation (Douglas and Peucker)."""
     kept = np.zeros(len(stations), dtype=np.bool_)
     kept[[0, -1]] = True
     waiting = [(0, len(stations) - 1)]

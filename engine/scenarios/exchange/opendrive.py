@@ -1,7 +1,7 @@
-"""Lanelets as OpenDRIVE 1.7 (ASAM): a road for adjacent lanelets, with all of its lanes to the right.
+"""Lanelets as OpenDRIVE 1.7 (ASAM): adjacent lanelets form a road, with all its lanes on the right.
 
-Every road runs one way, along its reference line; ``road_plan`` joins roads. The same lanelets give the same bytes.
-Each lane states its lanelet in ``userData``; lanes of bridges and connectors state the lanelet next to them.
+Every road runs one way, along its reference line; ``road_plan`` joins roads. The same lanelets always give the same
+bytes. Each lane states its lanelet in ``userData``; lanes of bridges and connectors state the lanelet next to them.
 """
 
 import re
@@ -75,7 +75,7 @@ def opendrive_of(scenario: "Scenario", name: str) -> tuple[etree._Element, tuple
         header.append(_reference(projection))
     limits = posted_speeds(network)
     lanelets = {int(lanelet.lanelet_id): lanelet for lanelet in network.lanelets}
-    # Short roads come before the others: a reader that looks a lanelet up finds the road that is drawn last.
+    # Short roads come first: a reader that looks up a lanelet finds the road that is drawn last.
     for key in plan.bridges_behind:
         _write_bridge(root, key, plan, lanelets, is_behind=True)
     for key in plan.bridges_before:
@@ -117,7 +117,7 @@ def _projection(scenario: "Scenario") -> str:
 
 
 def _shifted(projection: str, x_m: float, y_m: float) -> str:
-    """Return a PROJ string with coordinates shifted by its false easting and northing; empty if not in metres."""
+    """Return a PROJ string with shifted coordinates (false easting and northing); empty if it is not in metres."""
     words = dict(_WORD.findall(projection))
     if words.get("units", "m") != "m" or "to_meter" in words:
         return ""
@@ -174,7 +174,7 @@ def _write_road(
 
 
 def _write_links(links: etree._Element, road: int, plan: RoadPlan) -> None:
-    """Link a road with the roads or the junctions at its ends."""
+    """Link a road to the roads or junctions at its ends."""
     for tag, other, contact, junction in (
         ("predecessor", plan.road_before(road), "end", plan.junction_before(road)),
         ("successor", plan.road_behind(road), "start", plan.junction_behind(road)),
@@ -192,7 +192,7 @@ BRIDGE_M = 0.001
 def _write_bridge(
     root: etree._Element, key: int, plan: RoadPlan, lanelets: "Mapping[int, Lanelet]", *, is_behind: bool
 ) -> None:
-    """Write a common road behind or before a connecting one, with its lanes as they end or start."""
+    """Write a common road after or before a connecting road, with that road's lanes as they end or start."""
     number = plan.bridges_behind[key] if is_behind else plan.bridges_before[key]
     before = plan.junction_of[key] if is_behind else plan.junction_before(key)
     behind = plan.junction_behind(key) if is_behind else plan.junction_of[key]
@@ -292,7 +292,7 @@ def _write_lane(
 
 
 def _straights(stations: Values, values: Values) -> Iterable[tuple[float, float, float]]:
-    """Return start, value and slope of the straights between places, merging those with the same continuation."""
+    """Return start, value and slope of the line segments between stations; collinear segments are merged."""
     slopes = np.diff(values) / np.diff(stations)
     written: list[tuple[float, float, float]] = []
     for station, value, slope in zip(stations[:-1].tolist(), values[:-1].tolist(), slopes.tolist(), strict=True):

@@ -55,7 +55,7 @@ class _Entity:
     track: Track
 
     def poses(self) -> Iterator[tuple[int, float, float, float]]:
-        """Yield step, and x, y in m and heading in rad of the reference point."""
+        """Yield, for each state, the step, and the reference point's x and y in m and heading in rad."""
         rows = zip(self.track.positions.tolist(), self.track.headings_rad.tolist(), strict=True)
         for index, ((x, y), heading) in enumerate(rows):
             ahead = self.behind_m
@@ -119,7 +119,7 @@ def _document(loaded: LoadedScenario, roads: str) -> etree._Element:
 
 
 def _text(element: Any) -> bytes:
-    """Return the library's tree (ElementTree) as bytes."""
+    """Return the tree of scenariogeneration (ElementTree) as bytes."""
     from xml.etree.ElementTree import tostring
 
     return bytes(tostring(element))
@@ -171,7 +171,7 @@ def _add_ego(loaded: LoadedScenario, entities: Any, init: Any) -> None:
 
 
 def _add_friction(loaded: LoadedScenario, init: Any) -> None:
-    """Add the friction of the roads, as a factor of that of a dry road."""
+    """Add the friction of the roads, as a factor on that of a dry road."""
     from scenariogeneration import xosc
 
     if loaded.friction is not None:

@@ -20,9 +20,9 @@ EVERY_M = 0.5
 
 
 def geometry_error(text: bytes, network: "LaneletNetwork") -> RoadGeometry:
-    """Compare vertices of lanelet bounds with the file's bounds, and places on those with the lanelets' bounds.
+    """Compare vertices of lanelet bounds with the file's bounds, and points on the file's with the lanelets'.
 
-    A bound that is missing from the file counts as points that are not near.
+    The points of a bound that is missing from the file count as not near.
     """
     drawn = _bounds(etree.fromstring(text))
     near, count, farthest_m = 0, 0, 0.0
@@ -46,7 +46,7 @@ def _distances(points: Points, line: Points) -> Values:
 
 
 def _bounds(root: etree._Element) -> dict[int, tuple[Points, Points]]:
-    """Return lanelet → its left and right bound in the file, at every place where a formula changes and between."""
+    """Return lanelet → its left and right bounds in the file, at every station where a formula changes and between."""
     found: dict[int, tuple[Points, Points]] = {}
     for road in root.iterfind("road"):
         lanes = sorted(road.iterfind("lanes/laneSection/right/lane"), key=lambda lane: -int(lane.get("id", "0")))

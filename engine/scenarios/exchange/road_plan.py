@@ -1,13 +1,13 @@
 """Plan which OpenDRIVE roads represent the lanelets of a network, and how they join.
 
-Roads that end together and the roads that start there are a joint. At a fork the starting roads are connecting roads of
-a junction, at a merge the ending ones. ASAM requires that a connecting road has one incoming road, which must not be a
-connecting road (``one_connection_element``, ``connect_road_no_incoming_road``). Therefore common roads of almost no
-length, bridges, are inserted before or behind some connecting roads; and if several roads end and several start, each
-pair of lanes gets a connecting road of that length, a connector.
+Roads that end together and the roads that start at the same point are a joint. At a fork the starting roads are
+connecting roads of a junction, at a merge the ending ones. ASAM requires that a connecting road has one incoming road,
+which must not be a connecting road (``one_connection_element``, ``connect_road_no_incoming_road``). Therefore common
+roads of almost no length, bridges, are inserted before or after some connecting roads; and if several roads end and
+several start, each pair of lanes gets a connecting road of that length, a connector.
 
 Lanes that follow each other have no gap (``contact_point_no_horizontal_gaps``): if the ends of bounds differ, all are
-moved to the place of most of them.
+moved to the most frequent position.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ SAME_M = 0.02
 
 @dataclass(frozen=True, order=True)
 class Joint:
-    """Roads that end together, and the roads that start there."""
+    """Roads that end together, and the roads that start at that point."""
 
     ends: tuple[int, ...]
     starts: tuple[int, ...]
@@ -47,7 +47,7 @@ class Joint:
 
     @property
     def is_plain(self) -> bool:
-        """Whether one road follows one road."""
+        """Whether exactly one road ends and exactly one starts."""
         return len(self.ends) == 1 and len(self.starts) == 1
 
 
@@ -55,9 +55,9 @@ class Joint:
 class RoadPlan:
     """The roads of a lanelet network: their lanes, and how they join.
 
-    ``roads``: road → lanelets from left to right, with the id of the first. ``strips``: their shapes. ``following``:
-    lanelet → those that follow it, drawn ones only. ``left_out``: lanelets without an area. ``apart``: links between
-    lanelets that do not meet, which the file lacks.
+    ``roads``: road → lanelets from left to right, with the id of the first; ``strips``: their shapes; ``following``:
+    lanelet → those that follow it, drawn ones only; ``left_out``: lanelets without an area; ``apart``: links between
+    lanelets that do not meet, which are not written to the file.
     """
 
     roads: dict[int, tuple[int, ...]]
@@ -95,12 +95,12 @@ class RoadPlan:
 
     @cached_property
     def place(self) -> dict[int, tuple[int, int]]:
-        """Lanelet → its road and the id of its lane there (-1 on the left)."""
+        """Lanelet → its road and the id of its lane in that road (-1 is leftmost)."""
         return {key: (road, -1 - index) for road, keys in self.roads.items() for index, key in enumerate(keys)}
 
     @cached_property
     def leading(self) -> dict[int, tuple[int, ...]]:
-        """Lanelet → those that lead into it."""
+        """Lanelet → the lanelets that lead into it."""
         before: dict[int, list[int]] = {key: [] for key in self.following}
         for key, after in self.following.items():
             for other in after:
@@ -134,7 +134,7 @@ class RoadPlan:
 
     @cached_property
     def connecting(self) -> frozenset[int]:
-        """The connecting roads: those behind a fork, and those before a merge that have a road before them."""
+        """The connecting roads: those after a fork, and those before a merge that have a road before them."""
         behind = {road for joint in self.joints if joint.is_fork for road in joint.starts}
         return frozenset(behind | {road for joint in self.joints if joint.is_merge for road in self.merging(joint)})
 
@@ -172,7 +172,7 @@ class RoadPlan:
 
     @cached_property
     def bridges_behind(self) -> dict[int, int]:
-        """Connecting road → id of the bridge behind it, because it would be the incoming road of a connecting one."""
+        """Connecting road → id of the bridge after it: it must not be the incoming road of a connecting road."""
         needed = [
             road
             for road in sorted(self.connecting)
@@ -185,7 +185,7 @@ class RoadPlan:
 
     @cached_property
     def bridges_before(self) -> dict[int, int]:
-        """Connecting road → id of the bridge before it, because several roads lead into it."""
+        """Connecting road → id of the bridge before it, which is needed because several roads lead into it."""
         needed = [
             road
             for road in sorted(self.connecting)
@@ -196,7 +196,7 @@ class RoadPlan:
 
     @cached_property
     def connectors(self) -> dict[int, tuple[int, int]]:
-        """Id of a connector → the lanelets that it leads from and to."""
+        """Id of a connector → the lanelets from which and to which it leads."""
         pairs = []
         for joint in self.joints:
             ends = set(joint.ends)
@@ -210,11 +210,11 @@ class RoadPlan:
         return {first + number: pair for number, pair in enumerate(pairs)}
 
     def exit_of(self, road: int) -> int:
-        """Return the road that others are joined to at the end of a road: its bridge, or itself."""
+        """Return the road to which others are joined at the end of a road: the road's bridge, or the road itself."""
         return self.bridges_behind.get(road, road)
 
     def entry_of(self, road: int) -> int:
-        """Return the road that others are joined to at the start of a road: its bridge, or itself."""
+        """Return the road to which others are joined at the start of a road: the road's bridge, or the road itself."""
         return self.bridges_before.get(road, road)
 
     def road_before(self, road: int) -> int | None:
@@ -247,7 +247,7 @@ class RoadPlan:
 
 
 def _drawn(keys: tuple[int, ...], corners: "_Corners", strips: dict[int, Strip]) -> list[tuple[int, ...]]:
-    """Return the roads that adjacent lanelets are drawn as: one, or one each; those without an area are left out."""
+    """Return the roads for adjacent lanelets: one for all, or one for each; lanelets without an area are left out."""
     parts = []
     for part in (keys, *([(key,) for key in keys] if len(keys) > 1 else [])):
         try:
@@ -261,7 +261,7 @@ def _drawn(keys: tuple[int, ...], corners: "_Corners", strips: dict[int, Strip])
 
 
 def _meet(lanelet: "Lanelet", following: "Lanelet") -> bool:
-    """Return True if a lanelet starts where another ends: both ends of its start within half a lane of the other's."""
+    """Return True if a lanelet starts where another ends: corresponding corners are within half a lane's width."""
     ends = [np.asarray(line)[-1, :2] for line in (lanelet.left_vertices, lanelet.right_vertices)]
     starts = [np.asarray(line)[0, :2] for line in (following.left_vertices, following.right_vertices)]
     gap = max(float(np.linalg.norm(one - other)) for one, other in zip(ends, starts, strict=True))
@@ -269,7 +269,7 @@ def _meet(lanelet: "Lanelet", following: "Lanelet") -> bool:
 
 
 class _Corners:
-    """Where the bounds of lanelets start and end: one place for all that meet there, and level across a road."""
+    """The corners of lanelets, where bounds start and end: one point for all that meet, and level across a road."""
 
     def __init__(
         self, lanelets: "Mapping[int, Lanelet]", meeting: "set[tuple[int, int]]", groups: "Sequence[tuple[int, ...]]"
@@ -300,7 +300,7 @@ class _Corners:
         self._level(groups)
 
     def _level(self, groups: "Sequence[tuple[int, ...]]") -> None:
-        """Move the ends of bounds between lanes onto the straight line across their road, the widest roads first."""
+        """Move the ends of bounds between lanes onto the straight line across their road, widest roads first."""
         settled: list[list[Points]] = []
         for group in sorted(groups, key=lambda keys: (-len(keys), keys)):
             for end in (0, -1) if len(group) > 1 else ():
@@ -318,13 +318,13 @@ class _Corners:
         return [(group[0], _LEFT, end), *((key, _RIGHT, end) for key in group)]
 
     def at(self, corner: "_Corner") -> Points:
-        """Return the place of a corner."""
+        """Return the position of a corner."""
         key, side, end = corner
         place = self._place.get(corner)
         return self._lines[key, side][end] if place is None else place[0]
 
     def level_parts(self, group: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """Return adjacent lanes, divided where they do not start and end on a straight line across their road."""
+        """Return adjacent lanes, divided where they do not start and end on one straight line across the road."""
         parts = [group[:1]]
         for key in group[1:]:
             if self._is_level((*parts[-1], key)):
@@ -369,7 +369,7 @@ def _common(points: Points) -> Points:
 
 
 def _foot(point: Points, first: Points, last: Points) -> Points | None:
-    """Return the nearest place on the straight line across a road, or None if it is not near."""
+    """Return the nearest point on the straight line across a road, or None if it is not near."""
     step = last - first
     length = float(np.linalg.norm(step))
     if length <= SAME_M:
