@@ -157,7 +157,7 @@ class _Attempt:
 class _Attempts:
     """Rounds of traffic at sites until a scenario has no fault; keeps the ``made`` scenarios and the ``refusals``.
 
-    ``lost``: sites that were skipped because their nets do not show their type.
+    ``lost``: sites that were skipped because their nets lack the features of their type.
     """
 
     def __init__(self, request: GenerationRequest, scratch: Path, report: ProgressReporter) -> None:

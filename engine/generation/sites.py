@@ -142,7 +142,7 @@ def _required_ramp_turn(request: GenerationRequest) -> Turn | None:
 
 
 def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
-    """Return the refusal of a merge if all ramps are exits, or of an exit if none is; None if there is a fit."""
+    """Return the refusal if no ramp in the request's area offers the required merge or exit; None if one does."""
     turn = _required_ramp_turn(request)
     if turn is None:
         return None
@@ -622,7 +622,7 @@ class _Spot:
 def _spot(
     site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
 ) -> tuple[frozenset[str], _Spot | None]:
-    """Return the junctions that a site was made of, with their positions; None if no others are near."""
+    """Return the junctions that a site was made of, and their area and positions (None if no others are near)."""
     from shapely import Point, union_all
 
     near = sorted(junctions) if len(junctions) > 1 else []

@@ -122,7 +122,7 @@ def _changes_lane(under: list[RoadLanelet], network: RoadNetwork) -> bool:
 
 
 def _is_lane_change(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> bool:
-    """Return whether a lanelet is adjacent to another, or follows only a lanelet adjacent to it."""
+    """Return whether the way from one lanelet to the other needs a lane change, to a neighbour or its successors."""
     if _leads_to(one, other, network):
         return False
     return any(key == other.lanelet_id or _leads_to(network.lanelets[key], other, network) for key in one.neighbours())
