@@ -1,13 +1,13 @@
-"""Finds the weights that matter on some scenarios: screening by Morris, total indices by Sobol, both from SALib.
+"""Finds the weights that matter on some scenarios: Morris screening and Sobol total indices from SALib.
 
 Morris (1991, "Factorial sampling plans for preliminary computational experiments") changes one weight at a time along
 random paths through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is the mean absolute change. Sobol's total
 index is the share of the objective's variance to which a weight contributes. Intervals are SALib's bootstraps.
 
-A change of a weight that turns some scenarios to success and as many to failure also moves the mean a little. So a
-weight matters only if its effect is larger than expected if each scenario's changes were as likely to have the opposite
-sign (a permutation test with the scenario as the unit), and if its bootstrapped interval is above 0; both conditions
-are adjusted for the number of tested weights (Bonferroni).
+Even a weight that turns some scenarios into successes and as many into failures moves the mean a little. So a weight
+matters only if its effect is larger than it would be if the change in each scenario were equally likely to have the
+opposite sign (a permutation test with the scenario as the unit), and if its bootstrapped interval is above 0; both
+conditions are adjusted for the number of tested weights (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -111,7 +111,7 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 
 
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
-    """Return by weight each scenario's change of objective between points that differ only in it, (pairs, s).
+    """Return, by weight, each scenario's change of objective between points that differ only in it: (pairs, s).
 
     Scenarios without a score at some point are left out; the result is empty if no scores are given.
     """
@@ -150,7 +150,7 @@ def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: Design
 
 
 def _largest(design: DesignRequest, place: int, changes: "NDArray[np.float64] | None") -> tuple[int, int, int] | None:
-    """Return the two points and the scenario of a weight's largest change, or None if it changed nothing."""
+    """Return the two points and the scenario of a weight's largest change, or None if there was no change."""
     import numpy as np
 
     if changes is None or not changes.any():

@@ -352,7 +352,9 @@ class FuzzyDriver(_RespondingDriver):
         return _share_between(gap_m - self.standstill_m, safe, unsafe)
 
     def critical_share(self, gap_m: float, own_mps: float, front_mps: float, felt_mps2: float) -> float:
-        """Return the critical metric, for a leader at constant speed: 0 if gentle braking suffices, 1 if hard does not."""
+        """Return the critical metric.
+
+        For a leader at constant speed, it is 0 if gentle braking suffices, and 1 if hard braking does not."""
         if own_mps <= front_mps:
             return 0.0
         going_on = max(felt_mps2, -self.gentle_mps2)
