@@ -116,7 +116,7 @@ class Judge:
         return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
 
     def _too_late_anywhere(self, ego: EgoState) -> Verdict | None:
-        """Return the verdict on a goal without a position whose conditions were not met by its last step."""
+        """Return the verdict on a goal that has no position, if its conditions were not met by its last step."""
         if ego.step <= self._goal.last_step:
             return None
         over_s = self._since_start_s(self._goal.last_step)

@@ -45,7 +45,7 @@ class LaneletShape:
 
 @dataclass(frozen=True)
 class _TrafficSignal:
-    """A traffic light: its position, and the colour of every step of its cycle ("inactive" if it has none)."""
+    """A traffic light: its position, and its colour at every step of its cycle ("inactive" if it has no cycle)."""
 
     signal_id: int
     position: Points

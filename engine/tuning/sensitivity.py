@@ -6,8 +6,8 @@ index is the share of the objective's variance to which a weight contributes. In
 
 Even a weight that turns some scenarios into successes and as many into failures moves the mean a little. So a weight
 matters only if its effect is larger than it would be if the change in each scenario were equally likely to have the
-opposite sign (a permutation test with the scenario as the unit), and if its bootstrapped interval is above 0; both
-conditions are adjusted for the number of tested weights (Bonferroni).
+opposite sign (a permutation test with the scenario as the unit). In addition, its bootstrapped interval must be above
+0. Both conditions are adjusted for the number of tested weights (Bonferroni).
 """
 
 from collections.abc import Sequence

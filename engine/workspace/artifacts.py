@@ -239,7 +239,7 @@ class Workspace:
         return self._first(f"digest = ? AND NOT {_IS_IMPORTED}", kind, recipe.digest)
 
     def imported_of(self, artifact_ids: Iterable[str]) -> list[str]:
-        """Return those of the given ids whose artifacts came from an archive, in order."""
+        """Return the given ids of artifacts that came from an archive, in order."""
         wanted = list(artifact_ids)
         if not wanted:
             return []

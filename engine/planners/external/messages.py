@@ -182,7 +182,7 @@ def _goal_state(goal: Goal) -> GoalMessage:
 
 
 def _lanelets(task: PlanningTask) -> list[LaneletMessage]:
-    """Return the lanelets within the sensor radius of the reference path, in order of id."""
+    """Return the lanelets within the sensor radius around the reference path, in order of id."""
     import shapely
 
     around = shapely.LineString(task.reference.points).simplify(1.0).buffer(SENSOR_RADIUS_M)

@@ -373,7 +373,7 @@ def _share_between(value: float, none: float, all_: float) -> float:
 
 @dataclass(frozen=True)
 class RssDriver(_RespondingDriver):
-    """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to another are unsafe.
+    """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to a road user are unsafe.
 
     The longitudinal distance is definition 1 for a road user in the driver's direction, without acceleration during the
     response (a driver that keeps its speed), and definition 2 for an oncoming one. The lateral distance is definition 6

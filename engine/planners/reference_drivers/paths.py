@@ -124,7 +124,7 @@ class OnPath:
         return gaps
 
     def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
-        """Return how a driver with its centre at a station perceives it, or None if it is absent at the step.
+        """Return how a driver with its centre at a station perceives the road user; None if it is absent at the step.
 
         ``body``: length and width of the driver's vehicle.
         """

@@ -132,7 +132,7 @@ class ReferencePlanner(IntelligentDriver):
         return min(max(acceleration, -self._weights["deceleration_mps2"]), in_bend)
 
     def _ahead(self, observation: Observation, center_m: float) -> "_Ahead":
-        """Return the others along the path near the ego."""
+        """Return the other road users along the path near the ego."""
         points = self._task.reference.points
         near = (self._stations >= center_m - _BEHIND_M) & (self._stations <= center_m + _AHEAD_M)
         first = int(np.argmax(near))

@@ -91,7 +91,7 @@ class ScriptedActor:
 
     @property
     def motion(self) -> Track:
-        """Its motion without slowing down, as far as it is known."""
+        """The known part of its motion without slowing down."""
         return self._motion
 
     @property
