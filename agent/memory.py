@@ -180,7 +180,7 @@ def as_json(message: Message) -> str:
 
 
 def from_json(line: str) -> Message:
-    """Return the message in such a line.
+    """Return the message in a line of :func:`as_json`.
 
     Raises:
         ValueError: The line is not a message.

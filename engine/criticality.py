@@ -216,10 +216,10 @@ def ahead_of(ego: Track, met: _Encounters) -> _Ahead:
 def risk_scores(gaps_m: Values, times_to_collision: Values) -> NDArray[np.intp]:
     """Return 0 collision, 1 extreme, 2 high, 3 medium, 4 low, 5 negligible risk, for gaps in m and times in s, (n,).
 
-    The scale of From Words to Collisions (TUM-AVS, ITSC 2025): one score for distance and one for the time to
-    collision, 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), their mean cut to an integer; the most dangerous
-    other at the most dangerous step counts. Here with the gap between the rectangles and the time to collision in the
-    plane, while the source weights longitudinal and lateral parts by the direction of the other.
+    The scale of From Words to Collisions (TUM-AVS, ITSC 2025) has one score for distance and one for the time to
+    collision. Each is 0 at zero and 1 to 4 up to 0.5, 1, 3 and 5 (m or s), and their mean is cut to an integer. The
+    most dangerous other at the most dangerous step counts. Here with the gap between the rectangles and the time to
+    collision in the plane, while the source weights longitudinal and lateral parts by the direction of the other.
     """
     distance = np.searchsorted(_RISK_STEPS_M, gaps_m, side="left")
     time = np.searchsorted(_RISK_STEPS_S, times_to_collision, side="left")

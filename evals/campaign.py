@@ -31,7 +31,7 @@ class WorkspaceSession(ToolSession, Protocol):
 Scorer = Callable[[EvalRequest, Attempt, Path], Score]
 """Scores an attempt at a request; the path is the workspace of the agent's server."""
 OpenSession = Callable[[int, EvalRequest], AbstractAsyncContextManager[WorkspaceSession]]
-"""Opens a session with the server of a worker, by its number from 0 and its first request; workers share none."""
+"""Opens a session with the server of a worker, by its number from 0 and its first request; workers share no session."""
 OnRow = Callable[[Row, int, int], None]
 """Receives each row, the number of finished rows, and the total."""
 

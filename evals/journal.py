@@ -195,7 +195,7 @@ def _line(reader: TypeAdapter[_Line], line: str, place: str) -> _Line:
         return reader.validate_json(line)
     except ValidationError as error:
         raise InvalidRequest(
-            f"{place} is not a line of such a file: {error.errors()[0]['msg']}", next_step=f"give files as in {_FORM}"
+            f"{place} is invalid: {error.errors()[0]['msg']}", next_step=f"give files as in {_FORM}"
         ) from error
 
 

@@ -77,7 +77,7 @@ COMMON_FIELDS: Final[Mapping[str, str]] = {
     "batch_id": "id of the batch",
     "config_id": "id of the configuration",
     "config_name": "name of the configuration",
-    "job_id": "id of the job, for get_job; null or empty if none is running",
+    "job_id": "id of the job, for get_job; null or empty if no job is running",
     "lanelet_id": "id of the lanelet in the scenario",
     "map_id": "id of the map",
     "next_step": "the next call",
@@ -125,8 +125,8 @@ def problems_of(model: type[BaseModel], error: ValidationError, noun: str = "fie
 def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field") -> tuple[str, list[str]]:
     """Return a problem with the valid values, the nearest first.
 
-    The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by what the
-    field accepts. Messages of our own checks are used unchanged.
+    The text is never pydantic's, which refers to Python's types. An unknown kind of error is described by the values
+    that the field accepts. Messages of our own checks are used unchanged.
     """
     kind, path = detail["type"], _path(detail["loc"])
     if kind == "extra_forbidden":
@@ -147,7 +147,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
 
 
 def choices_of(detail: ErrorDetails) -> list[str]:
-    """Return the valid values of a field, as the error lists them; empty if it lists none."""
+    """Return the valid values of a field, as the error lists them; empty if it lists no values."""
     context = detail.get("ctx", {})
     return re.findall(r"'([^']*)'", str(context.get("expected", context.get("expected_tags", ""))))
 
@@ -204,7 +204,10 @@ def _in_words(schema: Mapping[str, Any]) -> str:
         least, most, part = _SIZES[kind]
         words += _size_in_words(schema.get(least), schema.get(most), part)
     form = f" that matches {schema['pattern']}" if "pattern" in schema else ""
-    return " ".join([words, *(f"{word} {schema[key]:g}" for key, word in _BOUNDS if key in schema)]) + form
+    bounds = [(key, word) for key, word in _BOUNDS if key in schema]
+    if len(bounds) == 1:
+        bounds = [(key, {"from": "of at least", "to": "of at most"}.get(word, word)) for key, word in bounds]
+    return " ".join([words, *(f"{word} {schema[key]:g}" for key, word in bounds)]) + form
 
 
 def _size_in_words(least: int | None, most: int | None, part: str) -> str:

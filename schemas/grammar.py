@@ -310,4 +310,4 @@ def _whole(text: str) -> str:
 
 
 def _or_units(units: dict[str, float]) -> str:
-    return f" with a unit of {', '.join(units)}, or none" if units else ""
+    return f" in {', '.join(units)}, or without a unit" if units else ""

@@ -260,7 +260,7 @@ class EditCollision(Model):
 
 
 class EgoDanger(Model):
-    """The most critical figures of an ordinarily driving ego; None if no road user is near, or none is met within 60 s.
+    """The most critical figures of an ordinarily driving ego; None if no road user is near or met within 60 s.
 
     ``risk_score`` runs from 0 collision over 1 extreme, 2 high, 3 medium and 4 low to 5 negligible (From Words to
     Collisions). ``most_critical_*`` describe the road user at the lowest score: the first collision, otherwise the
@@ -380,7 +380,7 @@ class ModifyScenarioResult(Result):
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
         collisions = [f"new collision: {'; '.join(first_of(hits, *self._most(_MOST_COLLISIONS)))}"] if hits else []
         infeasible = [
-            f"a car cannot drive {1 - share:.1%} of the steps of {_ids(keys)}{', as in the recording' * is_recorded}"
+            f"a car cannot follow {1 - share:.1%} of the motion of {_ids(keys)}{', as in the recording' * is_recorded}"
             for (share, is_recorded), keys in _grouped(
                 (vehicle.vehicle_id, (vehicle.feasible_share, _is_recording(vehicle)))
                 for vehicle in self.touched
@@ -426,7 +426,7 @@ class ModifyScenarioResult(Result):
             yield from first_of(lines, max(shown // len(self.edits), _MOST_ROUTES), others)
         undone = [edit.index for edit in self.edits[most:] if edit.verdict != "done"]
         if self.edits[most:]:
-            yield f"… {len(self.edits) - most} more edits, not done or not reached: {_ids(undone)}: {rest}"
+            yield f"… {len(self.edits) - most} more edits (not done or not reached: {_ids(undone)}): {rest}"
 
     def _others(self) -> list[str]:
         """Return which vehicles react in addition, and why, and how many keep their recording."""
@@ -482,9 +482,9 @@ Key = TypeVar("Key", bound=Hashable)
 def _verdicts(edits: Sequence[EditReport]) -> str:
     """Return how many edits were done, reached, or had no effect."""
     counts = Counter(edit.verdict for edit in edits)
-    if len(edits) == 1:
-        return f"the edit is {edits[0].verdict}"
-    return f"of {len(edits)} edits " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    if len(counts) == 1:
+        return f"{counted(len(edits), 'edit')} {edits[0].verdict}"
+    return f"{len(edits)} edits: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
 
 
 def _grouped(items: Iterable[tuple[int, Key]]) -> list[tuple[Key, list[int]]]:
@@ -519,13 +519,13 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
     """Return what changes for an ordinarily driving ego; undefined figures have a reason."""
     if before is None or after is None:
-        return ["Ego's danger: unknown, because no ordinary drive of an ego can be simulated here."]
+        return ["Ego's risk: unknown, because an ordinary driver cannot be simulated as the ego here."]
     was, now = _danger_figures(before), _danger_figures(after)
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    blindness = " (it does not see the edited traffic)" if blind else ""
-    return [f"Change for the ego{blindness}: {', '.join(new)}."]
+    ego = "an ego that ignores the edited traffic" if blind else "the ego"
+    return [f"Change for {ego}: {', '.join(new)}."]
 
 
 _RISK = "risk score (0 worst, 5 best)"
@@ -534,7 +534,7 @@ _RISK = "risk score (0 worst, 5 best)"
 def _danger_figures(danger: EgoDanger) -> dict[str, str]:
     """Return the figures as text, by name."""
     figures = {
-        "nearest": _figure(danger.minimum_distance_m, " m"),
+        "minimum distance": _figure(danger.minimum_distance_m, " m"),
         "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
         _RISK: _figure(danger.risk_score, ""),
     }
@@ -546,7 +546,7 @@ def _danger_figures(danger: EgoDanger) -> dict[str, str]:
 
 def _figure(value: float | None, unit: str) -> str:
     if value is None:
-        return "none within 60 s" if unit == " s" else "no other near"
+        return "none within 60 s" if unit == " s" else "none nearby"
     return f"{value:.3g}{unit}"
 
 

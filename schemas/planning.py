@@ -354,7 +354,7 @@ class RunLine(Model):
     reason: str = Field(description="reason for the outcome")
     duration_s: float | None = Field(description="length of the drive; null if it could not be attempted")
     minimum_distance_m: float | None = Field(
-        description="smallest distance to another road user; null if none was near"
+        description="smallest distance to another road user; null if no road user was near"
     )
     config_name: str = ""
     review: RunReview | None = Field(None, description="for a single run and for listed failures")

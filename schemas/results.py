@@ -303,7 +303,7 @@ class CollisionCauses(Model):
         """Return one collision for each cause."""
         first = {one.laid_to: one for one in reversed(self.evidence) if one.laid_to is not None}
         shown = [f"{cause} {first[cause].run_id} at {first[cause].time_s:.1f} s" for cause in self.laid_to]
-        return f" See {'; '.join(shown)}." if shown else ""
+        return f" Examples: {'; '.join(shown)}." if shown else ""
 
 
 def _estimate(rate: Rate) -> str:
@@ -384,7 +384,7 @@ class RunRow(Model):
     outcome: Outcome
     duration_s: float | None = Field(description="length of the drive; null if it could not be attempted")
     minimum_distance_m: float | None = Field(
-        description="smallest distance to another road user; null if none was near"
+        description="smallest distance to another road user; null if no road user was near"
     )
     reason: str = Field(description="reason for the outcome")
     contact: Contact | None = Field(None, description="for the first ten collisions, with detail=rows")
@@ -646,7 +646,7 @@ _SAID_ABOVE = frozenset(
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
-    """Return a line if findings were requested and none suggests a weight."""
+    """Return a line if findings were requested and no finding suggests a weight."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return ["These runs suggest no change of a weight; optimize_planner searches for one on several scenarios."]

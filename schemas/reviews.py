@@ -352,7 +352,7 @@ class Contact(Model):
         prevention = self.prevention if self.laid_to != "ego" else None
         judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += f"; unforeseen: the prediction a second earlier kept them {self.predicted_gap_m:.1f} m apart"
+            judged += f"; unforeseen: 1 s earlier, the prediction left a gap of {self.predicted_gap_m:.1f} m"
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
@@ -373,7 +373,7 @@ class Contact(Model):
     def _alignment(self) -> str:
         """How the two were aligned: side by side, or one at an angle, for example while merging."""
         sides = {self.ego_side, self.other_side}
-        return "alongside" if sides <= {"left", "right"} else "of the same direction"
+        return "alongside" if sides <= {"left", "right"} else "in the same direction"
 
     @property
     def _what(self) -> str:
@@ -384,10 +384,10 @@ class Contact(Model):
             "rear_end_by_ego": f"ran into the back of {other}",
             "cut_in": f"ran into {other}, which had cut in{came},",
             "cut_in_by_ego": f"cut in ahead of {other}{came}, and was hit by it",
-            "oncoming": f"met oncoming {other}, ego's {self.ego_side} to its {self.other_side}",
-            "crossing": f"met crossing {other}, ego's {self.ego_side} to its {self.other_side}",
-            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} to its {self.other_side}",
-            "into_standing": f"drove into standing {other}, ego's {self.ego_side} to its {self.other_side}",
+            "oncoming": f"hit oncoming {other}, ego's {self.ego_side} against its {self.other_side}",
+            "crossing": f"hit crossing {other}, ego's {self.ego_side} against its {self.other_side}",
+            "side": f"touched {other} {self._alignment}, ego's {self.ego_side} against its {self.other_side}",
+            "into_standing": f"drove into standing {other}, ego's {self.ego_side} against its {self.other_side}",
             "onto_standing_ego": f"stood still and was hit by {other} from {directions[self.ego_side]}",
             "road_boundary": "left the road",
             "unclear": f"collided with {other}",
@@ -470,7 +470,7 @@ class RunReview(Model):
     def pace_in_words(self) -> str:
         """Return what the ego did without an external cause; empty if it did nothing of the kind."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
-        return f"Without external cause, the ego {'; '.join(own)}." if own else ""
+        return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
         """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""

@@ -326,7 +326,7 @@ class ScenarioSource(Model):
 
     - ``obstacles``: counts by type
     - ``density_per_km``: recorded vehicles per kilometre of lanelets
-    - ``road``: the kind of road from the file's tags, such as ``highway``; empty without such a tag
+    - ``road``: the kind of road from the file's tags, such as ``highway``; empty if no tag names one
     - ``limit_kmh``: the highest speed limit on the ego's lanelets; None if no limit is posted
     """
 

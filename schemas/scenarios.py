@@ -346,7 +346,7 @@ class DescribedMotion(Model):
             for one in self.moments
         ]
         return [
-            f"It drives {self.driven_m:g} m; it brakes or changes lane:"
+            f"It drives {self.driven_m:g} m. Events:"
             if did
             else f"It drives {self.driven_m:g} m, never brakes and keeps its lane.",
             *did,
@@ -429,7 +429,9 @@ class DescribedGeneration(Model):
         streets = cited_all(site.streets) or "unnamed roads"
         mark = f", OSM {site.osm_id}" if site.osm_id else ""
         classes = ", ".join(["the ego", *(counted(count, name) for name, count in self.classes_realised.items())])
-        requested = "".join(f", with {counted(count, name)}" for name, count in self.classes_asked.items())
+        by_class = " and ".join(counted(count, name) for name, count in self.classes_asked.items())
+        requested = f", including {by_class}" if by_class else ""
+        vehicles = counted(self.vehicles_realised, "vehicle")
         requested_density = density.at_time or density.wish
         under = f"conditions {', '.join(self.conditions)}; " if self.conditions else ""
         listed = [f"Not as requested: {absence.in_words()}" for absence in self.absences]
@@ -440,7 +442,7 @@ class DescribedGeneration(Model):
         unlisted = "" if is_complete else f" {self.notes_total} notes, {self.warnings_total} warnings: detail checks."
         first = (
             f"Generated: {site.scenario_type} (requested: {self.scenario_type_asked}) at {site.latitude:.5f}, "
-            f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); vehicles {self.vehicles_realised} "
+            f"{site.longitude:.5f} within {site.radius_m:g} m ({streets}{mark}); {vehicles} "
             f"(requested: {self.vehicles_asked}{requested}): {classes}; {density.at_start_per_lane_km:g} per "
             f"lane-km at the start, {density.at_end_per_lane_km:g} at the end (requested: {requested_density}, "
             f"{density.target_per_lane_km:g}); {self.recorded_s:g} s recorded (requested: {self.duration_asked_s:g}); "
@@ -544,7 +546,7 @@ def _focus(focus: DescribedFocus) -> list[str]:
     """Return the focus, its recorded route, and where it can drive."""
     name = f"{focus.name[0].upper()}{focus.name[1:]}{f' ({focus.what})' if focus.what else ''}"
     seen = f": {_vehicle_in_words(focus.vehicle)}." if focus.vehicle is not None else "."
-    recorded = f" Recorded route: lanelets {_chain(focus.route)}." if focus.route else ""
+    recorded = f" Recorded route: {_chain(focus.route)}." if focus.route else ""
     ways = [(" then ".join(way.turns) or "straight", way) for way in focus.reach]
     reached = [f"{turns} {way.lanelet_id} ({way.distance_m:.0f} m)" for turns, way in ways]
     return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
@@ -558,14 +560,15 @@ def ego_text(ego: DescribedEgo) -> str:
     """Return a line on the ego's start, its goal and its route there."""
     lanes = f"{ego.lanes} lane{'' if ego.lanes == 1 else 's'} in its direction"
     lanelets = f"lanelet {', '.join(map(str, ego.lanelets))}" if ego.lanelets else "no lanelet"
-    route = f" Route: {ego.way}{f', lanelets {_chain(ego.route)}' if ego.route else ''}."
+    route = f" Route: {ego.way}{f', {_chain(ego.route)}' if ego.route else ''}."
     what = "" if ego.vehicle_class == "car" else f"{ego.vehicle}. Starts at "
     return f"Ego: {what}{ego.speed_mps:.1f} m/s on {lanelets}, {lanes}. Goal: {ego.goal}.{route}"
 
 
 def _chain(route: tuple[int, ...]) -> str:
     shown = [str(key) for key in (route if len(route) <= 8 else (*route[:4], *route[-3:]))]
-    return " → ".join(shown if len(route) <= 8 else [*shown[:4], "…", *shown[4:]])
+    noun = "lanelet" if len(route) == 1 else "lanelets"
+    return f"{noun} " + " → ".join(shown if len(route) <= 8 else [*shown[:4], "…", *shown[4:]])
 
 
 def _vehicle(vehicle: DescribedVehicle, focus: DescribedFocus | None) -> str:

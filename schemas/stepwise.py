@@ -72,7 +72,7 @@ class LaneletMessage(Model):
     left_same_direction: bool = Field(False, description="whether that one leads in the same direction")
     right_neighbour: int | None = Field(None, description="lanelet to its right, in any direction")
     right_same_direction: bool = Field(False, description="whether that one leads in the same direction")
-    speed_limit_mps: float | None = Field(None, description="posted limit; null if none is posted")
+    speed_limit_mps: float | None = Field(None, description="posted limit; null if no limit is posted")
     signals: tuple[int, ...] = Field((), description="ids of the traffic lights at its end")
 
 

@@ -148,8 +148,13 @@ def is_utf8(text: str) -> bool:
     return True
 
 
+_CLASS_NOUNS = {"delivery": "delivery van", "emergency": "emergency vehicle"}
+"""Nouns for the vehicle classes that are not nouns for a vehicle."""
+
+
 def counted(count: int, noun: str) -> str:
     """Return a number with its noun, ``16 buses``; obstacle types of two words are split."""
+    noun = _CLASS_NOUNS.get(noun, noun)
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", noun).lower() if noun.isalpha() else noun
     if count == 1:
         return f"1 {words}"

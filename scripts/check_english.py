@@ -31,6 +31,13 @@ CONSTRUCTIONS: Mapping[str, tuple[str, str]] = {
     "until then": (r"\buntil then\b", "a time or an event"),
 }
 """Constructions that read as translated: for each its pattern, and what to write instead."""
+ORDINARY: Mapping[str, re.Pattern[str]] = {
+    "whom": re.compile(r"\bwho hit whom\b", re.IGNORECASE),
+    "none": re.compile(
+        r"\b(?:there (?:is|are)|has|have) none(?=[.,:;)]|$)|\ball or none\b|'none'|(?:^|; )none(?=:)|: none$"
+    ),
+}
+"""Uses of a construction that are ordinary English: a fixed phrase, a clause that ends in *none*, or a value *none*."""
 OPENINGS: Mapping[str, tuple[str, str]] = {
     "Whether": (r"Whether\b", "Return whether …, or Return True if …"),
     "By what": (r"(?:By|Of|From|To|With) (?:what|which|whom)\b", "a verb, such as Return …"),
@@ -133,7 +140,7 @@ def texts_of_code(name: str, source: str) -> Iterator[Text]:
             opens = is_function and not properties & {"property", "cached_property"}
             parts = [
                 part
-                for part in re.split(r"\n\s*\n|\n(?= *[\w ,*]+:(?: |$))|\n(?= *(?:-|\d+\.) )", words)
+                for part in re.split(r"\n\s*\n|\n(?= *[\w ,*]+:(?: |$))|\n(?= *(?:[-*]|\d+\.) )|\n(?=[ │]*[├└])", words)
                 if part.strip()
             ]
             for number, part in enumerate(parts):
@@ -173,7 +180,10 @@ def faults_of(texts: Iterable[Text], rules: Rules) -> list[Fault]:
     faults: list[Fault] = []
     for text in texts:
         for rule, (pattern, instead) in CONSTRUCTIONS.items():
+            fine = [use.span() for use in ORDINARY[rule].finditer(text.words)] if rule in ORDINARY else []
             for match in re.finditer(pattern, text.words, re.IGNORECASE if rule != "none" else 0):
+                if any(begin <= match.start() and match.end() <= end for begin, end in fine):
+                    continue
                 shown = text.words[max(match.start() - 30, 0) : match.end() + 30]
                 found[rule].append(Fault(text.file, text.line, rule, f"…{shown}…", instead))
         for rule, (pattern, instead) in OPENINGS.items():

@@ -208,13 +208,32 @@ def _fields(model: type[BaseModel], schema: Schema) -> str:
 def meanings_of(model: type[BaseModel]) -> dict[str, str]:
     """Return the meaning and unit of each field of an answer, empty if unknown.
 
-    The sources are the field's description, the model's docstring (``name``: meaning) and the fields of all answers.
+    The sources are the field's description, the model's docstring (``name``: meaning, or a sentence that names the
+    field) and the fields of all answers.
     """
-    said = dict(re.findall(r"`(\w+)`: ([^;.]+)", " ".join(_doc(model).split())))
+    text = " ".join(_doc(model).split())
+    said = dict(re.findall(r"`(\w+)`: ([^;.]+)", text)) | _named_in_sentences(text)
     return {
         name: _with_unit(name, field.description or said.get(name) or COMMON_FIELDS.get(name, ""))
         for name, field in model.model_fields.items()
     }
+
+
+def _named_in_sentences(text: str) -> dict[str, str]:
+    """Return, for each field that a sentence names, what the sentence says; one that begins with the name counts first.
+
+    "``judged`` counts the examined collisions." gives "counts the examined collisions".
+    """
+    first: dict[str, str] = {}
+    later: dict[str, str] = {}
+    for sentence in re.split(r"(?<=[.;])\s+", text):
+        plain = sentence.rstrip(".;")
+        begins = re.match(r"`(\w+)`:? (?:(?:is|are) )?(.+)", plain)
+        if begins is not None:
+            first.setdefault(begins[1], begins[2])
+        for name in re.findall(r"`(\w+)`", plain):
+            later.setdefault(name, plain)
+    return later | first
 
 
 UNITS = {

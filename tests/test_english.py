@@ -32,6 +32,28 @@ def test_a_banned_construction_is_found(english: ModuleType, words: str, rule: s
     assert rules_broken(english, words) == [rule]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "A report says who hit whom.",
+        "Who hit whom in a run",
+        "The speed, or None if there is none.",
+        "If the map has none, the server guesses.",
+        "Edits apply all or none.",
+        "default-src 'none'; base-uri 'none'",
+        "none: any map",
+        "the seed; default: none",
+    ],
+)
+def test_a_fixed_phrase_or_a_value_is_ordinary_english(english: ModuleType, words: str) -> None:
+    assert rules_broken(english, words) == []
+
+
+def test_an_ordinary_use_does_not_hide_another_one(english: ModuleType) -> None:
+    assert rules_broken(english, "Who hit whom, and to whom it belongs.") == ["whom"]
+    assert rules_broken(english, "If there is none, it has none ahead.") == ["none"]
+
+
 def test_an_allowed_number_of_a_construction_passes_and_one_more_shows_all(english: ModuleType) -> None:
     allowed = {"whose": 2}
     assert rules_broken(english, "A run whose ego stops.\n\n" * 2, allowed=allowed) == []
@@ -74,6 +96,14 @@ def test_docstrings_strings_and_comments_of_code_are_read(english: ModuleType) -
     )
     faults = english.faults_of(english.texts_of_code("a.py", source), english.Rules())
     assert [(fault.line, fault.rule) for fault in faults] == [(7, "Whether"), (8, "nobody"), (8, "beside")]
+
+
+def test_a_tree_and_a_list_in_a_docstring_are_counted_by_entry(english: ModuleType) -> None:
+    entries = ["├── A   one two three", "│   └── B   one two three", "└── C   one two three"]
+    tree = '"""Some tree.\n\n    Root\n    ' + "\n    ".join(entries) + '\n\n* one two three four\n* five six\n"""\n'
+    texts = list(english.texts_of_code("a.py", tree))
+    assert english.faults_of(texts, english.Rules(longest_sentence=4)) == []
+    assert [fault.rule for fault in english.faults_of(texts, english.Rules(longest_sentence=3))] == ["4 words"] * 4
 
 
 def test_the_settings_name_files_that_exist_and_rules_that_the_script_has(english: ModuleType) -> None:

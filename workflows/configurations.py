@@ -46,7 +46,7 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
         raise UnknownName(
             f"there is no configuration '{text}'",
             valid=[*closest(text, known), "current", DEFAULT_CONFIGURATION],
-            next_step="call list_planners for configurations, or configure_planner for a new one",
+            next_step="choose an existing one, or call configure_planner for a new one",
         )
     return preset
 

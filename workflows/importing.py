@@ -128,7 +128,7 @@ def _with_running(tally: _Tally) -> ImportFilesResult:
         return tally.result()
     job = tally.jobs[-1]
     more = f"; the same for {len(tally.jobs) - 1} more" if len(tally.jobs) > 1 else ""
-    note = f"the extract is large: a job splits it into tiles ({job.share:.0%} done), then it is a map{more}"
+    note = f"a job splits the large extract into tiles ({job.share:.0%} done); it is a map when the job is done{more}"
     return tally.result(job.job_id, "running").model_copy(update={"note": note})
 
 

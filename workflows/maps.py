@@ -70,7 +70,7 @@ async def _reread_outdated(context: WorkflowContext) -> list[str]:
             request = ReadMapRequest(path=str(map_entry(context, artifact).path), map_id=facts.map_id)
             read = await context.run(READ_MAP, request)
         except (UnknownName, UnsafeInput, WorkerFailure, UnexpectedFailure) as error:
-            notes.append(f"an older version's facts of a stored map are used: {error.message}")
+            notes.append(f"facts that an older version stored for a map are used: {error.message}")
             continue
         names = {
             "places": tuple(dict.fromkeys((*facts.places[:1], *read.places))),

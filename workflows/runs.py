@@ -446,8 +446,8 @@ def answer(
 def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     """Yield notes on deviations: predictions, reactive traffic, and starts off the lane's centre."""
     if off_the_lanes := [len(record.off_the_lanes) for record in records if record.off_the_lanes]:
-        counts = f"{counted(sum(off_the_lanes), 'obstacle')} in {counted(len(off_the_lanes), 'run')}"
-        yield f"lane prediction: {counts} off the lanes, predicted with constant velocity"
+        obstacles, runs = counted(sum(off_the_lanes), "obstacle"), counted(len(off_the_lanes), "run")
+        yield f"lane prediction: constant velocity for {obstacles} off the lanes, in {runs}"
     if on_recording := [len(record.on_recording) for record in records if record.on_recording]:
         shown = f"{counted(sum(on_recording), 'obstacle')} in {len(on_recording)} of {len(records)} runs"
         yield f"reactive traffic: {shown} still followed the recording"
@@ -458,8 +458,8 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
         yield f"a trigger never fired (trigger_not_fired) in {len(waiting)} of {len(records)} runs: {shown}"
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
-        eased = counted(len(lengths_m), "run")
-        yield f"the ego cannot follow the lane's centre from its start in {eased}: it joins it within {span}"
+        eased = "" if len(records) == 1 else f" in {counted(len(lengths_m), 'run')}"
+        yield f"the ego starts off its lane's centre{eased} and joins it within {span}"
     for name in sorted({record.ego_class for record in records} - {"car"}):
         count = sum(record.ego_class == name for record in records)
         known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"

@@ -99,11 +99,10 @@ class ModelFacts:
 class ModelSettings:
     """The options of requests to a model.
 
-    ``host`` is Ollama's address (empty: OLLAMA_HOST, or this machine); ``think`` None leaves it to the model;
-    ``context_tokens`` 0 uses the model's context, within bounds; ``answer_tokens`` limits an answer including its
-    thinking; ``keep_alive`` is how long Ollama keeps the model in memory; ``temperature`` and ``seed`` None leave them
-    to the model;
-    ``silence_s`` is the longest wait for the model's next data.
+    ``host`` is Ollama's address (empty: OLLAMA_HOST, or this machine). ``think`` None leaves it to the model;
+    ``context_tokens`` 0 uses the model's context, within bounds. ``answer_tokens`` limits an answer including its
+    thinking. ``keep_alive`` is how long Ollama keeps the model in memory. ``temperature`` and ``seed`` None leave them
+    to the model. ``silence_s`` is the longest wait for the model's next data.
     """
 
     host: str = ""

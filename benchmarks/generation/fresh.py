@@ -38,7 +38,7 @@ _EGOS = ("first", "first", "type:car", "index:0", "index:1")
 """Drawn egos (chosen): every site has two cars."""
 _MOST_OF_A_CLASS = 2
 """Largest number of vehicles of a drawn class (chosen): a box of 500 m has room for them."""
-_LOST = re.compile(r"(\d+) site\(s\) lost when the road network is built")
+_LOST = re.compile(r"(\d+) sites? lost when the road network is built")
 """Matches the number of skipped sites in a note or refusal, which the built network does not show."""
 
 

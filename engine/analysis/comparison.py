@@ -510,7 +510,7 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Ma
 
     A condition with one value on all of a side and another on all of the other is the subject of the comparison: it is
     left out of the key and reported. The remaining runs are paired by lineage: with the only run of the other side that
-    has a scenario from the same root. If there are several candidates, none is paired.
+    has a scenario from the same root. If there are several candidates, the run stays unpaired.
 
     Raises:
         InvalidRequest: a side contains two runs of the same problem under the same conditions.
@@ -629,7 +629,7 @@ def _about_one(pair: tuple[RunRecord, RunRecord]) -> str:
 
 def _both_fail(pair: tuple[RunRecord, RunRecord]) -> str:
     before, after = pair[0].outcome, pair[1].outcome
-    return f"both end as {before}" if before == after else f"neither reaches the goal ({before} → {after})"
+    return f"{before} in both" if before == after else f"neither reaches the goal ({before} → {after})"
 
 
 def _about_success(code: HeadlineCode, test: SuccessTest) -> str:

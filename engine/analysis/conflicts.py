@@ -102,8 +102,8 @@ def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
 class _Conflict:
     """Bodies that will touch: their separation on the four axes of both, and how manoeuvres change it.
 
-    ``apart`` (n, times, 4): the difference of the centres on each axis while both keep their motion; ``along``,
-    ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left; ``needed_m`` (n, 1, 4): the
+    ``apart`` (n, times, 4): the difference of the centres on each axis while both keep their motion. ``along``,
+    ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left. ``needed_m`` (n, 1, 4): the
     difference from which they are clear. ``times_s`` (n, times).
     """
 

@@ -171,7 +171,7 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
         name="unforeseen",
         statement=(
             f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other moved "
-            f"differently than predicted 1 s before: as predicted, they would have been {median(gaps):.1f} m apart "
+            f"differently than predicted 1 s before; as predicted, the gap would have been {median(gaps):.1f} m "
             f"(median){evidence.among_hits}."
         ),
         figures={"runs": len(missed), "of": len(known), "median_gap_m": median(gaps), **evidence.sampled_hits},
@@ -216,7 +216,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
                 subject=name,
                 statement=(
                     f"{name} is {weights.get(name, 0.0):g} in {records[0].config_name} ({default:g} by default); "
-                    f"{len(failed)} of {len(records)} runs fail in a way that it works against ({words})"
+                    f"{len(failed)} of {len(records)} runs fail in a way that it should prevent ({words})"
                     f"{evidence.among_hits}."
                 ),
                 figures={
@@ -257,7 +257,7 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             name="weak_obstacle_cost",
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that the ego could have "
-                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the chosen cost in the last second "
+                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the plan's cost in the last second "
                 f"(median {100 * middle:.1f} %){evidence.among_hits}."
             ),
             figures={
@@ -269,7 +269,7 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             },
             run_ids=weak,
             moments=_hits_of(evidence, (record for record in records if record.run_id in weak)),
-            alternatives="the other was not predicted to be there, so no weight could have counted it",
+            alternatives="the other was not predicted to be there, so no weight could have helped",
             suggestion=_suggestion(runs, config_id, known[0]) if known else None,
         )
 
@@ -597,7 +597,7 @@ def _uncomfortable_turns(evidence: Evidence) -> Iterator[Finding]:
             },
             run_ids=harsh,
             moments=_sharpest(runs, harsh),
-            alternatives="the path to the goal is that tight at the speed that the goal's time requires",
+            alternatives="the path to the goal is that tight, given the speed that the goal's time requires",
             suggestion=_suggestion(runs, config_id, "lateral_jerk"),
         )
 

@@ -71,8 +71,8 @@ _CheckResult = tuple[bool, str, list[str]]
 class Judged:
     """The runs of one configuration that limits are judged on, its cells without a run, and what else is known.
 
-    ``unpreventable``: runs that ended in a collision that no reference driver prevents; ``against``: by baseline, the
-    paired test of its runs (before) and these (after), and the scenarios that only the baseline mastered; ``roots``:
+    ``unpreventable``: runs that ended in a collision that no reference driver prevents. ``against``: by baseline, the
+    paired test of its runs (before) and these (after), and the scenarios that only the baseline mastered. ``roots``:
     the root scenario of each edited scenario.
     """
 

@@ -550,11 +550,11 @@ def _by_speed(speed_mps: Values, slow: float, fast: float) -> Values:
 def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
     """Yield what exceeded a comfort limit.
 
-    ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking averaged over 2 s
-    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; at 5 m/s and
-    below 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation 79
-    (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are
-    averaged; the speed is that of the window's end. The filter of UN R79 is left out, because nothing is measured here.
+    ISO 15622:2018 (adaptive cruise control) limits acceleration and braking averaged over 2 s, and the jerk of braking
+    averaged over 1 s. At 20 m/s and above the limits are 2.0 m/s², 3.5 m/s² and 2.5 m/s³; at 5 m/s and below they are
+    4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation 79 (automatically
+    commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are averaged; the speed is
+    that of the window's end. The filter of UN R79 is left out, because nothing is measured here.
     """
     step_s, felt = motion.step_s, motion.acceleration_mps2
     mean = _window_means(felt, round(2.0 / step_s))

@@ -43,10 +43,10 @@ def rate(count: int, of: int) -> Rate:
 def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
     """Return the share of true trials with its 95 % interval; a trial is its scenario and its outcome.
 
-    Without trials both are None. The interval is Wilson's for the effective number of trials, reduced by the design
-    effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of clustered binary data"), with
-    Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on Wilson's form of
-    it). If all trials have the same outcome, a scenario counts as one trial.
+    Without trials both are None. The interval is Wilson's for the effective number of trials: their number is reduced
+    by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of clustered binary
+    data"). It uses Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on
+    Wilson's form of it). If all trials have the same outcome, a scenario counts as one trial.
     """
     clusters = _sums((key, float(outcome)) for key, outcome in trials)
     count, of = round(sum(total for total, _ in clusters)), sum(size for _, size in clusters)
@@ -135,9 +135,9 @@ class PairedShares:
 def paired_shares(flips: Iterable[tuple[str, int]]) -> PairedShares:
     """Return the difference of two paired shares; a pair is its scenario and 1 (to success), −1 (to failure) or 0.
 
-    The interval is an adjusted Wald interval: half a pair is added to each of the four cells (Agresti and Min 2005,
-    "Simple improved confidence intervals for comparing matched proportions"), after the pairs were reduced to their
-    effective number, as in :func:`rate_by_scenario`.
+    The interval is an adjusted Wald interval. The pairs are first reduced to their effective number, as in
+    :func:`rate_by_scenario`. Then half a pair is added to each of the four cells (Agresti and Min 2005, "Simple
+    improved confidence intervals for comparing matched proportions").
 
     Raises:
         ValueError: there are no pairs.

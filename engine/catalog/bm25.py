@@ -1,7 +1,7 @@
 """BM25: rank texts by the words that they share with a query.
 
 Robertson and Zaragoza, The Probabilistic Relevance Framework (2009), with k1 = 1.5 and b = 0.75. SQLite's FTS5 also has
-a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words: of the 100 requests of the selection corpus, it
+a bm25(), but with a fixed k1 = 1.2 and another fixed weight of words. Of the 100 requests of the selection corpus, it
 puts the same five scenarios first in the same order for 49, and all in the same order for 11.
 """
 

@@ -122,7 +122,7 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """Return a condition that holds if at least one between ``|`` does; after a leading ``!``, if none does.
+    """Return a condition that holds if any alternative between ``|`` does; after a leading ``!``, if all fail.
 
     Raises:
         UnknownName: a word is in no vocabulary.

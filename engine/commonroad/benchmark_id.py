@@ -1,8 +1,8 @@
 """Benchmark ids: names of scenarios in CommonRoad's scheme ``COUNTRY_Map-1_2_T-3``.
 
 The last number distinguishes predictions of the same initial state: an edited scenario gets one from its recipe.
-commonroad-io's ``ScenarioID.from_benchmark_id`` is not used: it fails on countries outside ISO 3166, and drops
-everything that does not fit its pattern (older files have leading zeros and letters other than S, T, P and I).
+commonroad-io's ``ScenarioID.from_benchmark_id`` is not used. It fails on countries outside ISO 3166, and drops
+everything that does not fit its pattern. Older files have leading zeros and letters other than S, T, P and I.
 """
 
 import re

@@ -120,7 +120,7 @@ class LoadedScenario:
         """Return the planning problem with this id, or the one with the lowest.
 
         Raises:
-            UnknownName: the file has no planning problem, or none with this id.
+            UnknownName: the file has no planning problem with this id, or no problem at all.
         """
         problems = self.planning_problems.planning_problem_dict
         if not problems:

@@ -23,7 +23,7 @@ SPEED_LIMITS = frozenset({_GERMAN_LIMIT, "274.1", "R2-1", "r301", "3.24", "R15",
 """A speed limit, or the beginning of a speed zone, in the countries with signs that CommonRoad knows."""
 _LIMIT_OF_COUNTRY = {"USA": "R2-1", "ESP": "r301"}
 _COUNTRIES_WITHOUT_LIMIT = frozenset({"AUS"})
-"""CommonRoad knows signs of these countries, but none for a speed limit; its reader fails on one."""
+"""CommonRoad knows signs of these countries, but no sign for a speed limit; its reader fails on one."""
 
 
 def speed_limit_number(country: str) -> str | None:

@@ -38,8 +38,8 @@ def first_curve_too_tight(
         if key not in known and at_best > highest:
             where = f"{ahead_m:.0f} m before" if ahead_m > 0.0 else "in"
             return (
-                f"drives {speed_mps:.1f} m/s {where} a curve of lanelet {key} that allows {highest:.1f} m/s "
-                "at most: it cannot brake enough"
+                f"drives at {speed_mps:.1f} m/s {where} a curve of lanelet {key} that allows at most {highest:.1f} "
+                "m/s: it cannot brake enough"
             )
     return None
 

@@ -4,9 +4,9 @@ SUMO moves the front bumper, on the centre of a lane and with stepwise speeds. T
 recorded states before the hand-over are put before SUMO's track, the whole is smoothed, and the remaining difference to
 the recorded state fades out (:func:`taken_over_track`).
 
-The bumper is led along the lane. If a long vehicle cannot be driven so (in turns with a radius of a few metres: a
-bumper 12 m before the rear axle turns within 13 m at best), its centre is led along the lane, as in generated traffic,
-and the front swings out.
+The bumper is led along the lane. A long vehicle cannot be driven so in turns with a radius of a few metres, since a
+bumper 12 m before the rear axle turns within 13 m at best. There its centre is led along the lane, as in generated
+traffic, and the front swings out.
 """
 
 import math

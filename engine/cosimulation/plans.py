@@ -41,11 +41,11 @@ class JunctionLaneChange:
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route;
-    ``edges``: SUMO's route for it; ``targets``: lanelets, any of them a target of the edit (empty: no target);
-    ``through``: lanelets of the route that it must use; ``manoeuvres``: its orders, by step; ``junction_lane_change``:
-    how it changes lanes if it is handed over inside a junction (None: it does not); ``halts``: where it waits;
-    ``gives_way``: it waits for others that it would hit; ``ignores_lights``: it does not stop at red lights or yield.
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route.
+    ``edges``: SUMO's route for it. ``targets``: lanelets, any of them a target of the edit (empty: no target).
+    ``through``: lanelets of the route that it must use. ``manoeuvres``: its orders, by step. ``junction_lane_change``:
+    how it changes lanes if it is handed over inside a junction (None: it does not). ``halts``: where it waits.
+    ``gives_way``: it waits for others that it would hit. ``ignores_lights``: it does not stop at red lights or yield.
     """
 
     start: Track

@@ -317,7 +317,7 @@ class _Run:
     def _take_out_those_off_road(self, step: int) -> None:
         """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data about them.
 
-        Such a vehicle is placed as a new one before the next step, and returns where its recording meets a lane.
+        A removed vehicle is placed as a new one before the next step, and returns where its recording meets a lane.
         """
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):

@@ -1,8 +1,8 @@
 """The operation behind ``modify_scenario``: edits in, a new scenario file out.
 
 An edit is a function ``(edit, scene, changes) -> EditStep``: it receives the scene and the changes after the edits
-before it. It simulates and writes nothing. A new edit is such a function in one of the modules of ``OPERATIONS``, and
-its row in the table of the tool's schema (``EDITS``), which lists its arguments.
+before it. It simulates and writes nothing. A new edit is a function of this form in one of the modules of
+``OPERATIONS``, and its row in the table of the tool's schema (``EDITS``), which lists its arguments.
 """
 
 import itertools

@@ -170,7 +170,7 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
         start = changes.driven[key].start
         entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s"
         late = start.first_step > _asked_step(edit, scene)
-        words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is occupied until then)" if late else entry)
+        words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is not free earlier)" if late else entry)
     if len(set(words)) == 1:
         return words[0]
     return "; ".join(f"{key}: {entry}" for key, entry in zip(added, words, strict=True))
@@ -550,7 +550,7 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """Return the users that a file lists for a lanelet, in its direction or in both; empty if it lists none."""
+    """Return the users that a file lists for a lanelet, in its direction or in both; empty if it lists no users."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 

@@ -213,7 +213,9 @@ def _ego_notes(simulated: SimulatedEdits) -> list[str]:
     own = [key for key, track in left.items() if start is not None and is_own_recording(track, start)]
     if own:
         keys = ", ".join(map(str, own))
-        notes.append(f"{keys} is the ego's own recording: the ego's danger is 0 m until you remove it (remove_vehicle)")
+        notes.append(
+            f"{keys} is the ego's own recording: the minimum distance is 0 m until you remove it (remove_vehicle)"
+        )
     return notes
 
 
@@ -228,7 +230,7 @@ def _left_out_notes(before: EgoRisk | None, after: EgoRisk | None) -> list[str]:
     if not new:
         return []
     keys = ", ".join(map(str, new))
-    return [f"left out of the ego's danger after the edit, because their recording hits it from behind: {keys}"]
+    return [f"not counted in the ego's risk after the edit, because their recording hits it from behind: {keys}"]
 
 
 def _warnings(request: ModificationRequest, edited: EditedScene) -> list[str]:

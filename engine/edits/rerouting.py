@@ -66,7 +66,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
     """Return the plan from the vehicle's matched lanelet, or from another under it that leads there sooner.
 
-    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate: a
+    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate. A
     vehicle so near may be handed over into the other lane; otherwise it is refused after the simulation.
 
     Raises:

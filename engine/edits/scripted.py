@@ -310,7 +310,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
 
     when = _since(edit, made, scene.step_s)
     speed = ", ".join(f"{wanted:.1f} m/s" for _, wanted, _ in list(made.values())[:3])
-    what = f"{named_vehicles(vehicles)} brought to {speed} by {rate:g} m/s²{when}, prescribed"
+    what = f"{named_vehicles(vehicles)} brought to {speed} at {rate:g} m/s²{when}, prescribed"
     return EditStep(changes, vehicles, what, measure=measured)
 
 

@@ -171,7 +171,7 @@ class Simulation:
         return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
     def _reacting(self, shown: tuple[Actor, ...], result: SimulationResult) -> tuple[Actor, ...] | None:
-        """Return the shown road users, driven from before they pass through a driven vehicle on; None if none does.
+        """Return the shown road users, driven from before they pass through a driven vehicle on; None if no user does.
 
         SUMO keeps its order of the vehicles on a lane if one is put through another: those behind see it as their
         leader from then on instead of the one that it passed through, and hit that one.

@@ -187,7 +187,7 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
 
 
 def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
-    """Keep the states between two steps and renumber them; remove the obstacle and return False if none is left."""
+    """Keep the states between two steps and renumber them; remove the obstacle and return False if no state is left."""
     kept_any = False
     for series, first in (("trajectory", "initialState"), ("signalSeries", "initialSignalState")):
         initial, states = obstacle.find(first), obstacle.find(series)

@@ -18,7 +18,7 @@
 ``JobStore``: Reads and writes job records.
 ``JobWork``: The work of a job, which receives the means to report its progress.
 ``RunApart``: Runs an async function of a job with its arguments, for example in another thread.
-``Task``: A separate call whose answer is requested later.
+``Task``: A separate call; its client requests the answer later.
 ``TaskStore``: Reads and writes tasks.
 ``hide_environment``: Hides the initial environment of this process from other processes.
 ``Limits``: The folders, processes, memory in bytes and time in seconds that a call may use.

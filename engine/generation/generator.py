@@ -82,7 +82,7 @@ def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> G
         sites = fitting_sites(osm, request)
         if request.site_index >= len(sites):
             raise NotPossible(
-                f"{cited(request.place)} ({request.map_id}) has only {len(sites)} different site(s) for this"
+                f"{cited(request.place)} ({request.map_id}) has only {counted(len(sites), 'site')} for this request"
             )
         own_and_others = sites[request.site_index :: request.site_step]
         with tempfile.TemporaryDirectory(dir=request.folder) as scratch:
@@ -266,7 +266,7 @@ class _Attempts:
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]
         more = [f"{len(self.lost) - SHOWN_LOST} more"] if len(self.lost) > SHOWN_LOST else []
-        return f"{len(self.lost)} site(s) lost when the road network is built: {'; '.join([*named, *more])}"
+        return f"{counted(len(self.lost), 'site')} lost when the road network is built: {'; '.join([*named, *more])}"
 
     def _is_done(self, site: SiteNetwork, folder: Path, rounds: Iterable[int]) -> bool:
         """Make traffic at a site until a scenario has no fault or the rounds are used up; return True if one has none.
@@ -338,11 +338,10 @@ class _Attempts:
         )
 
     def _without_manoeuvre(self, wanted: AskedManoeuvre) -> NotPossible:
-        draws = counted(sum(attempt.lacks for attempt in self.made), "draw")
-        scripted_too = ", and no scripted actor finds room for it" if can_be_scripted(wanted) else ""
+        draws = counted(sum(attempt.lacks for attempt in self.made), "simulation")
+        scripted_too = ", and a scripted actor found no room for it" if can_be_scripted(wanted) else ""
         return NotPossible(
-            f"no road user makes the manoeuvre {wanted} on the routes of the egos tried in {draws} of traffic "
-            f"here{scripted_too}",
+            f"no road user makes the manoeuvre {wanted} on the ego's route in {draws} of traffic here{scripted_too}",
             valid=[f"scenario_type={kind}" for kind in LIKELY_AT[wanted.name]],
             next_step="choose one of these sites, a higher density, a longer duration_s or another seed",
             reason="no_manoeuvre",

@@ -83,7 +83,7 @@ _DOES = {
 }
 
 
-_STAND_IN = "; an ordinary driver was checked in the ego's place and meets nothing"
+_STAND_IN = "; an ordinary driver in the ego's place does not collide"
 
 
 def first_of(wanted: AskedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:

@@ -74,8 +74,10 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
     source = guessed if pavements.guessed_km else "as the map has them"
     built = counted(len(ways.crossings) - in_block, "crossing")
     between = f"; {in_block} between junctions, as the map marks them" if in_block else ""
-    rule = "vehicles give way there" + (f", at {lit} by lights" if lit else "")
-    note = f"pavements: {source}; {built} at junctions, {marked} marked in the map, the others guessed{between}; {rule}"
+    rule = "vehicles give way there" + (f"; {lit} have lights" if lit else "")
+    note = (
+        f"pavements: {source}; {built} at junctions, {marked} of them from the map, the others guessed{between}; {rule}"
+    )
     return Footways(ways, (note,))
 
 
@@ -134,4 +136,4 @@ def people_notes(people: Sequence[WalkedPerson], wanted: int) -> list[str]:
     """Describe how many pedestrians cross a road, and how many found no room."""
     crossing = sum(person.crosses for person in people)
     few = [] if len(people) == wanted else [f"{len(people)} of {counted(wanted, 'pedestrian')} found room"]
-    return [*few, f"{crossing} of {counted(len(people), 'pedestrian')} are on a crossing during the recording"]
+    return [*few, f"{crossing} of {counted(len(people), 'pedestrian')} use a crossing during the recording"]

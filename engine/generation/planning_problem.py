@@ -17,6 +17,7 @@ import numpy as np
 
 from ...schemas.errors import NotPossible, UnknownName, closest, with_values
 from ...schemas.generation import AskedEgo, AskedGoal, LaneletGoal, Turn
+from ...schemas.text import counted
 from ..geometry import (
     Points,
     Values,
@@ -113,8 +114,9 @@ def choose_task(
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
-    spot; if the goal must be beyond the site, it leaves the site and takes most of the duration; its lanes can be
-    followed. The first car wins a tie. Tasks that ``accepts`` rejects are skipped.
+    spot; it suits a goal beyond the site; its lanes can be followed. A path suits a goal that must be beyond the site
+    if it leaves the site and takes most of the duration. The first car wins a tie. Tasks that ``accepts``
+    rejects are skipped.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
@@ -127,7 +129,7 @@ def choose_task(
     cars = [vehicle for vehicle in cars if vehicle.motion.speeds_mps[0] <= top_mps]
     if index is not None and index >= len(cars):
         raise NotPossible(
-            f"ego index:{index} requests car number {index}, but the traffic has {len(cars)} to choose from",
+            f"ego index:{index} is out of range: the traffic has {counted(len(cars), name)} that can be the ego",
             valid=[f"index:0 to index:{len(cars) - 1}"] if cars else [],
             next_step="choose a smaller index or a higher density",
             remedies=[with_values(ego=None)],
@@ -141,8 +143,8 @@ def choose_task(
     if (task := _best_task(others, spec, network, lookup, focus, step_s, accepts)) is not None:
         return replace(task, stands_in=True)
     raise NotPossible(
-        f"of {len(choice) + len(others)} possible {name}(s), not one has a goal {goal.in_words()} on its route "
-        f"(at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
+        f"no candidate ego ({counted(len(choice) + len(others), name)} tried) has a goal {goal.in_words()} on its "
+        f"route (at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",

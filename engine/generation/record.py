@@ -227,8 +227,8 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
 
 def _miss_reason(density: DensityFacts, demand: Demand, *, too_many: bool) -> str:
     if too_many:
-        small = f"the site has only {density.lane_km:g} lane-km, and no fewer than {FEWEST} vehicles are put on one"
-        return small if demand.total <= FEWEST else "the request sets so many vehicles by number"
+        small = f"the site has only {density.lane_km:g} lane-km, and every site gets at least {FEWEST} vehicles"
+        return small if demand.total <= FEWEST else "the request asks for that many vehicles"
     if demand.total >= (1 - MISSED_BY) * density.target_per_lane_km * density.lane_km:
         return "no further vehicle found room"
     return demand.bounded_by or "the number of cars was limited"

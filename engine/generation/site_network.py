@@ -308,7 +308,7 @@ def _passing_note(site: Site, request: GenerationRequest) -> str:
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
         asked = cited_all((names[0] for names in request.streets), " and ")
-        return f"{asked} do not meet at one point here, but pass this {kind}"
+        return f"{asked} do not meet here, but both pass this {kind}"
     return f"no {kind} is on {cited(request.streets[0][0])} itself; this one is nearby"
 
 
@@ -333,7 +333,7 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
         return _report_file_errors(built, findings)
     errors = list(summarise_findings(findings, "error"))
     if lost := built.network.lost_connections:
-        errors.append(f"{counted(len(lost), 'connection')} of the net are lost, first: {lost[0][0]} to {lost[0][1]}")
+        errors.append(f"{counted(len(lost), 'connection')} of the net lost, first: {lost[0][0]} to {lost[0][1]}")
     if errors:
         where = f"{site.latitude:.5f}, {site.longitude:.5f}"
         raise NotPossible(
@@ -583,7 +583,7 @@ def _without_hairpins(
     if not network.dropped_lanes:
         return (), [], network
     removed, warnings = remove_hairpins(net_path, folder)
-    note = f"{removed} turn(s) too tight for a lanelet were removed from the net"
+    note = f"removed from the net: {counted(removed, 'turn')} too tight for a lanelet"
     return warnings, [note], _lanelets(read_net(net_path))
 
 

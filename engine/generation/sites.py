@@ -161,7 +161,7 @@ def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
         box = _box_around(other)
         calls[f"place={request.map_id} and bbox={box}"] = with_values(place=request.map_id, bbox=box)
     return NotPossible(
-        f"{which} at {first} is {kind} only: no link {link} the main road there",
+        f"{which} at {first} is only {kind}: no link {link} the main road there",
         valid=list(calls),
         next_step="choose one of these" if calls else "choose another place, or leave the manoeuvre out",
         reason="no_such_turn",
@@ -224,7 +224,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
-        where += f"; the nearest {wanted} of the map is outside it, at {streets} ({at})"
+        where += f"; the nearest {wanted} of the map is outside this part, at {streets} ({at})"
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) has no {wanted_site}{where}",
@@ -573,12 +573,12 @@ class SiteFocus:
 
     def missed(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes no area; ``only_car``: no other car could be chosen."""
-        who = "the ego's route to its goal misses" if only_car else "every car's route to such a goal misses"
+        who = "the ego's route to its goal misses" if only_car else "every car's route to a goal like this misses"
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
         """Return the note on an ego that passes another junction nearby; ``only_car``: no other car could be chosen."""
-        who = "the ego's route to its goal" if only_car else "the route of every car with such a goal"
+        who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
         return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
 
 

@@ -25,6 +25,7 @@ from .naming.regions import region_of
 from .naming.spellings import (
     MOST_KEPT,
     distinctive,
+    is_only_a_kind,
     kinds_of_road,
     names_a_street,
     road_keys,
@@ -257,7 +258,7 @@ def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) 
         return find_maps([entry], place=asked, closeness=Closeness.SAME)[0]
     except UnknownName:
         label = "" if place is None else place.label
-        taken = (f"{asked!r} is taken as {cited(label)}",) if label and fold(label) != fold(asked) else ()
+        taken = (f"{asked!r} is read as {cited(label)}",) if label and fold(label) != fold(asked) else ()
         return MapMatch(entry, _streets_of(entry.facts, place), understood=taken)
 
 
@@ -281,7 +282,7 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
     if not fitting:
         known = sorted({code for match in matches for code in _countries(match.entry.facts)})
         raise UnknownName(
-            f"no map is in {country!r}",
+            f"no map covers the country {country!r}",
             valid=known,
             next_step="leave country out, or import a map",
             reason=NOT_SHOWN,
@@ -311,9 +312,9 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
     if not fitting:
         nearest = sorted((match.entry.facts for match in matches), key=lambda facts: _km_between(_box_of(facts), bbox))
         raise UnknownName(
-            f"no map shows the box {list(bbox)}; the nearest maps are listed",
+            f"no map covers any part of the box {list(bbox)}",
             valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
-            next_step="choose a box inside one of these",
+            next_step="choose a box inside one of these maps, the nearest",
             reason=NOT_SHOWN,
             remedies=[with_values(bbox=list(_box_of(facts))) for facts in nearest[:1]],
         )
@@ -466,7 +467,7 @@ def _not_shown_error(
         limits = [f"the box {list(bbox)}"] if bbox is not None else []
         limits += [f"{country!r}"] if country is not None else []
         return UnknownName(
-            f"no map shows {place!r} in {' and '.join(limits)}: it is elsewhere",
+            f"no map contains {place!r} in {' and '.join(limits)}: it is elsewhere",
             valid=[_box_text(match.entry.facts) for match in elsewhere],
             next_step=f"leave {' and '.join(['bbox'] * (bbox is not None) + ['country'] * (country is not None))} out, "
             "or choose another place",
@@ -480,7 +481,7 @@ def _not_shown_error(
     ]
     if nameless:
         return UnknownName(
-            f"no map shows {place!r}; {nameless[0].map_id} shows such a road, but does not state its place",
+            f"no map contains {place!r}; {nameless[0].map_id} has a road of this name, but does not state its place",
             valid=[facts.map_id for facts in nameless],
             next_step="give the road alone, give its country, or add the map with its place",
             reason=NOT_SHOWN,
@@ -499,16 +500,16 @@ def _not_shown_error(
         near = [] if is_elsewhere else _near(place[:LONGEST_TEXT], [match.entry.facts for match in matches])
     if near:
         return UnknownName(
-            f"no map shows {place!r}{why}",
+            f"no map contains {place!r}{why}",
             valid=map(cited, near),
-            next_step="choose one of these places, or import an .osm extract of the place with import_files",
+            next_step="choose one of these places, which have maps, or import an .osm extract with import_files",
             reason=NOT_SHOWN,
             remedies=[with_values(place=one) for one in near],
         )
     return UnknownName(
-        f"no map shows {place!r} or a similar name: there is no map of that city or country",
+        f"no map contains {place!r} or a similar name",
         valid=map(cited, shown),
-        next_step="choose one of these places, or import an .osm extract of the place with import_files",
+        next_step="choose one of these places, which have maps, or import an .osm extract with import_files",
         reason=NOT_SHOWN,
     )
 
@@ -587,8 +588,8 @@ def _sound(text: str) -> str:
 def _match(entry: MapEntry, place: str, country: str | None, closeness: Closeness) -> MapMatch | None:
     """Return the map with the requested streets if it covers every part of the place, or None.
 
-    A part that the map lacks is accepted if another part is a street on the map, and the map is also identified: by a
-    part that refers to it or, if it has no place names, by the caller's country.
+    A part that the map lacks is accepted if another part is a street on the map, and the map is also identified. A part
+    that refers to the map identifies it or, if the map has no place names, the caller's country does.
     """
     facts = entry.facts
     reading = _read_whole(place, facts)
@@ -635,7 +636,7 @@ def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
-        by_file = _Reading(named=True, understood=(f"{part!r} is taken as the map {cited(facts.file_name)}",))
+        by_file = _Reading(named=True, understood=(f"{part!r} is read as the map {cited(facts.file_name)}",))
         rest += by_file if fold(part) in named else _Reading(unnamed=(part,))
     return rest
 
@@ -729,7 +730,7 @@ def _read_name_elsewhere(part: str, facts: MapFacts) -> _Reading | None:
             continue
         for name in (facts.place, *facts.places, *(area.name for area in facts.areas)):
             if not settlement.keys.isdisjoint(place_keys(name)) and (found := _read_place(name, facts)) is not None:
-                return replace(found, understood=(f"{part!r} is taken as {cited(name)}",))
+                return replace(found, understood=(f"{part!r} is read as {cited(name)}",))
     return None
 
 
@@ -739,7 +740,7 @@ def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | No
         away_m = 1000.0 * _km_between(_as_box(settlement), _nearest_spot(settlement, facts))
         if away_m <= settlement.reach_m(wide=wide):
             where = f"{away_m / 1000:.1f} km from the map" if away_m else "inside the map"
-            taken = f"{part!r} is taken as {settlement.name} (GeoNames), with its centre {where}"
+            taken = f"{part!r} is read as {settlement.name} (GeoNames); its centre is {where}"
             return _Reading(named=True, understood=(taken,))
     return None
 
@@ -753,7 +754,7 @@ def _read_postal_district(part: str, facts: MapFacts) -> _Reading | None:
     found = found or _read_settlement(unnumbered, facts, wide=False)
     if found is None:
         return None
-    return replace(found, understood=(f"{part!r} is taken as {unnumbered}: the map has no district with that number",))
+    return replace(found, understood=(f"{part!r} is read as {unnumbered}: the map has no district with that number",))
 
 
 def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
@@ -795,10 +796,10 @@ def _read_place_like(part: str, facts: MapFacts, is_like: Callable[[str, str], b
         if any(is_like(part, name) for name in (area.name, *area.other_names)):
             found = _read_whole(area.name, facts)
             taken = cited(area.name) if found is not None and found.streets else _area_text(area)
-            return None if found is None else replace(found, understood=(f"{part!r} is taken as {taken}",))
+            return None if found is None else replace(found, understood=(f"{part!r} is read as {taken}",))
     for name in facts.places:
         if is_like(part, name) and not (is_street and not kinds_of_road(name)):
-            return _Reading(named=True, understood=(f"{part!r} is taken as {cited(name)}",))
+            return _Reading(named=True, understood=(f"{part!r} is read as {cited(name)}",))
     return None
 
 
@@ -837,14 +838,14 @@ def _read_place_by_keys(part: str, facts: MapFacts, keys_of: Callable[[str], fro
             continue
         if any(not keys.isdisjoint(keys_of(name)) for name in (area.name, *area.other_names)):
             widest = max(_same_place(area, facts), key=lambda one: one.radius_m)
-            taken = "" if fold(part) in (fold(area.name), fold(widest.name)) else f"{part!r} is taken as "
+            taken = "" if fold(part) in (fold(area.name), fold(widest.name)) else f"{part!r} is read as "
             if _is_whole(widest, facts):
                 return _Reading(named=True, understood=(f"{taken}{cited(widest.name)}",) if taken else ())
             return _Reading(named=True, area=widest, understood=(f"{taken}{_area_text(widest)}",))
     for name in (facts.place, *facts.places):
         if not keys.isdisjoint(keys_of(name)):
             alike = fold(part) == fold(name)
-            return _Reading(named=True, understood=() if alike else (f"{part!r} is taken as {cited(name)}",))
+            return _Reading(named=True, understood=() if alike else (f"{part!r} is read as {cited(name)}",))
     return None
 
 
@@ -935,7 +936,7 @@ def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
     """Return a reading of the text as these roads."""
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
-    taken = f"{part!r} is taken as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
+    taken = f"{part!r} is read as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
     return _Reading(streets=(roads,), understood=() if exact else (taken,))
 
 
@@ -1001,6 +1002,8 @@ def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
 def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """Read the text as a road and a place side by side (``I-5 Seattle``, ``上海中山北路``), in either order."""
     for head, tail in _splits(text):
+        if is_only_a_kind(head) or is_only_a_kind(tail):  # ``Massachusetts Avenue`` is not an avenue in Massachusetts
+            continue
         if (one := _read_road(head, facts, whole=True)) and (other := _read_road(tail, facts, whole=True)):
             return one + other
         for first, second in ((head, tail), (tail, head)):

@@ -291,9 +291,9 @@ def select_goal_state(
 ) -> "GoalRegion":
     """Return the region of one goal state, with its own conditions, or the whole if all states are unreachable.
 
-    Among the states that a route leads to in their time, it selects the one that needs the smallest change of speed: to
-    a mean speed that brings the ego into the area within the window, and to the goal's speed interval. The earlier
-    state wins a tie. The order in the file does not matter.
+    Among the states that a route leads to in their time, it selects the one that needs the smallest change of speed.
+    The change leads to a mean speed that brings the ego into the area within the window, and to the goal's speed
+    interval. The earlier state wins a tie. The order in the file does not matter.
     """
     from commonroad.planning.goal import GoalRegion
 

@@ -111,7 +111,7 @@ class Judge:
         for status, state in zip(stands, self._goal.states, strict=True):
             if status.all_but_time and ego.step > self._goal.last_step:
                 late_s = (ego.step - state.last) * self._step_s
-                reason = f"met the goal at {self._since_start_s(ego.step):.1f} s, {late_s:.1f} s after its time"
+                reason = f"met the goal's conditions at {self._since_start_s(ego.step):.1f} s, {late_s:.1f} s too late"
                 return Verdict("goal_late", reason)
         return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
 
@@ -120,7 +120,7 @@ class Judge:
         if ego.step <= self._goal.last_step:
             return None
         over_s = self._since_start_s(self._goal.last_step)
-        reason = f"the goal's time was over at {over_s:.1f} s, at {ego.speed_mps:.1f} m/s without its conditions"
+        reason = f"the goal's time ended at {over_s:.1f} s with its conditions unmet, at {ego.speed_mps:.1f} m/s"
         return Verdict("goal_missed", reason)
 
     def _beyond_goal(self, ego: EgoState) -> Verdict | None:
@@ -147,7 +147,7 @@ class Judge:
             return None
         cause = f"{_TIME_LIMIT_FACTOR} × the goal's last step"
         if ego.step - self._first_step >= _MOST_STEPS:
-            cause = f"no run takes more than {_MOST_STEPS} steps"
+            cause = f"the limit of {_MOST_STEPS} steps per run"
         limit = f"{self._since_start_s(ego.step):.1f} s ({cause})"
         if self._stays:
             reason = f"was in the goal region but never met all its conditions within {limit}"

@@ -110,7 +110,7 @@ def own_planner(name: str) -> Found:
         raise UnknownName(
             f"there is no planner '{name}'",
             valid=closest(name, names) or list(names),
-            next_step="choose one of these, or install your own next to this program",
+            next_step="choose one of these, or install your own in the same environment",
         )
     if found.fault:
         raise PlannerFailure(found.fault, reason="name_taken")

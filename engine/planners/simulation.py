@@ -214,5 +214,5 @@ def _infeasible(plan: Plan, ego: EgoState, time_s: float) -> Verdict:
     why = ", ".join(f"{shown_name(name)} {count}" for name, count in most[:3])
     speed = f"{ego.speed_mps:.1f} m/s"
     return Verdict(
-        "infeasible", f"at {time_s:.1f} s and {speed} no candidate of {plan.candidates} can be driven ({why})"
+        "infeasible", f"at {time_s:.1f} s and {speed} none of the {plan.candidates} candidates can be driven ({why})"
     )

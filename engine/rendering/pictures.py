@@ -58,8 +58,8 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios, request.lineage))
         else:
             raise NotPossible(
-                f"kind {kind} draws runs, but no run was given",
-                next_step="pass run or batch ids in ids",
+                f"kind {kind} shows runs, but ids contains no run or batch",
+                next_step="pass run or batch ids",
                 remedies=[with_values(kind=None)],
             )
         images = (image_at(path, write_png(drawing.figure, path), drawing.alt_text),)
@@ -93,8 +93,8 @@ def _check_look(request: RenderRequest, kind: PictureKind) -> None:
 def _search(request: RenderRequest) -> Drawing:
     if request.study is None:
         raise NotPossible(
-            "kind search draws a study, but no study was given",
-            next_step="pass a study id in ids",
+            "kind search shows a study, but ids contains no study",
+            next_step="pass a study id",
             remedies=[with_values(kind=None)],
         )
     return study_chart(request.study)

@@ -52,9 +52,9 @@ _TERMS: dict[str, str] = {
     "lanelet": "a piece of a lane, driven in one direction",
     "reference driver": "a driver model with defined reactions, put in the ego's place afterwards: full braking, the "
     "careful and the fuzzy driver of UN Regulation 157, and one with the safe distances of RSS",
-    "laid to": "the cause of a collision: the ego, which stood or braked without a reason, or caused it otherwise; "
-    "a recorded road user that cannot brake; a prediction that placed the other elsewhere; a plan that accepted "
-    "it there; or neither, if no cause can be attributed",
+    "attributed to": "the cause of a collision: the ego, which stood or braked without a reason or caused it "
+    "otherwise; a recorded road user that cannot brake; a prediction that placed the other elsewhere; a plan that "
+    "accepted it there; or neither, if no cause can be attributed",
     "traffic rule": "a rule of the road as a formula over the run; each violation is measured in the rule's unit "
     "(docs/traffic_rules.md)",
     "beyond the vehicle": "the driven motion exceeds a limit of the ego's vehicle, such as its steering rate",

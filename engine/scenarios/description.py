@@ -22,6 +22,7 @@ from ...schemas.scenarios import (
     Description,
     Reach,
 )
+from ...schemas.text import counted
 from ..commonroad import Track, limits_kmh, schema_errors, signs_of
 from ..cosimulation import not_drivable
 from ..edits import Changes, scene_of, select
@@ -321,7 +322,8 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
         parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
     first = states[0]
     if getattr(first, "time_step", None) is not None:
-        parts.append(f"at {_span(first.time_step, step_s)} s")
+        time = _span(first.time_step, step_s)
+        parts.append(f"{'from' if ' to ' in time else 'at'} {time} s")
     if getattr(first, "velocity", None) is not None:
         parts.append(f"{_span(first.velocity, 1.0)} m/s")
     if getattr(first, "orientation", None) is not None:
@@ -332,7 +334,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
 
 def _span(value: Any, factor: float) -> str:
     low, high = getattr(value, "start", value), getattr(value, "end", value)
-    return f"{low * factor:.3g}" if low == high else f"{low * factor:.3g}..{high * factor:.3g}"
+    return f"{low * factor:.3g}" if low == high else f"{low * factor:.3g} to {high * factor:.3g}"
 
 
 def _describe_lanelets(
@@ -400,8 +402,8 @@ def _vehicles_by_lanelet(scene: Scene) -> dict[int, tuple[int, ...]]:
 def _schema(scene: Scene) -> str:
     errors = schema_errors(scene.loaded.path)
     if not errors:
-        return "ok: valid by CommonRoad's XML schema 2020a"
-    return f"problem: {len(errors)} violations of CommonRoad's XML schema 2020a, first: {errors[0][:200]}"
+        return "ok: valid against CommonRoad's XML schema 2020a"
+    return f"problem: {counted(len(errors), 'violation')} of CommonRoad's XML schema 2020a, first: {errors[0][:200]}"
 
 
 def _goal(scene: Scene) -> str:
@@ -432,7 +434,9 @@ def _off_the_road(scene: Scene) -> str:
     lost = sorted(set(scene.tracks) - set(scene.matches))
     if not lost:
         return "ok: every moving vehicle is on or near a lanelet"
-    return f"problem: {len(lost)} moving vehicles are not on a lanelet: {', '.join(map(str, lost[:CHECKED_SHOWN]))}"
+    return (
+        f"problem: {counted(len(lost), 'moving vehicle')} not on a lanelet: {', '.join(map(str, lost[:CHECKED_SHOWN]))}"
+    )
 
 
 _CHECKS = (_schema, _goal, _overlaps, _off_the_road)

@@ -2,8 +2,8 @@
 
 Everything is measured along the line that the ego follows, from its start along its route to the goal. If the file
 contains a recording of the ego, the ego follows it; otherwise it keeps its initial speed. A vehicle is close ahead
-within a headway of 3 s: the Highway Capacity Manual (2010, chapter 15) counts such a vehicle as followed. Angles are in
-rad, lengths in m.
+within a headway of 3 s: the Highway Capacity Manual (2010, chapter 15) counts a vehicle at this headway as followed.
+Angles are in rad, lengths in m.
 """
 
 import math

@@ -1,8 +1,8 @@
 """The vehicles around the ego: which are ahead and behind along its lane, and a description of their positions.
 
 In edits and descriptions, ``lead`` and ``follow`` are the vehicles of :func:`leader_and_follower`. A vehicle counts if
-it is on the ego's lanelet, on any successor (on every branch) or on any predecessor, or if it is on another lanelet but
-in the ego's lane. :class:`EgoLane` describes where a vehicle is in a driver's words.
+it is on the ego's lanelet, on any successor (on every branch) or on any predecessor. It also counts if it is on another
+lanelet but in the ego's lane. :class:`EgoLane` describes where a vehicle is in a driver's words.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Obstacles without a trajectory as bounding tracks of the places where a set-based prediction says that they may be.
 
-Such an obstacle cannot be driven, but blocks the road like all others. Each part of an occupancy becomes an oriented
-rectangle around it. Because these grow and turn from step to step and a track has one size, an obstacle becomes several
-tracks, one after the other or side by side.
+An obstacle without a trajectory cannot be driven, but blocks the road like all others. Each part of an occupancy
+becomes an oriented rectangle around it. Because these grow and turn from step to step and a track has one size, an
+obstacle becomes several tracks, one after the other or side by side.
 """
 
 import math

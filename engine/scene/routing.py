@@ -3,9 +3,9 @@
 Two kinds of callers need different answers:
 
 * planners drive :func:`find_route`, from the lanelet nearest to the ego to any that the goal's regions touch
-  (:func:`goal_lanelets`), continued straight after the goal; it raises an error if there is no route.
+  (:func:`goal_lanelets`), continued straight after the goal. It raises an error if there is no route.
 * descriptions, facts and edits use :func:`ego_route`, from the lanelets under the ego to those that the goal lists or
-  that are under its centre (:func:`goal_center_lanelets`), with its turns; it is None if there is no route.
+  that are under its centre (:func:`goal_center_lanelets`), with its turns. It is None if there is no route.
 
 A network is commonroad-io's; positions are (2,) in m, headings in rad.
 """
@@ -47,7 +47,7 @@ def find_route(
     """Return the shortest route from a position to any goal lanelet, continued for ``ahead_m`` metres after the goal.
 
     Raises:
-        NotPossible: the position is not on a lanelet, the goal touches none, or no route leads there.
+        NotPossible: the position is not on a lanelet, the goal touches no lanelet, or no route leads there.
     """
     graph = LaneletGraph.of(network)
     starts = start_lanelets(network, position, heading_rad)
@@ -265,7 +265,7 @@ def _turns(
 ) -> tuple[float, ...]:
     """Return sums of the heading changes inside the lanelets of junctions, from the start's to the goal's station.
 
-    One sum for each junction: a route through a roundabout is one turn, or none.
+    One sum for each junction: a route through a roundabout is one turn, or no turn.
     """
     sums: list[float] = []
     since_fork_m = math.inf

@@ -75,12 +75,12 @@ class _Region:
 class Scene:
     """A recorded scenario ready to be edited and simulated; it does not change while edits are applied.
 
-    :meth:`of` sets: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable lanelets as SUMO's edges,
-    lanes and paths through junctions; ``matcher``, for queries by position; ``tracks``, recorded vehicles with a
-    trajectory, by id; ``standing``, static obstacles as tracks of one pose; ``regions``, dynamic obstacles without a
-    trajectory as bounding tracks, which block all others; ``matches``, the lanelets of each moving or standing track
-    that is near any; ``last_step``, that of the recording; ``ego``, the start of the planning problem, None without
-    one.
+    The attributes that :meth:`of` sets are: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable
+    lanelets as SUMO's edges, lanes and paths through junctions; and ``matcher``, for queries by position. Its road
+    users are: ``tracks``, recorded vehicles with a trajectory, by id; ``standing``, static obstacles as tracks of one
+    pose; ``regions``, dynamic obstacles without a trajectory as bounding tracks, which block all others. ``matches``
+    are the lanelets of each moving or standing track that is near any. ``last_step`` is that of the recording. ``ego``
+    is the start of the planning problem, None without one.
 
     Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
     lanes, which are posted or usual ones raised to the recorded speeds (``straight_speeds_mps``, ``lane_speeds_mps``,

@@ -4,10 +4,10 @@ Morris (1991, "Factorial sampling plans for preliminary computational experiment
 random paths through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is the mean absolute change. Sobol's total
 index is the share of the objective's variance to which a weight contributes. Intervals are SALib's bootstraps.
 
-Even a weight that turns some scenarios into successes and as many into failures moves the mean a little. So a weight
-matters only if its effect is larger than it would be if the change in each scenario were equally likely to have the
-opposite sign (a permutation test with the scenario as the unit). In addition, its bootstrapped interval must be above
-0. Both conditions are adjusted for the number of tested weights (Bonferroni).
+A change of a weight that turns some scenarios to success and as many to failure also moves the mean a little. So a
+weight matters only if it passes a permutation test and its bootstrapped interval is above 0. The test has the scenario
+as the unit: the effect must be larger than expected if each scenario's changes were as likely to have the opposite
+sign. Both conditions are adjusted for the number of tested weights (Bonferroni).
 """
 
 from collections.abc import Sequence

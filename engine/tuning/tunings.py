@@ -227,29 +227,23 @@ _CHANNELS = (
 )
 """The seven channels of MP-RBFN by the names of its public copy, normalised in ``engine/planners/rbfn/costs.py``."""
 _CHANNEL_PRESETS = (
+    _preset(_CHANNELS, "Default", "Default", "follow the path, keep the speed", (0.6, 0.3, 0.8, 0.1, 0.1, 0.3, 0.1)),
     _preset(
-        _CHANNELS, "Default", "Default", "ours: follow the path, keep the speed", (0.6, 0.3, 0.8, 0.1, 0.1, 0.3, 0.1)
+        _CHANNELS, "Comfort", "Comfort", "speed counts less, straight ahead more", (0.4, 0.2, 0.3, 0.6, 0.4, 0.3, 0.1)
     ),
-    _preset(
-        _CHANNELS,
-        "Comfort",
-        "Comfort",
-        "ours: speed counts less, straight ahead more",
-        (0.4, 0.2, 0.3, 0.6, 0.4, 0.3, 0.1),
-    ),
-    _preset(_CHANNELS, "Balanced", "Balanced", "ours: between the others", (0.5, 0.3, 0.5, 0.3, 0.2, 0.4, 0.2)),
+    _preset(_CHANNELS, "Balanced", "Balanced", "between the others", (0.5, 0.3, 0.5, 0.3, 0.2, 0.4, 0.2)),
     _preset(
         _CHANNELS,
         "Efficiency-Sporty",
         "Sporty",
-        "ours: the desired speed counts most, the path less",
+        "the desired speed counts most, the path less",
         (0.3, 0.2, 1.0, 0.1, 0.1, 0.2, 0.05),
     ),
     _preset(
         _CHANNELS,
         "Safety-Conservative",
         "Safety",
-        "ours: away from predicted others and the road's edge",
+        "keep away from predicted others and the road's edge",
         (0.6, 0.3, 0.5, 0.1, 0.1, 0.9, 0.4),
     ),
 )
@@ -394,7 +388,7 @@ TUNINGS = {
         idle_settings=("search",),
     ),
     "mp_rbfn": PlannerTuning(
-        summary="learned motion primitives (radial basis functions); presets are ours",
+        summary="learned motion primitives (radial basis functions), with weights by PlannerForge",
         weights=_by_name(_CHANNELS),
         external={},
         presets=_by_name(_CHANNEL_PRESETS),

@@ -55,14 +55,14 @@ def read_weight_file(path: Path) -> WeightFile:
     if path.stat().st_size > _LARGEST_BYTES:
         raise UnsafeInput(
             f"{name} is larger than {_LARGEST_BYTES:,} bytes, so it is not a weight file",
-            next_step="export a configuration as yaml to see the form",
+            next_step="export a configuration as yaml for an example",
         )
     content = read_yaml(path, _MOST_BRACKETS)
     if not isinstance(content, dict) or not isinstance(content.get("cost_weights"), dict):
         raise UnsafeInput(
             f"{name} has no section of cost weights",
-            valid=[f"{section}: with name: number lines" for section in _SECTIONS],
-            next_step="export a configuration as yaml to see the form",
+            valid=[f"a section {section} with lines 'name: number'" for section in _SECTIONS],
+            next_step="export a configuration as yaml for an example",
         )
     planner = content.get("planner", "frenetix")
     if not isinstance(planner, str) or not _PLANNER.fullmatch(planner):

@@ -28,7 +28,7 @@
 ``hardest_braking_mps2``: returns what tyres allow, longitudinally and laterally, on a road of some friction, in m/s².
 ``refused_by_planners``: returns why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: returns the vehicle for settings and an ego's class.
-``ARC_LENGTH_MPS``: below this speed, derivatives by time give none by arc length.
+``ARC_LENGTH_MPS``: below this speed, derivatives by time give no derivatives by arc length.
 ``CUT_IN_REACTION_S``: the reaction time of a vehicle that is cut in on, by UN Regulation 157.
 ``HAND_OVER_S``: how long before a collision a vehicle is handed over to SUMO.
 ``HARD_BRAKING_REACTION_S``: the least time after which a driver brakes hard.

@@ -4,9 +4,9 @@ SUMO moves vehicles along lane centre lines with kinks, and steps in acceleratio
 drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
 the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
 
-Two judges apply the criterion of commonroad-drivability-checker (kinematic single-track model, default tolerances):
+Two judges apply the criterion of commonroad-drivability-checker (kinematic single-track model, default tolerances).
 ``check_drivability`` is the checker itself, which searches inputs by optimisation and takes 0.1 to 0.9 s per
-trajectory; ``check_kinematics`` is a closed form that takes 0.2 ms, and its rare errors are false alarms. Screen with
+trajectory. ``check_kinematics`` is a closed form that takes 0.2 ms, and its rare errors are false alarms. Screen with
 the closed form; accept with the checker.
 """
 
@@ -98,9 +98,9 @@ def drivable_motion(
 def center_track(front: Points, first_heading_rad: float, length_m: float) -> Points:
     """Return the centre's track, shape (n, 2): the front bumper's, half a vehicle further back along the same path.
 
-    A centre dragged behind the front bumper would cut corners by metres for a long vehicle, and in a curve that is
-    tighter than its bumper can turn the body would pivot about the rear axle; on the path, the front swings out and the
-    rear in, as bus drivers do it.
+    A centre dragged behind the front bumper would cut corners by metres for a long vehicle. In a curve that is tighter
+    than its bumper can turn, the body would pivot about the rear axle. On the path, the front swings out and the rear
+    in, as bus drivers do it.
 
     Args:
         front: the track of the front bumper.

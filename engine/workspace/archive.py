@@ -230,8 +230,8 @@ def import_workspace(
         check: Checks each file of an artifact before it is stored.
 
     Raises:
-        UnsafeInput: The file is not such an archive, is damaged, or has forbidden content or more than the limits
-            allow.
+        UnsafeInput: The file is not an archive of a workspace, is damaged, or has forbidden content or more than the
+            limits allow.
         InvalidRequest: A newer version of the program wrote it.
         NotPossible: Its content has an id that belongs to a different artifact in this workspace.
         ResourceFailure: The disk or the quota has no space, or the workspace cannot be written.

@@ -1,7 +1,8 @@
 """The selection corpus: requests with ground truth, their slots as arguments of find_scenarios, and spoiled slots.
 
-Slots are spoiled like by language models (paper, Results, Slot-level extraction), by a seed: one or two tags that were
-not requested; in half of the requests also a wrong road_net key; in a third the velocity of an example of the prompt.
+Slots are spoiled, by a seed, as language models spoil them (paper, Results, Slot-level extraction). All requests get
+one or two tags that were not requested, half of them also a wrong road_net key, and a third the velocity of an example
+of the prompt.
 """
 
 import json

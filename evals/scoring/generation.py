@@ -2,7 +2,7 @@
 
 Columns of the paper (Scenario Generation Module, Evaluation Metrics): ``json`` (a call was made), ``defaults`` (values
 that the request leaves open are open or take their default), ``load``, ``traffic``, ``runnable`` (the default planner
-finishes a trajectory); additional ones are ``place``, ``type``, ``vehicles`` and ``count``.
+finishes a trajectory). Additional columns are ``place``, ``type``, ``vehicles`` and ``count``.
 """
 
 from collections.abc import Mapping
@@ -61,7 +61,7 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
         "load": bool(scenes) and all(scene is not None for scene in scenes),
         "traffic": all(scene is not None and scene.counts.total() > 0 for scene in scenes),
         "runnable": all(_runs(folder) for folder in folders),
-        "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site(s) fit" in made.text,
+        "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site" in made.text,
         "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
         "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
         "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),

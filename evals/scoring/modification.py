@@ -1,9 +1,9 @@
 """Scores modification: whether the written file has the requested edits, and nothing else.
 
-Columns of the paper (Scenario Modification Module, Evaluation Metrics), judged in the files: ``xml`` (the file exists),
-``tgt`` (the vehicle still exists), ``ends`` (it drives onto the target, or is on a route there when the recording
-ends), ``preserve`` and ``others`` (vehicles reported as untouched have identical bytes), ``preset``, ``tgt_chg``,
-``count_match``, ``edge``, ``pos_gt``, ``edge_gt``.
+The columns are those of the paper (Scenario Modification Module, Evaluation Metrics), judged in the files. The first
+are ``xml`` (the file exists), ``tgt`` (the vehicle still exists), ``ends`` (it drives onto the target, or is on a route
+there when the recording ends). Next are ``preserve`` and ``others`` (vehicles reported as untouched have identical
+bytes), ``preset``, ``tgt_chg``, ``count_match``, ``edge``, ``pos_gt``, ``edge_gt``.
 """
 
 import math

@@ -276,7 +276,7 @@ def _headline(study: StudyRecord) -> str:
         if code == "not_judged":
             result = "scored higher in training, but max_trials left no runs for the held-out half, so no gain is shown"
             return f"{study.study_id}: {found} {result}."
-        return f"{study.study_id}: nothing better than {study.base_name} was found in training."
+        return f"{study.study_id}: no candidate scored better than {study.base_name} in training."
     result = {"better": "is better than", "worse": "is worse than"}.get(code, "is not shown to be better than")
     gain = held_out.gain
     return (
@@ -285,13 +285,17 @@ def _headline(study: StudyRecord) -> str:
     )
 
 
+_METHOD_NAMES = {"tpe": "TPE", "cmaes": "CMA-ES", "random": "Random"}
+
+
 def _searched(study: StudyRecord) -> str:
     pruned = sum(trial.pruned for trial in study.trials)
     driven = f"; {study.driven} of at most {study.max_trials} configurations run" if study.driven else ""
     return (
-        f"{counted(len(study.trials), 'candidate')} ({pruned} abandoned early) by {study.method} on"
-        f" {counted(study.training_scenarios, 'scenario')} of {counted(len(study.training), 'place')} for"
-        f" {' + '.join(study.objective)}; held out: {counted(len(study.held_out_places), 'other place')}{driven}."
+        f"{_METHOD_NAMES.get(study.method, study.method)} search for {' + '.join(study.objective)}:"
+        f" {counted(len(study.trials), 'candidate')} ({pruned} stopped early) on"
+        f" {counted(study.training_scenarios, 'scenario')} of {counted(len(study.training), 'place')}; held"
+        f" out: {counted(len(study.held_out_places), 'other place')}{driven}."
     )
 
 

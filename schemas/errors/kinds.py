@@ -179,7 +179,7 @@ class Faults:
         more = len(self._found) - len(shown)
         steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_TOLD])
         together = type(first)(
-            f"{len(self._found)} faults: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
+            f"{len(self._found)} errors: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
             next_step="; ".join(steps),
             reason=first.reason,
             remedies=_common_remedies(self._found),

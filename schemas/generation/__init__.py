@@ -233,7 +233,7 @@ class IndexedExtract(Model):
 
 
 class CutExtractRequest(Model):
-    """A part of an extract to cut out as a map: the words for it, or a box, or any part with such a site.
+    """A part of an extract to cut out as a map: the words for it, or a box, or any part with a site of the type.
 
     ``seed`` chooses among several matches. ``facts`` are those of the extract, with the names that the words may
     contain.
@@ -298,7 +298,7 @@ class CoverageReport(Model):
     """The progress of a coverage plan, and its next rows as one level per factor, by index.
 
     ``allowed`` counts the possible combinations, ``covered`` and ``left`` those of them. ``cannot`` are those that were
-    tried often enough, and those that imply such a combination.
+    tried often enough, and those that imply one of these.
     """
 
     rows: tuple[tuple[int, ...], ...]
@@ -391,13 +391,13 @@ AbsenceCode = Literal[
 ]
 ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
     {
-        "no_room": "there was no room for it at the site at the start, or it had already left",
+        "no_room": "no room at the site at the start, or already gone by then",
         "file_too_large": "a recording with that many vehicles is too large for a file",
-        "not_drivable": "a vehicle of its class cannot drive the motion that SUMO gave it",
-        "overlap": "it would overlap another road user",
-        "no_such_goal": "it has no such goal on its route, so a later car is the ego",
-        "no_ego_class": "an ego cannot have this class, so a car is the ego and this one is in the traffic",
-        "scripted": "an edit replaced it by the actor of the requested manoeuvre",
+        "not_drivable": "SUMO's motion is infeasible for this vehicle class",
+        "overlap": "would overlap another road user",
+        "no_such_goal": "no such goal on the route, so a later car is the ego",
+        "no_ego_class": "an ego cannot have this class, so a car is the ego and this class is in the traffic",
+        "scripted": "replaced with the actor of the requested manoeuvre",
     }
 )
 """Why a requested road user is missing or different; docs/generation.md lists the codes."""
@@ -703,4 +703,5 @@ class GenerateScenariosResult(Result):
     def _following(self) -> str:
         """Return the next call: a run of the scenarios that the built-in planners can drive."""
         driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
-        return f"run_planner with scenarios {driven[:2]} and so on" if driven else DRIVEN_OTHERWISE
+        more = " and so on" if len(driven) > 2 else ""
+        return f"run_planner with scenarios {driven[:2]}{more}" if driven else DRIVEN_OTHERWISE

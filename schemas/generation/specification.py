@@ -155,7 +155,7 @@ USUAL_DENSITY: Density = "low"
 MIDDLE = "middle"
 """The usual position on a lanelet."""
 GOAL_FORMS = (
-    "through (behind the site)",
+    "through (beyond the site)",
     f"through:TURN ({', '.join(get_args(Turn))})",
     "steps:N (10 to 1000)",
     "distance_m:X (5 to 2000)",
@@ -222,7 +222,7 @@ class AskedGoal:
     def in_words(self) -> str:
         """Return the position of the goal, as a refusal states it."""
         if self.is_through:
-            return "behind the site" if self.turn is None else f"behind the site with the turn {self.turn!r}"
+            return "beyond the site" if self.turn is None else f"beyond the site (turn {self.turn!r})"
         if self.lanelet is not None:
             return f"on lanelet {self.lanelet.lanelet_id} ({self.lanelet.position})"
         return f"{self.steps} steps ahead" if self.steps is not None else f"{self.distance_m:g} m ahead"
@@ -327,7 +327,7 @@ class ScenarioSpec(Model):
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
             raise InvalidRequest(
-                f"an ego cannot make the turn {turn!r} at a site of the type {kind}",
+                f"an ego cannot make the turn {turn!r} at a {kind} site",
                 valid=[f"{THROUGH}:{known}" for known in TURNS_AT[kind]],
                 next_step="choose one of these goals, or another scenario_type",
                 given=f"{THROUGH}:{turn}",

@@ -1,7 +1,7 @@
 """Reads arguments as small models write them, if they are unambiguous; notes report each interpretation.
 
 Accepted are other forms of the same value: a number as text, with its unit; one value for a list; JSON text for a list
-or an object; an id as a number; another case; a field's name without its unit. Ambiguous values stay as they are, and
+or an object; an id as a number; another case. A field's name may lack its unit. Ambiguous values stay as they are, and
 the model of the arguments rejects them.
 """
 

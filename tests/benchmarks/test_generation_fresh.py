@@ -14,7 +14,7 @@ from benchmarks.generation.fresh import FreshMap, drawn_request, print_fresh, tr
 from benchmarks.symmetries.fresh_data import mutated_map
 from plannerforge.schemas.errors import UnsafeInput
 
-LOST = "2 site(s) lost when the road network is built: roundabout at 50.00001, -10.00000; 1 more"
+LOST = "2 sites lost when the road network is built: roundabout at 50.00001, -10.00000; 1 more"
 
 
 def raising(error: Exception) -> Callable[..., None]:

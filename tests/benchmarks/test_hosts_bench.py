@@ -43,7 +43,7 @@ RUNS = ("run_1704fabbb05b", "run_99f1aaba88d3")
 ANSWERS = {
     "find_scenarios": f"2 of 2 scenarios match.\n- {BASE}: 15 cars\n- ZAM_Town-2_1_T-1: 2 cars",
     "describe_scenario": f"{BASE} (starter): 12 s\n- 23 bus: 9 m ahead\n- 24 car: 17 m ahead, same lane",
-    "modify_scenario": f"{EDITED} (from {BASE}): the edit is done.",
+    "modify_scenario": f"{EDITED} (from {BASE}): 1 edit done.",
     "run_planner": "batch_dcf63b4baeb9: 2 of 2 runs finished.",
     "compare_results": "Safety-Conservative against Default: same outcome\n- more",
     "render": "picture: from above",
@@ -534,7 +534,7 @@ def test_a_client_that_is_not_known_is_refused() -> None:
         chosen_hosts(["emacs"])
 
 
-SHOWN = summary_of([ShownResult("modify_scenario", "the edit is done"), ShownResult("render", "", 1)])
+SHOWN = summary_of([ShownResult("modify_scenario", "1 edit done"), ShownResult("render", "", 1)])
 MADE = Host("made", "Made Client", "pip", ("made==1",), "fastmcp_driver.py", help="retries=3")
 GOOD = StoryRun("stdio", False, (), "made 1", "2026-07-28", SHOWN, True, 3, goes_on=True)
 BAD = replace(GOOD, faults=("not carried out: render",), goes_on=False)

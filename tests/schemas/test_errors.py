@@ -161,7 +161,7 @@ def test_all_faults_of_a_call_are_told_at_once_each_with_what_is_valid() -> None
     with pytest.raises(UnknownName) as told:
         faults.raise_all()
     assert told.value.text == (
-        "[unknown_name] 2 faults: edit 0 (reroute): there is no vehicle 7 (valid: 1, 2, 3, 4, 5 and 1 more); "
+        "[unknown_name] 2 errors: edit 0 (reroute): there is no vehicle 7 (valid: 1, 2, 3, 4, 5 and 1 more); "
         "edit 2 (set_speed): it stands. Next: name one of these; choose another."
     )
     assert told.value.reason == "x"

@@ -67,7 +67,9 @@ def test_printable_keeps_the_breaks_of_an_answer() -> None:
         (0, "car", "0 cars"),
         (3, "coach", "3 coaches"),
         (2, "taxi", "2 taxis"),
-        (4, "emergency", "4 emergencies"),
+        (4, "emergency", "4 emergency vehicles"),
+        (1, "delivery", "1 delivery van"),
+        (2, "city", "2 cities"),
         (1200, "road user", "1,200 road users"),
     ],
 )

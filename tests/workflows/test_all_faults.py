@@ -22,7 +22,7 @@ CASES: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
                 {"op": "remove_vehicle", "vehicles": ["33"]},
             ]
         },
-        ("3 faults", "edit 0 (set_speed): there is no vehicle 77", "edit 1 (set_behaviour)", "aggressive", "edit 2"),
+        ("3 errors", "edit 0 (set_speed): there is no vehicle 77", "edit 1 (set_behaviour)", "aggressive", "edit 2"),
     ),
     (
         "run_planner",
@@ -32,15 +32,15 @@ CASES: tuple[tuple[str, dict[str, Any], tuple[str, ...]], ...] = (
     (
         "configure_planner",
         {"preset": "fast", "weights": ["jerk=purple", "lateral_jrk=1"], "settings": ["vehicle=9"]},
-        ("4 faults", "no preset 'fast'", "'purple' is neither a number", "lateral_jerk", "vehicle from 1 to 4"),
+        ("4 errors", "no preset 'fast'", "'purple' is neither a number", "lateral_jerk", "vehicle from 1 to 4"),
     ),
     (
         "find_scenarios",
         {"tags": ["urbn"], "obstacles": ["trck"], "road_net": ["lanes=x"], "ego_speed": "50"},
-        ("4 faults", "urban", "truck", "lanes=x", "without a unit"),
+        ("4 errors", "urban", "truck", "lanes=x", "without a unit"),
     ),
-    ("analyze_results", {"results": ["run_0", "batch_0"]}, ("2 faults", "run_0", "batch_0")),
-    ("export_artifacts", {"ids": ["run_0", "cfg_0"], "folder": "."}, ("2 faults", "run_0", "cfg_0")),
+    ("analyze_results", {"results": ["run_0", "batch_0"]}, ("2 errors", "run_0", "batch_0")),
+    ("export_artifacts", {"ids": ["run_0", "cfg_0"], "folder": "."}, ("2 errors", "run_0", "cfg_0")),
 )
 
 

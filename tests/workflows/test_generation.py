@@ -36,7 +36,7 @@ async def test_no_site_is_taken_twice_and_fewer_are_made_where_there_are_not_eno
         assert 0 < len(made) < 9
         assert len({(one["latitude"], one["longitude"]) for one in made}) == len(made)
         assert all("Ostallee" in one["site"] for one in made)
-        assert f"only {len(made)} different site(s) match, 9 were requested" in answer["notes"]
+        assert any(f"only {len(made)} different site" in note for note in answer["notes"])
 
 
 @pytest.mark.parametrize(

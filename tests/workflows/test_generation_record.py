@@ -79,8 +79,8 @@ async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) ->
         assert made is not None
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
         source = "ACEA, Vehicles in use in Europe: EU, 2019"
-        assert bus == f"bus: its share of traffic, 0.25 % of all vehicles ({source}), at least one"
-        assert taxi.startswith("taxi: at least one; its share of traffic is not known here")
+        assert bus == f"bus: 0.25 % of all vehicles, its share of traffic ({source}), but at least one"
+        assert taxi.startswith("taxi: at least one; its share of traffic is unknown")
         realised = made["scenarios"][0]["classes_realised"]
         assert (realised["bus"], realised["taxi"]) == (1, 1)
         assert truck.startswith("truck: 30% of all vehicles requested, ")

@@ -91,7 +91,7 @@ async def test_a_place_that_no_map_shows_is_refused_as_before(connect: Connect, 
         answer = await client.call_tool("generate_scenarios", {"place": "Atlantis"})
         assert answer.is_error
         said = "".join(part.text for part in answer.content if isinstance(part, TextContent))
-        assert "no map shows 'Atlantis'" in said
+        assert "no map contains 'Atlantis'" in said
 
 
 async def test_a_broken_extract_is_refused_and_leaves_nothing(

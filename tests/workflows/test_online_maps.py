@@ -106,7 +106,7 @@ async def test_maps_at_hand_win_unless_the_net_is_asked_for(
         assert "downloaded" not in text
         assert servers.requests == []
         text, _ = await generate(client, place="Ringstadt", source="local")
-        assert text.startswith("[unknown_name] no map shows 'Ringstadt'")
+        assert text.startswith("[unknown_name] no map contains 'Ringstadt'")
         assert servers.requests == []
         text, _ = await generate(client, place="Kreiselheim", source="online")
         assert "knows no such place" in text
@@ -119,7 +119,7 @@ async def test_the_setting_says_whether_the_net_is_asked(
     offline = changed(online, servers, maps_online="offline")
     async with connect(offline) as client:
         text, _ = await generate(client, place="Ringstadt")
-        assert text.startswith("[unknown_name] no map shows 'Ringstadt'")
+        assert text.startswith("[unknown_name] no map contains 'Ringstadt'")
         text, _ = await generate(client, place="Ringstadt", source="online")
         assert "maps_online is offline" in text
     cached = changed(online, servers, maps_online="cache")
@@ -154,7 +154,7 @@ async def test_what_can_never_be_met_is_refused_before_a_service_is_asked(
             ({"vehicles": ["tank=5"]}, "there is no vehicle class 'tank'"),
             ({"road_classes": ["canal"]}, "there is no road class 'canal'"),
             ({"bbox": [48.2, 16.4, 48.1, 16.3]}, "is not a box"),
-            ({"place": "map_0123456789ab"}, "no map shows"),
+            ({"place": "map_0123456789ab"}, "no map contains"),
         ):
             text, made = await generate(client, **{"place": "Ringstadt", **given})
             assert told in text

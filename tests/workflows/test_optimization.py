@@ -139,7 +139,7 @@ async def test_where_nothing_is_better_the_base_stays(
     study = await _study(monkeypatch, tmp_path, rule)
     assert (study.best_id, study.held_out, study.changes) == (study.base_id, None, ())
     answer = optimization.OptimizePlannerResult(state="done", study=study, next_step="").to_text()
-    assert "nothing better than idm:Default" in answer
+    assert "better than idm:Default in training" in answer
 
 
 @pytest.mark.anyio

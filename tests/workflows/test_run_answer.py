@@ -15,7 +15,7 @@ def test_obstacles_that_a_lane_prediction_could_not_follow_are_counted() -> None
     runs = [run.model_copy(update={"off_the_lanes": off}) for run, off in zip(runs, ((), (4,), (4, 9)), strict=True)]
     cells = [Cell(run.scenario_id, None, configuration, "lane") for run in runs]
     said = answer(cells, [CellResult(run) for run in runs])
-    assert said.notes == ("lane prediction: 3 obstacles in 2 runs off the lanes, predicted with constant velocity",)
+    assert said.notes == ("lane prediction: constant velocity for 3 obstacles off the lanes, in 2 runs",)
     assert said.notes[0] in said.to_text()
     assert answer(cells[:1], [CellResult(runs[0])]).notes == ()
 

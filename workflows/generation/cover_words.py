@@ -33,7 +33,7 @@ from ...schemas.generation import (
     SiteType,
     Turn,
 )
-from ...schemas.text import quoted
+from ...schemas.text import counted, quoted
 from ..context import WorkflowContext
 from .making import shape_of
 from .map_choice import AssignedSite, maps_for, request_for
@@ -72,7 +72,7 @@ def read_cover(texts: Sequence[str]) -> tuple[tuple[PlanFactor, ...], int]:
     strength = min(2, len(factors)) if strength is None else strength
     if not 1 <= strength <= len(factors) or len(factors) > MOST_FACTORS:
         raise InvalidRequest(
-            f"cover has {len(factors)} factor(s) and the strength {strength}",
+            f"cover has {counted(len(factors), 'factor')} and the strength {strength}",
             valid=[f"strength=1 to strength={min(len(factors), MOST_FACTORS)}", f"at most {MOST_FACTORS} factors"],
         )
     count = _combinations(factors, strength)
@@ -234,7 +234,7 @@ class RequestedPlan:
             ) from error
 
     def matches(self, levels: Mapping[int, int]) -> tuple[MapMatch, ...]:
-        """Return the maps for some levels, or those of all places and countries if the levels contain none."""
+        """Return the maps for some levels, or those of all places and countries if the levels name neither."""
         names = ("place", "country")
         where = {(factor, level) for factor, level in levels.items() if self.factors[factor].name in names}
         fitting = (matches for key, matches in self.shown.items() if where <= set(key))
@@ -296,7 +296,7 @@ def impossible_turns(plan: RequestedPlan) -> Iterator[tuple[Combination, str]]:
         for level, name in enumerate(plan.factors[turn].levels):
             if name not in possible:
                 key = ((turn, level),) if types is None else tuple(sorted(((types, index), (turn, level))))
-                yield key, f"an ego cannot make that turn at a site of the type {kind}"
+                yield key, f"an ego cannot make that turn at a {kind} site"
 
 
 def existing_levels(plan: RequestedPlan, context: WorkflowContext) -> list[Levels]:

@@ -180,7 +180,7 @@ class _PlanWork:
                 continue
             spots[words] = await self._sites(group)
             if not spots[words]:
-                barred[tuple(sorted(group.items()))] = "no map there has such a site"
+                barred[tuple(sorted(group.items()))] = "no map there has a site like this"
         if not any(spots.values()):
             raise NotPossible(
                 "no map has a site for any of the combinations",

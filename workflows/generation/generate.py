@@ -4,6 +4,7 @@ from ...engine.catalog import open_catalogue
 from ...engine.maps import MapMatch
 from ...schemas.errors import InvalidRequest, NotPossible, ServiceFailure, UnknownName, WorkerFailure
 from ...schemas.generation import GenerateScenariosArguments, GenerateScenariosResult, GenerationSpec, ScenarioSummary
+from ...schemas.text import counted
 from ..context import WorkflowContext
 from ..maps import map_of_scenario, maps_at_hand
 from .coverage import cover_combinations
@@ -65,7 +66,8 @@ async def generate_scenarios(
     context.made("scenario", *(summary.scenario_id for summary in made))
     notes = [*spec.notes, *plan.notes, *messages, *failures]
     if len(sites.planned) < spec.count:
-        notes.append(f"only {len(sites.planned)} different site(s) match, {spec.count} were requested")
+        found = counted(len(sites.planned), "different site")
+        notes.append(f"{counted(spec.count, 'scenario')} requested, but only {found} found")
     if notice := context.services.workers.notice:
         notes.append(notice)
     used = {summary.map_id for summary in made}

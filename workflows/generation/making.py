@@ -12,6 +12,8 @@ from ...schemas.errors import NotPossible
 from ...schemas.generation import (
     NATURAL_SHARES,
     SHARES_SOURCE,
+    USUAL_EGO,
+    USUAL_GOAL,
     DensityFacts,
     GeneratedEgo,
     GeneratedScenario,
@@ -39,7 +41,7 @@ async def make_scenario(
 ) -> ScenarioSummary:
     """Return one scenario: the stored one of the same recipe, otherwise a new one.
 
-    Of a million scenarios, some dozens would get the id of another one. Such a scenario is generated again with other
+    Of a million scenarios, some dozens would get the id of another one. These scenarios are generated again with other
     digits of its digest in the id.
 
     Raises:
@@ -87,6 +89,7 @@ def summarise(
     site, ego = scenario.site, scenario.ego
     streets = cited_all(site.streets[:_SHOWN_STREETS], " / ") or "unnamed roads"
     passed, failed = verdicts(scenario.checks)
+    aim = "" if request.goal.text == USUAL_GOAL else f" (goal={request.goal})"
     return ScenarioSummary(
         scenario_id=scenario_id,
         reused=reused,
@@ -104,8 +107,8 @@ def summarise(
         recorded_s=scenario.recorded_s,
         ego=_ego_words(ego, request),
         goal=(
-            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet} within "
-            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s ({request.goal})"
+            f"{ego.goal_distance_m:.0f} m ahead on lanelet {ego.goal_lanelet}, from "
+            f"{ego.goal_time_s[0]:g} to {ego.goal_time_s[1]:g} s{aim}"
         ),
         ego_speed_mps=ego.speed_mps,
         goal_lanelet=ego.goal_lanelet,
@@ -123,7 +126,11 @@ def summarise(
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
     """Return the ego's place among its class and its speed; if it is not a car, also its size and limits."""
-    one_of = f"one of {counted(ego.cars_to_choose_from, ego.vehicle_class)} ({request.ego})"
+    count = ego.cars_to_choose_from
+    chosen = "" if request.ego.text == USUAL_EGO else f" (ego={request.ego})"
+    one_of = (
+        f"the only {ego.vehicle_class}" if count == 1 else f"chosen from {counted(count, ego.vehicle_class)}{chosen}"
+    )
     if ego.vehicle_class == "car":
         return f"Ego: {one_of}, at {ego.speed_mps:.1f} m/s"
     known = ego_class(ego.vehicle_class)
@@ -137,9 +144,9 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
         if share is None or (name == PEDESTRIAN.name and not share):  # the density sets the number of pedestrians
             continue
         if share == NATURAL_SHARES.get(name):
-            yield f"{name}: its share of traffic, {100 * share:g} % of all vehicles ({SHARES_SOURCE}), at least one"
+            yield f"{name}: {100 * share:g} % of all vehicles, its share of traffic ({SHARES_SOURCE}), but at least one"
         elif share == 0:
-            yield f"{name}: at least one; its share of traffic is not known here, {name}=30% sets a share"
+            yield f"{name}: at least one; its share of traffic is unknown, {name}=30% sets it"
         else:
             realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
             yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"

@@ -137,9 +137,9 @@ def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
     names = [f"{cited(f.place)} ({f.map_id})" for f in facts[:_SHOWN_PLACES]]
     more = f" and {len(facts) - _SHOWN_PLACES} more" * (len(facts) > _SHOWN_PLACES)
     return NotPossible(
-        f"no {scenario_type} site on any of {len(facts)} maps: {', '.join(names)}{more}",
+        f"none of the {len(facts)} matching maps has a {scenario_type} site: {', '.join(names)}{more}",
         valid=sorted({kind for f in facts for kind in f.sites}),
-        next_step="choose one of these scenario types, or another place",
+        next_step="choose one of these scenario types, which the maps have, or another place",
         reason="no_such_site",
     )
 
@@ -160,7 +160,7 @@ def _uncovered_box_notes(box: Box, matches: Sequence[MapMatch]) -> list[str]:
 async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: GenerationPlan) -> GenerationPlan:
     """Return the plan with the whole map if the streets are outside the circle of the given town.
 
-    Only a map with such a circle is examined. If the whole map lacks the streets too, the original request is refused.
+    Only maps with a circle are examined. If the whole map lacks the streets too, the original request is refused.
     """
     matches: list[MapMatch] = []
     notes = list(plan.notes)
@@ -180,7 +180,7 @@ async def without_refused(
 ) -> PlannerForgeError:
     """Return the refusal of a place without proposed places that have no such site and would be refused too.
 
-    If all would be, it proposes the towns of local maps with such a site.
+    If all would be, it proposes the towns of local maps that have a site of this type.
     """
     places = [place for remedy in refusal.remedies if (place := _other_place(remedy)) is not None]
     if not places or spec.scenario_type == "any":
@@ -415,7 +415,7 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "until then, only local maps are searched; these are their nearest names"
+        "while this lasts, only local maps are searched; these are their nearest names"
     )
     return ServiceFailure(
         message,

@@ -242,7 +242,7 @@ def _weather(value: str) -> tuple[Weather, str]:
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
             complete=True,
         )
-    taken = f"{value!r} means {known}" if known != value else ""
+    taken = f"{value!r} is read as {known}" if known != value else ""
     factor, friction = SPEED_FACTORS.get(known), TrafficConditions(weather=known).friction
     slower = "" if factor is None else f"vehicles in free flow drive {1 - factor:.1%} slower ({SPEED_FACTORS_SOURCE})"
     grip = (
@@ -527,7 +527,7 @@ def _normalised_demand(text: str) -> tuple[str, str]:
     name = None if found is None else vehicle_class_of(found[2])
     if found is None or name is None or name == found[2]:
         return text, ""
-    return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} means {name}"
+    return f"{found[1]}{name}{found[3]}", f"{found[2].strip()!r} is read as {name}"
 
 
 def _box(bbox: list[float] | None) -> Box | None:

@@ -171,7 +171,7 @@ class ShownSummary:
 def summary_of(shown: Sequence[ShownResult]) -> ShownSummary:
     """Return what a client passed on of one story's answers; only the drawing shows pictures."""
     edits = [result.text for result in shown if result.tool == "modify_scenario"]
-    text = any("the edit is done" in told for told in edits)
+    text = any("1 edit done" in told for told in edits)
     structure = any("base_id" in told for told in edits)
     answers: Answers = "both" if text and structure else "text" if text else "structure" if structure else "nothing"
     drawn = [result for result in shown if result.tool == "render"]

@@ -66,12 +66,12 @@ def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfEx
     """
     index = Path(request.index)
     with index_failures(index), closing(TileStore(index)) as store:
-        report(0.0, "looking the place up in the extract")
+        report(0.0, "looking up the place in the extract")
         chosen = _resolve_target(request, store)
         if chosen is None:
             return CutOfExtract()
         core = _core(chosen, request.seed, store)
-        report(0.3, "cutting the part out")
+        report(0.3, "cutting out the part")
         part = store.read(_widened(core, MARGIN_M))
     if not part.roads():
         return CutOfExtract()

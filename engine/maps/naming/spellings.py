@@ -177,6 +177,8 @@ elisions without those of pronouns and without ``sant'``, plus the Italian prepo
 _CONTRACTED = re.compile(r"\b(\w{1,2}(?=\.)|[^\W\d_](?=-))[.-](\w{2,3})\b(?!\.)")
 """Contractions with a point or a hyphen inside: ``P.za``, ``C.so``, ``V.le``, ``B-dul``, ``пр-т``."""
 _ORDINAL = re.compile(r"(?P<number>\d{1,4})(?P<end>[a-z]{1,3})")
+_ROMAN_ORDINAL = re.compile(r"(?P<number>[ivx]+)(?:er|ere|re|e|eme)")
+"""French ordinals with a Roman number (``Ier``)."""
 _ORDINAL_MARK = re.compile(r"(?<=\d)(?:\s*\.?[ºª°]|-[\u0400-\u04ff]{1,3}\b)")
 """What stands behind the digits of an ordinal in Romance languages and, with a hyphen, in Cyrillic (``1-я``)."""
 _MOST_READINGS = 32
@@ -295,6 +297,12 @@ def without_kinds(words: frozenset[str]) -> frozenset[str]:
     return words - _KINDS - _PARTICLES
 
 
+def is_only_a_kind(name: str) -> bool:
+    """Return True for words that only say what kind of road it is (``Avenue``, ``rue de la``)."""
+    readings = road_readings(name)
+    return bool(readings) and not any(map(without_kinds, readings))
+
+
 def kinds_of_road(name: str) -> frozenset[str]:
     """Return the kinds of road in any reading of a name (``street``, ``boulevard``)."""
     return frozenset(word for reading in road_readings(name) for word in reading & _KINDS)
@@ -337,6 +345,9 @@ def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
     known = _meanings().get(word)
     if known is not None:
         return tuple((meaning,) for meaning in known)
+    roman = _ROMAN_ORDINAL.fullmatch(word)
+    if roman and (values := _table()["numbers"].get(roman["number"])):
+        return ((word,), *((str(value),) for value in values))
     for end, kind in _endings().items():
         if word.endswith(end) and len(word) > len(end) + 2:
             return ((word.removesuffix(end), kind),)

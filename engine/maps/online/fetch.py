@@ -253,7 +253,7 @@ class _Area:
                 if spots:
                     return _nearest_first(spots, middle)
         raise UnknownName(
-            f"no available map shows {roads[0][0]!r}, and OpenStreetMap has no such road in {self.name}",
+            f"no available map contains {roads[0][0]!r}, and OpenStreetMap has no such road in {self.name}",
             next_step="use a map's spelling, or another road",
             reason=NOT_SHOWN,
         )

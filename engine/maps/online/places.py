@@ -67,7 +67,7 @@ def locate_place(request: LocateRequest, report: ProgressReporter) -> LocatedPla
         ServiceFailure: Nominatim cannot be reached.
         NotPossible: the settings do not allow the request.
     """
-    report(0.0, "looking the place up")
+    report(0.0, "looking up the place")
     client = ServiceClient(request.services, report)
     search = _Search(client, request.country)
     crossing = _roads_of_crossing(request.place)
@@ -79,7 +79,7 @@ def locate_place(request: LocateRequest, report: ProgressReporter) -> LocatedPla
     if not found:
         where = f" in {request.country}" if request.country else ""
         raise UnknownName(
-            f"no available map shows {request.place!r}, and {search.service} knows no such place{where}",
+            f"no available map contains {request.place!r}, and {search.service} knows no such place{where}",
             next_step="use a map's spelling, add the town, or import an .osm extract of the place",
             reason=NOT_SHOWN,
         )
@@ -248,7 +248,7 @@ def _best_matches(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
         of_first_kind = [place for place in of_first_kind if place.importance >= LEAST_IMPORTANCE] or list(settled)
     if not of_first_kind:
         raise UnknownName(
-            f"no available map shows {words!r}; Nominatim knows only a {shown_name(found[0].kind)} of that name, "
+            f"no available map contains {words!r}; Nominatim has only a {shown_name(found[0].kind)} of that name, "
             f"{cited(found[0].label)}",
             next_step="add the town, or give its bbox",
             reason=NOT_SHOWN,

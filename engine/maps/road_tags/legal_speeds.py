@@ -60,7 +60,7 @@ class LegalSpeeds:
         self._limits = limits
 
     def find(self, country: str, tags: Tags, *, urban: bool, states: Sequence[str] = ()) -> LegalLimit | None:
-        """Return the limit for cars on a road, or None if the table has none for the country.
+        """Return the limit for cars on a road, or None if the table has no limit for the country.
 
         Args:
             country: ISO 3166-1 alpha-2.

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ....schemas.text import counted
 from ...commonroad import RoadDocument
 from ...geometry import Points, arc_length, headings, length_m, segment_lengths, wrap_angles
 from .rule import Defect, rule
@@ -24,7 +25,7 @@ def too_few_points(document: RoadDocument) -> Iterator[Defect]:
     for lanelet in document.lanelets:
         for side, bound in lanelet.bounds:
             if len(bound) < 2:
-                yield Defect(f"the {side} bound has {len(bound)} point(s)", (lanelet.lanelet_id,))
+                yield Defect(f"the {side} bound has {counted(len(bound), 'point')}", (lanelet.lanelet_id,))
 
 
 @rule("error", why="Every length, distance and picture computed from it is undefined.")
@@ -34,7 +35,10 @@ def coordinate_not_finite(document: RoadDocument) -> Iterator[Defect]:
         for side, bound in lanelet.bounds:
             wrong = int((~np.isfinite(bound)).any(axis=1).sum())
             if wrong:
-                yield Defect(f"{wrong} point(s) of the {side} bound are not finite", (lanelet.lanelet_id,))
+                yield Defect(
+                    f"the {side} bound has {counted(wrong, 'point')} that {'is' if wrong == 1 else 'are'} not finite",
+                    (lanelet.lanelet_id,),
+                )
 
 
 _SAME_POINT_M = 1e-3

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from ....schemas.base import Model, problem_of
 from ....schemas.errors import PlannerFailure
 from ....schemas.planning import CommandTrajectory
-from ....schemas.text import cited, shown_name
+from ....schemas.text import cited, counted, shown_name
 from ...geometry import Values
 from ..interface import EgoState, PlannedTrajectory
 from .conformance import trajectory_breaches
@@ -52,7 +52,8 @@ def read_trajectory(answered: CommandTrajectory, ego: EgoState, step_s: float, f
     if len(answered.x_m) < 2:
         raise failed(
             "too_short",
-            f"returned {len(answered.x_m)} state(s); it must return the present state and at least one planned state",
+            f"returned {counted(len(answered.x_m), 'state')}; it must return the present state and at least "
+            "one planned state",
         )
     trajectory = _trajectory(answered, ego, step_s)
     breaches = trajectory_breaches(trajectory, ego, step_s)

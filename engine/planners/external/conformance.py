@@ -21,8 +21,8 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
     """Return a planner's breaches of the contract on one task; empty if it keeps the contract.
 
     The planner must start at the observed state, plan at least one second of connected finite states within the limits
-    of the task's vehicle, give finite costs and non-negative counts, and give the same plan again after a reset and in
-    a new instance.
+    of the task's vehicle, and give finite costs and non-negative counts. After a reset and in a new instance, it must
+    give the same plan again.
     """
     planner = make()
     planner.reset(task)

@@ -6,12 +6,12 @@ searches. The result is checked once more, for the limits of the vehicle and aga
 the road; if that fails, all candidates are generated, and the ego drives the cheapest one that passes.
 
 If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
-distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes:
-one without the core's margins, since an ego that is already closer to a road user, as in a queue, would never get a
-plan; and one that may exceed the desired speed, since braking in front of a follower does not help.
+distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes.
+The first is without the core's margins, since an ego that is already too close to a road user, would never get
+a plan. The second may exceed the desired speed, since braking in front of a follower does not help.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
-Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940); Sun et al.: FISS+: Efficient and Focused Trajectory Generation
+Autonomous Driving, RA-L 2022 (10.1109/LRA.2022.3191940). Sun et al.: FISS+: Efficient and Focused Trajectory Generation
 and Refinement Using Fast Iterative Search and Sampling Strategy, IROS 2023 (10.1109/IROS55552.2023.10341498).
 """
 

@@ -171,8 +171,8 @@ class Samples:
 class Candidates:
     """Motions of n candidates over m steps in world coordinates, and their last positions relative to the path.
 
-    ``known``: whether the network knows the primitive; ``primitive_steps`` (n,): its number of steps; ``goes_on``:
-    whether it ends along the path or standing; ``gentleness`` (n,): mean change of speed in m/s² over the ramp;
+    ``known``: whether the network knows the primitive. ``primitive_steps`` (n,): its number of steps. ``goes_on``:
+    whether it ends along the path or standing. ``gentleness`` (n,): mean change of speed in m/s² over the ramp.
     ``stops_s`` (n,): the time of its standstill, otherwise infinite.
     """
 

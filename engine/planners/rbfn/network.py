@@ -70,8 +70,9 @@ class Motions:
 class PrimitiveNetwork:
     """Weights of a network; ``lowest`` and ``highest`` (6,) bound its training inputs.
 
-    ``mean`` and ``spread`` (6,) standardise inputs; ``centres`` (h, 6) of the units; one ``width`` for all; ``outputs``
-    (h + 7, 58): weights of the units, of the six inputs and of a constant, for K at the inner nodes, then for V.
+    ``mean`` and ``spread`` (6,) standardise inputs. The units have ``centres`` (h, 6) and one ``width`` for all.
+    ``outputs`` (h + 7, 58): weights of the units, of the six inputs and of a constant, for K at the inner nodes, then
+    for V.
     """
 
     mean: _Floats

@@ -174,18 +174,18 @@ class _Hazard:
 class CarefulDriver:
     """UN R157's competent and careful driver with its three triggers.
 
-    The driver *notices* a road user that has come nearer to the path by ``wandering_m`` or is in it (cut-in, 3.4.1),
-    that brakes in the path by more than ``hard_mps2`` (deceleration, 3.4.3), or that is in the path and slower than the
-    driver (cut-out, 3.4.2: in the regulation, the vehicle that a cut-out reveals; a leader that has become slower is
-    treated the same). A broad road user in the path hides those behind it until its centre is more than ``wandering_m``
-    off the path. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM lets vehicles 1.9 m
-    wide start 1.6 m apart); a road user farther away is noticed only if, at its present rate, it enters the path before
-    the driver passes it.
+    The driver *notices* a road user in three cases. Cut-in (3.4.1): it has come nearer to the path by ``wandering_m``
+    or is in it. Deceleration (3.4.3): it brakes in the path by more than ``hard_mps2``. Cut-out (3.4.2): it is in the
+    path and slower than the driver. In the regulation, this is the vehicle that a cut-out reveals; here a leader that
+    has become slower is treated the same. A broad road user in the path hides those behind it until its centre is more
+    than ``wandering_m`` off the path. In the regulation, others change from the adjacent lane, ``lane_m`` wide (JRC-FSM
+    lets vehicles 1.9 m wide start 1.6 m apart). A road user farther away is noticed only if, at its present rate, it
+    enters the path before the driver passes it.
 
     After ``perception_s`` the driver *perceives* the risk. It is *critical* if the time to collision is below
     ``critical_ttc_s`` (cut-in), if the time headway is below ``critical_thw_s`` (deceleration, cut-out), or if the
-    headway to the vehicle that cut out was (cut-out: in the regulation's data sheets the driver follows that vehicle at
-    2 s). ``delay_s`` later the driver brakes fully, until the other is neither slower nor braking, or has left the
+    headway to the vehicle that cut out was (cut-out). In the regulation's data sheets the driver follows that vehicle
+    at 2 s. ``delay_s`` later the driver brakes fully, until the other is neither slower nor braking, or has left the
     path.
     """
 
@@ -313,8 +313,8 @@ class _RespondingDriver(ABC):
 class FuzzyDriver(_RespondingDriver):
     """The driver of the fuzzy safety model, which brakes early and gently, and harder in more unsafe situations.
 
-    ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest deceleration; ``front_mps2``: that of the leader;
-    ``standstill_m``: the gap that it keeps when standing; ``margin_m``: added to the safe distance; ``earlier_s``: the
+    ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest deceleration. ``front_mps2``: that of the leader.
+    ``standstill_m``: the gap that it keeps when standing. ``margin_m``: added to the safe distance. ``earlier_s``: the
     largest delay, after the driver is past, with which a road user may still enter the path.
     """
 

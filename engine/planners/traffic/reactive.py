@@ -369,8 +369,8 @@ class ShownVehicle:
     It is placed before every step at the position where the step ends. SUMO determines the lanes that a vehicle
     overlaps only when it enters a lane, and not when it is moved along the same lane, so vehicles on the next lane
     would never see it cross the line. A vehicle that has crossed a line, or come back, therefore enters again: a new
-    entry is placed at its current position, and the old one, which the others saw until then, leaves after the step. It
-    does not leave earlier, since a vehicle that enters a junction again counts as the last there, and its follower
+    entry is placed at its current position, and the old one, which the others have seen so far, leaves after the step.
+    It does not leave earlier, since a vehicle that enters a junction again counts as the last there, and its follower
     would take precedence.
 
     Args:

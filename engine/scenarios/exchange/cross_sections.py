@@ -20,7 +20,7 @@ REACH = 3.0
 """Search distance for a bound on a normal, in widths of the strip (chosen): farther ones belong to another bend."""
 STEEPEST_RAD, TURNINGS = np.radians(85.0), (2.5, 0.0, 1.2, 5.0)
 """Chosen: a skew end is kept up to this angle, so that lanes meet. The reference line turns into it over this many
-widths times the angle: a cubic is about four times as bent at such an end as on average, and its normals cross inside a
+widths times the angle: a cubic is about four times as bent at a skew end as on average, and its normals cross inside a
 strip if the radius is less than half the width. The first is tried first, the others if a bound is missed.
 """
 GOOD_M, FAR_M = 0.02, 0.1

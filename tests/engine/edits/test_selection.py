@@ -74,7 +74,7 @@ def test_the_ego_s_own_recording_neither_leads_nor_follows_and_is_noted(apply: A
     builder = town_road().cut(11)
     builder = builder.with_vehicles(*builder.vehicles, driving(36, (39.9, 0), 10.0, 11))
     assert meant(apply, "follow", builder=builder) == (32,)
-    noted = "36 is the ego's own recording: the ego's danger is 0 m until you remove it (remove_vehicle)"
+    noted = "36 is the ego's own recording: the minimum distance is 0 m until you remove it (remove_vehicle)"
     assert noted in apply({"op": "remove_vehicle", "vehicles": ["35"]}, builder=builder).outcome.warnings
     assert noted not in apply({"op": "remove_vehicle", "vehicles": ["36"]}, builder=builder).outcome.warnings
 

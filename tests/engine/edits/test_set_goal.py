@@ -64,7 +64,7 @@ def test_a_bend_on_the_way_that_no_car_takes_at_its_speed_is_told(
     builder = ScenarioBuilder(corner, problems=(start,))
     told = {to: apply({"op": "set_goal", "to": [to]}, builder=builder).outcome.edits[0].what for to in ("2", "3")}
     assert "curve" not in told["2"]
-    assert ("16.0 m/s 4 m before a curve of lanelet 3 that allows 8" in told["3"]) == too_fast
+    assert ("16.0 m/s 4 m before a curve of lanelet 3 that allows at most 8" in told["3"]) == too_fast
 
 
 def test_a_bend_behind_the_ego_does_not_count(apply: Apply) -> None:

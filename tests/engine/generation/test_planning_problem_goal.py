@@ -86,7 +86,7 @@ def test_a_car_behind_stands_in_for_one_that_waits() -> None:
         ("later", True),
         ("later", False),
     ]
-    with pytest.raises(NotPossible, match="of 2 possible car"):
+    with pytest.raises(NotPossible, match="2 cars"):
         choose_task(specs[1], cars[:3], road(), focus, 0.1)
 
 

@@ -185,7 +185,7 @@ def test_lost_sites_use_no_attempts_and_are_named(tmp_path: Path, monkeypatch: p
     request = request_for_fahrhausen().model_copy(update={"folder": str(tmp_path), "duration_s": 6.0})
     made = generator.generate_scenario(request, silent)
     note = next(note for note in made.notes if note.startswith("skipped: "))
-    assert f"{generator.MOST_SITES + 1} site(s) lost when the road network is built: intersection at" in note
+    assert f"{generator.MOST_SITES + 1} sites lost when the road network is built: intersection at" in note
     assert note.endswith(f"{generator.MOST_SITES + 1 - generator.SHOWN_LOST} more")
 
 

@@ -52,7 +52,7 @@ def test_a_turn_that_no_drawn_car_makes_is_made_all_the_same_and_again_alike(tmp
         wish = {"scenario_type": "intersection", "goal": "through:left", "duration_s": 8.0, "vehicles": ONE_CAR}
         made = make("Quadratstadt", folder, **wish, seed=0)
     assert turned_deg(folders[0]) == pytest.approx(90.0, abs=20.0)
-    assert any("the turn 'left'" in note for note in made.notes)  # lacking in the usual traffic
+    assert any("turn 'left'" in note for note in made.notes)  # lacking in the usual traffic
     assert len({(folder / "scenario.xml").read_bytes() for folder in folders}) == 1
 
 
@@ -89,7 +89,7 @@ def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None
 
 def test_a_turn_that_no_such_site_has_is_refused_with_those_that_it_has(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:merge")
-    with pytest.raises(InvalidRequest, match=r"'merge' at a site of the type roundabout.*through:left"):
+    with pytest.raises(InvalidRequest, match=r"'merge' at a roundabout site.*through:left"):
         generate_scenario(request, silent)
 
 

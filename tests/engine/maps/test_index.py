@@ -76,7 +76,7 @@ def test_near_a_border_only_the_countries_there_are_believed() -> None:
     border = nameless(country=None, countries_near=("CHE", "DEU", "FRA"))
     for country in ("CHE", "Germany", None):
         assert find_maps([border], country=country)
-    with pytest.raises(UnknownName, match="no map is in 'JPN'") as caught:
+    with pytest.raises(UnknownName, match="no map covers the country 'JPN'") as caught:
         find_maps([border], country="JPN")
     assert caught.value.valid == ("CHE", "DEU", "FRA")
     assert find_maps([nameless(country=None, countries_near=())], country="JPN")

@@ -63,7 +63,7 @@ AT_40 = rectangle_at(40.0, 0.0)
     [
         (lambda: cruise(goal_state((35, 45), AT_40)), "goal_reached", "step 35"),
         (lambda: cruise(goal_state((70, 80), AT_40)), "goal_early", "its time is 7.0 to 8.0 s"),
-        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "0.4 s after its time"),
+        (lambda: cruise(goal_state((20, 30), AT_40)), "goal_late", "0.4 s too late"),
         (lambda: cruise(goal_state((35, 45), AT_40, speed=(2.0, 4.0))), "goal_missed", "drove out of the goal"),
         (lambda: cruise(goal_state((20, 30), AT_40, speed=(2.0, 4.0))), "goal_late", "drove out of the goal"),
         (
@@ -71,7 +71,7 @@ AT_40 = rectangle_at(40.0, 0.0)
             "goal_missed",
             "without entering it",
         ),
-        (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "without its conditions"),
+        (lambda: cruise(goal_state((30, 40), speed=(20.0, 25.0))), "goal_missed", "conditions unmet"),
         (lambda: cruise(goal_state((35, 45), AT_40), stop_m=20.0), "timeout", "before the goal's end"),
         (lambda: cruise(goal_state((60, 70), AT_40, speed=(2.0, 4.0)), stop_m=40.0), "goal_missed", "was in the goal"),
     ],

@@ -145,7 +145,7 @@ def test_auto_chooses_outcomes_for_several_scenarios(tmp_path: Path, town: Scena
 
 @pytest.mark.parametrize("kind", sorted(CHARTS))
 def test_charts_without_runs_are_refused(tmp_path: Path, town: ScenarioSource, kind: str) -> None:
-    with pytest.raises(NotPossible, match="no run was given"):
+    with pytest.raises(NotPossible, match=r"no run or batch"):
         drawn(tmp_path, kind=kind, scenarios=(town,))
 
 

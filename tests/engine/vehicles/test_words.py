@@ -44,4 +44,4 @@ def test_a_word_that_mostly_means_something_else_is_no_road_user(word: str) -> N
 def test_a_class_by_another_word_is_generated_and_said() -> None:
     arguments = GenerateScenariosArguments(place="Musterstadt", vehicles=["van=2", "police car", "truck"])
     notes = read_specification(arguments).notes
-    assert notes == ("'van' means delivery", "'police car' means emergency")
+    assert notes == ("'van' is read as delivery", "'police car' is read as emergency")

@@ -81,14 +81,14 @@ def test_a_settlement_named_with_its_country_is_known_where_its_outskirts_lie(wo
 def test_the_number_of_a_district_that_the_map_does_not_name_is_told(words: str) -> None:
     dublin = a_map("Amiens Street", place="Dublin", places=("Dublin",))
     assert find_maps([dublin], place=words)[0].understood == (
-        f"{words!r} is taken as Dublin: the map has no district with that number",
+        f"{words!r} is read as Dublin: the map has no district with that number",
     )
 
 
 def test_the_number_of_a_district_is_told_of_a_place_in_another_language() -> None:
     praha = a_map("Odborů", place="Praha", places=("Praha",), country="CZE")
     assert find_maps([praha], place="Prague 2")[0].understood == (
-        "'Prague 2' is taken as Prague: the map has no district with that number",
+        "'Prague 2' is read as Prague: the map has no district with that number",
     )
 
 
