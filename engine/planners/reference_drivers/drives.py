@@ -286,7 +286,7 @@ class DriverScene:
         return self.is_clear(self.drive(driver, takes_over))
 
     def latest_takeover(self, driver: ReferenceDriver, last: int) -> int | None:
-        """Return the latest state at which the driver may take over, at most ``last``; None if any is too late.
+        """Return the latest state for a takeover, at most ``last``; None if even the first state is too late.
 
         Uses bisection: the driver prevents the collision from that state, but not from the next one.
         """
