@@ -101,7 +101,7 @@ class PlannerProcess:
         return self._exited() is None
 
     def fresh_folder(self, given: Path) -> Path:
-        """Return an empty folder with a copy of a file, for one run; the copy does not count towards the disk limit."""
+        """Return a new folder with a copy of a file, for one run; the copy does not count towards the disk limit."""
         folder = self.folder / "run"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
