@@ -1,4 +1,4 @@
-"""Checks a written scenario file as other tools will read it, and decides which faults make it unusable."""
+"""Checks a scenario file as other tools will read it, and decides which faults make it unusable."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,7 +30,7 @@ def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFind
         ego: the ego's recorded motion, which the file does not contain. None if an edit scripted other road users after
             the
             recording; the ego is then not checked here, and the caller checks an ordinary driver instead.
-        findings: the findings of the rules about its road network.
+        findings: the rules' findings on its road network.
     """
     with ThreadPoolExecutor(1) as pool:  # libxml2 works without Python's lock
         schema_faults = pool.submit(schema_errors, path)
@@ -74,7 +74,7 @@ def faults_of(checks: Checks) -> tuple[list[str], list[str]]:
 
 
 def _feasible(track: Track, step_s: float) -> bool:
-    """Return whether a vehicle can drive a track; use the dimensions of its class if its size identifies one."""
+    """Return whether a vehicle can drive a track, with the dimensions of its class if its size identifies the class."""
     motion = Motion(track.positions, track.headings_rad, track.speeds_mps, np.gradient(track.speeds_mps, step_s))
     known = class_by_size(track.kind, track.length_m)
     size = {} if known is None else {"wheelbase_m": known.wheelbase_m, "rear_axle_m": known.rear_axle_m}
@@ -95,7 +95,7 @@ def _goal_reachable(loaded: LoadedScenario) -> bool:
 
 
 def _collisions_at_start(loaded: LoadedScenario, tracks: dict[int, Track]) -> int:
-    """Count the pairs that overlap at the ego's first step."""
+    """Count the pairs of road users that overlap at the ego's first step."""
     problem = loaded.problem()
     state = problem.initial_state
     size_m = ego_class(loaded.ego_class(int(problem.planning_problem_id))).vehicle.size_m

@@ -1,9 +1,9 @@
 """Chooses the scenarios that a coverage plan generates next, until every combination of levels is covered.
 
 Combinations that were never tried get rows from a covering array (covertable). A refused row may contain combinations
-that are possible. Each of them is tried again in its own row, with other levels that have worked together, until it is
-made or refused ``TRIES`` times; then it counts as impossible. When nothing is left, further arrays follow. The same
-state gives the same rows.
+that are possible. Each such combination is tried again in its own row, with other levels that have worked together,
+until it is made, or is refused ``TRIES`` times and counts as impossible. When every combination is settled, further
+arrays follow. The same state gives the same rows.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,7 +21,7 @@ _Rank = Callable[[Mapping[int, int], int, int], tuple[int, ...]]
 def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> CoverageReport:
     """Return the progress of a plan and its next rows.
 
-    There are no rows if ``most`` is 0 or if no further combination can be made.
+    The list of rows is empty if ``most`` is 0 or no further combination can be made.
     """
     report(0.0, "choosing the next rows")
     covered = frozenset(request.covered)
@@ -51,7 +51,7 @@ def plan_coverage(request: CoverageRequest, report: ProgressReporter) -> Coverag
 
 
 def combinations_in(row: Sequence[int | None], strength: int) -> Iterator[Combination]:
-    """Yield the combinations of ``strength`` factors in a row; None is a level that the plan does not have."""
+    """Yield the combinations of ``strength`` factors in a row; None marks a level that the plan does not have."""
     known = [(factor, level) for factor, level in enumerate(row) if level is not None]
     return combinations(known, strength)
 
@@ -63,7 +63,7 @@ def _covering(
     covered: frozenset[Combination],
     times: Mapping[Combination, int],
 ) -> list[tuple[int, ...]]:
-    """Return rows that cover all the rest: array rows for untried combinations, then one row per other element."""
+    """Return rows for all remaining combinations: array rows for untried ones, then one row per refused one."""
     fresh = frozenset(key for key in left if not times.get(key))
     rows = space.array(strength, salt="", without=[key for key in space.all_of(strength) if key not in fresh])
     there = {key for row in rows for key in combinations_in(row, strength)}
@@ -80,9 +80,9 @@ def _covering(
 def _rank_with_covered(
     space: "_Space", key: Combination, strength: int, covered: frozenset[Combination], turn: int
 ) -> _Rank:
-    """Return a ranking that prefers levels with already covered combinations with the chosen ones.
+    """Return a ranking that prefers levels whose combinations with the chosen levels are already covered.
 
-    ``turn``: how often the combination was refused; equal levels take turns.
+    ``turn``: how often the combination was refused; levels of equal rank take turns.
     """
 
     def rank(chosen: Mapping[int, int], factor: int, level: int) -> tuple[int, ...]:
@@ -116,7 +116,7 @@ class _Space:
                 yield tuple(zip(factors, levels, strict=True))
 
     def completed(self, key: Combination, rank: _Rank = _in_order) -> tuple[int, ...] | None:
-        """Complete a combination to a row with the levels of lowest rank; return None if every row is barred."""
+        """Extend a combination to a full row with the lowest-ranked levels; return None if every row is barred."""
         chosen: dict[int, int] = {}
         for factor, level in key:
             chosen[factor] = level
@@ -136,7 +136,7 @@ class _Space:
         return None
 
     def _is_barred(self, chosen: Mapping[int, int], factor: int) -> bool:
-        """Return whether the chosen levels contain a barred combination that includes this factor's level."""
+        """Return whether the chosen levels contain a barred combination with this factor's level."""
         keys = self._barred_with.get((factor, chosen[factor]), ())
         return any(all(chosen.get(one) == level for one, level in key.items()) for key in keys)
 

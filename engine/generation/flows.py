@@ -1,8 +1,8 @@
 """Generates traffic from counts: routes over a site that together carry the flows counted on or between its roads.
 
-Counts alone do not determine routes. Of all solutions, this takes the one that spreads traffic most evenly over the
-candidates (least squares without negative flows, with a small ridge). The number of vehicles on a route follows from
-its flow and travel time (Little's law).
+Counts alone do not determine routes. Of all solutions, this module takes the one that spreads traffic most evenly over
+the candidates (least squares without negative flows, with a small ridge). The number of vehicles on a route follows
+from its flow and travel time (Little's law).
 """
 
 import math
@@ -44,7 +44,7 @@ may curve; an end is in one quarter.
 
 @dataclass(frozen=True)
 class RouteFlow:
-    """A route as edges, the vehicles that drive it in an hour, and its free travel time in s."""
+    """A route as edges, its flow in vehicles per hour, and its free-flow travel time in s."""
 
     edges: tuple[str, ...]
     per_h: float
@@ -58,9 +58,9 @@ class RouteFlow:
 
 @dataclass(frozen=True)
 class CountedRoad:
-    """A flow of the request at this site: the counted cross-sections, each as edges, and the flow that routes carry.
+    """A requested flow at this site: the counted cross-sections, each as edges, and the flow that the routes carry.
 
-    ``planned_per_h`` is the mean over the cross-sections; there are no sections if the road is not here.
+    ``planned_per_h`` is the mean over the cross-sections; there are no sections if the road is not at this site.
     """
 
     flow: RoadFlow
@@ -85,7 +85,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
     """Return routes of cars over a site that carry the counted flows.
 
     Raises:
-        NotPossible: no counted road is here, or no route connects the places between which traffic was counted.
+        NotPossible: no counted road is at the site, or no route connects the roads between which traffic was counted.
     """
     edges = OpenEdges.of(net, vehicle_classes()["car"].sumo_class)
     place = _Place(net, edges)
@@ -108,7 +108,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
 def _counted(
     flow: RoadFlow, ways: frozenset[tuple[str, ...]], sections: tuple[frozenset[str], ...], routes: list[RouteFlow]
 ) -> CountedRoad:
-    """Return what the routes carry of a flow: on the routes between two roads, or across the sections of one road."""
+    """Return how much of a flow the routes carry, between two roads or across the sections of one road."""
     if flow.to:
         planned = sum(route.per_h for route in routes if route.edges in ways)
         return CountedRoad(flow, (), min(planned, flow.per_h))
@@ -117,7 +117,7 @@ def _counted(
 
 
 def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]]:
-    """Draw routes from where traffic enters to where it leaves, each once, so that every reachable edge is on one."""
+    """Draw distinct routes from entries to exits of the site, so that each reachable edge is on at least one."""
     drawn = {
         edges.random_route(start, LONGEST_M, choice, frozenset())
         for start in sorted(edges.entries)
@@ -133,7 +133,7 @@ def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]
 def _meeting(
     counts: list[tuple[frozenset[str], float]], candidates: list[tuple[str, ...]], edges: OpenEdges
 ) -> list[RouteFlow]:
-    """Fit flows of the candidate routes to the counts at the cross-sections."""
+    """Fit the flows on the candidate routes to the counts at the cross-sections."""
     from scipy.optimize import nnls
 
     used = [route for route in candidates if any(section & set(route) for section, _ in counts)]
@@ -151,7 +151,7 @@ def _meeting(
 
 
 def flow_notes(plan: FlowPlan, vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> list[str]:
-    """Describe each flow: the count, the planned flow, and the vehicles there at step 0."""
+    """Describe each flow: the count, the planned flow, and the number of vehicles on the road at step 0."""
     here = Counter(_edges_at_start(vehicles, site))
     return [_flow_note(road, sum(here[edge] for section in road.sections for edge in section)) for road in plan.roads]
 
@@ -176,9 +176,9 @@ def _edges_at_start(vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> 
 
 
 class FlowTrips(TripMaker):
-    """Makes trips along the routes of a plan; each starts where a vehicle on the route would be at a random time.
+    """Makes trips along the routes of a plan; each starts where a vehicle would be at a random time.
 
-    A class that may not use any of the routes drives as if there were no plan.
+    Vehicles of a class that may not use any of the routes drive as if there were no plan.
     """
 
     def __init__(self, net: SumoNet, lasting_s: float, choice: random.Random, plan: FlowPlan) -> None:
@@ -186,7 +186,7 @@ class FlowTrips(TripMaker):
         self._plan = plan
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """Return the rest of a route, drawn by the vehicles on it; its start is drawn by the time on each edge."""
+        """Return a route from a random start, weighted by the vehicles on routes and by the time on each edge."""
         edges = self.open_to(vehicle_class)
         routes = [route for route in self._plan.routes if edges.length_m.keys() >= set(route.edges)]
         if not routes:
@@ -205,7 +205,7 @@ class _Place:
         self._middle = ends.reshape(-1, 2).mean(axis=0)
 
     def names(self) -> list[str]:
-        """Return the streets with a name, then the OSM way ids of the others."""
+        """Return the names of the named streets, then the OSM way ids of the unnamed ones."""
         named = {self._net.edges[edge].name for edge in self._edges.length_m} - {""}
         unnamed = {_way(edge) for edge in self._edges.length_m if not self._net.edges[edge].name}
         return [*sorted(named), *sorted(unnamed)]
@@ -231,7 +231,7 @@ class _Place:
         return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
 
     def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
-        """Return the edges with a name, or, for a compass direction, those with their start or end on that side.
+        """Return the edges of a street or way, or for a compass direction those that start or end on that side.
 
         ``end``: 0 for the start of an edge, 1 for its end.
         """
@@ -263,5 +263,5 @@ def _way(edge: str) -> str:
 
 
 def _turn(step: Points, heading_deg: float) -> float:
-    """Return the angle in rad between a step and a heading."""
+    """Return the angle in rad between the direction of a displacement and a heading."""
     return abs(math.remainder(math.atan2(step[1], step[0]) - math.radians(heading_deg), math.tau))

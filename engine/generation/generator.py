@@ -64,11 +64,12 @@ SHOWN_LOST = 3
 def generate_scenario(request: GenerationRequest, report: ProgressReporter) -> GeneratedScenario:
     """Generate one scenario in the request's folder: ``scenario.xml`` and ``scenario.net.xml``.
 
-    A scenario that fails its checks is generated again with other traffic, then at other sites; the notes report it.
+    A scenario that fails its checks is generated again with other traffic, then at other sites; the notes report this.
     The same request gives the same bytes on one type of machine.
 
     Raises:
-        NotPossible: the map has no such site, a class finds no road or no room, or no car can have the requested goal.
+        NotPossible: the map has no such site, a class of vehicles finds no road or no room, or no car can have the
+            requested goal.
         InvalidRequest: the ego or goal has no valid form, or the ego's class is excluded from the traffic.
         UnsafeInput: the map file is broken or hostile.
     """
@@ -109,7 +110,7 @@ def _no_collection() -> Iterator[None]:
 
 
 def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRequest]:
-    """Return notes on the ego, and the request with the ego's class among the other vehicles too.
+    """Return notes on the ego, and the request with the ego's class added to those of the other vehicles.
 
     Raises:
         InvalidRequest: no ego can be of this class, and the traffic excludes it.
@@ -140,7 +141,7 @@ def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRe
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A scenario in its own file, and its faults as text.
+    """One attempt: a scenario in its own file, and its faults as text.
 
     ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting.
     """
@@ -154,9 +155,9 @@ class _Attempt:
 
 
 class _Attempts:
-    """Rounds of traffic at sites, until a scenario has no fault; keeps the ``made`` ones and the ``refusals``.
+    """Rounds of traffic at sites until a scenario has no fault; keeps the ``made`` scenarios and the ``refusals``.
 
-    ``lost``: sites that were skipped because their nets do not show their type.
+    ``lost``: sites that were skipped because their nets lack the features of their type.
     """
 
     def __init__(self, request: GenerationRequest, scratch: Path, report: ProgressReporter) -> None:
@@ -170,9 +171,9 @@ class _Attempts:
         self._fit: list[tuple[SiteNetwork, Path]] = []
 
     def run(self, osm: OsmMap, sites: Iterable[Site]) -> None:
-        """Try the first usable site twice and the others once; a single site gets all tries.
+        """Try the first usable site twice and each other site once; a single site gets all tries.
 
-        If tries are left and no road user makes the requested manoeuvre, they go to the first site too. A lost site
+        If tries are left and no road user makes the requested manoeuvre, the first site gets these too. A lost site
         uses no try: the next site replaces it. A limit on sites in the request applies only while no site has given a
         scenario.
         """
@@ -207,10 +208,10 @@ class _Attempts:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def turn(self, *, is_drawn: bool) -> None:
-        """Route vehicles by the requested turn, if no vehicle so far makes it, until one can be the ego.
+        """If no vehicle makes the requested turn, route vehicles through it until one of them can be the ego.
 
-        If they wait at red lights, the lights are shifted in their cycles, unless the map states their programs
-        (``is_drawn``: it states no programs). A request with a limit on rounds or sites skips this step.
+        If these vehicles wait at red lights, the cycles of the lights are shifted, unless the map states their programs
+        (``is_drawn``: it states none). A request with a limit on rounds or sites skips this step.
         """
         lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
         if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):
@@ -224,13 +225,12 @@ class _Attempts:
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """Return the usable attempt with the fewest faults, the first of equal ones.
+        """Return the usable attempt with the fewest faults; the first one wins a tie.
 
         Raises:
-            NotPossible: no attempt is usable. The cause is a ramp that does not lead where it must, else the first
-                refusal,
-                else the faults of the first attempt. If all sites were lost, the other types that the map has are
-                    listed.
+            NotPossible: no attempt is usable. The stated cause is a ramp that does not lead where it must, otherwise
+                the first refusal, otherwise the faults of the first attempt. If all sites were lost, the error lists
+                the other types that the map has.
         """
         usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
@@ -256,7 +256,7 @@ class _Attempts:
         )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
-        """Return which sites were skipped, and why the other attempts were dropped, each reason once."""
+        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once."""
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
@@ -269,7 +269,7 @@ class _Attempts:
         return f"{counted(len(self.lost), 'site')} lost when the road network is built: {'; '.join([*named, *more])}"
 
     def _is_done(self, site: SiteNetwork, folder: Path, rounds: Iterable[int]) -> bool:
-        """Make traffic at a site until a scenario has no fault or all rounds are used; return whether that is so.
+        """Make traffic at a site until a scenario has no fault or the rounds are used up; return True if one has none.
 
         A full site gets one round: other traffic does not find more room there.
         """
@@ -310,7 +310,7 @@ class _Attempts:
                 return
 
     def _without_turn(self, refusal: NotPossible) -> NotPossible:
-        """Return the refusal with the calls that keep the turn listed first, or with the possible turns."""
+        """Return the refusal: it lists the calls that keep the turn first, or else the possible turns."""
         site, request = self._fit[0][0], self._request
         ego = vehicle_classes()[request.ego.vehicle_class]
         there = possible_turns(site.net, site.focus, ego.sumo_class)
@@ -357,9 +357,9 @@ def _write(
     *,
     turning: bool = False,
 ) -> tuple[GeneratedScenario, list[str]]:
-    """Generate one scenario at one site, write and check the file; also return how its ego misses the site, as text.
+    """Generate, write and check one scenario at one site; also return as text how its ego misses the site.
 
-    ``turning``: vehicles are routed by the turn that the ego must make.
+    ``turning``: True to route vehicles through the turn that the ego must make.
 
     Raises:
         NotPossible: the site cannot provide what the request needs.

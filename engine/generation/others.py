@@ -1,7 +1,8 @@
 """Finds or scripts the manoeuvre that a request wants from another road user: ``cut_in``, or ``cut_in:truck``.
 
-SUMO's traffic is searched first for an ego that meets the manoeuvre. If there is none, an edit with a prescribed motion
-creates it. The computed features of the written file confirm it in both cases; searches use the same features.
+SUMO's traffic is first searched for an ego that encounters the manoeuvre. If there is none, an edit with a prescribed
+motion creates the manoeuvre. Either way, the computed features of the written file confirm it; searches use the same
+features.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -86,7 +87,7 @@ _STAND_IN = "; an ordinary driver in the ego's place does not collide"
 
 
 def first_of(wanted: AskedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
-    """Return the earliest manoeuvre that matches the requested one, or None."""
+    """Return the earliest manoeuvre that matches the requested one, or None if there is no match."""
     fitting = [one for one in met if one.name == wanted.name]
     if wanted.vehicle_class is not None:
         fitting = [one for one in fitting if class_of(one.obstacle_id) == wanted.vehicle_class]
@@ -104,7 +105,7 @@ class FoundManoeuvre:
     edits: tuple[str, ...] = ()
 
     def in_words(self) -> str:
-        """Return who does what and when, and whether the traffic or an edit makes it."""
+        """Return as text who does what and when, and whether the traffic or an edit causes it."""
         who = f"{self.vehicle_class} {self.obstacle_id} {_DOES[self.name]} at {self.step * STEP_S:.1f} s"
         if not self.edits:
             return f"{who}, in SUMO's traffic"
@@ -112,7 +113,7 @@ class FoundManoeuvre:
 
 
 class EgoChoice:
-    """Determines for which cars of a traffic, each as the ego, a manoeuvre happens, until ``MOST_PAIRS`` are examined.
+    """Finds the cars that meet a manoeuvre if they are the ego; examines up to ``MOST_PAIRS`` pairs.
 
     Args:
         path: a scenario with this traffic and any ego; only its lanes are used.
@@ -127,7 +128,7 @@ class EgoChoice:
         self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
 
     def happens(self, wanted: AskedManoeuvre, task: PlanningTask) -> bool:
-        """Return whether the manoeuvre happens on the way of a task's ego; False if it is not one of the first egos."""
+        """Return whether the manoeuvre happens on a task's ego's way; False if the ego is not among the first ones."""
         key = task.ego.vehicle_id
         if key not in self._met:
             if self._pairs >= MOST_PAIRS:
@@ -143,7 +144,7 @@ class EgoChoice:
 
 
 def found_in(path: Path, wanted: AskedManoeuvre, classes: dict[int, str]) -> FoundManoeuvre | None:
-    """Return the manoeuvre in a written file, or None.
+    """Return the manoeuvre in a written file, or None if it is not present.
 
     Args:
         path: the file.
@@ -174,7 +175,7 @@ def _track(key: int, vehicle: GeneratedVehicle) -> Track:
 
 
 def _problem(task: PlanningTask, network: "LaneletNetwork") -> "PlanningProblem":
-    """Return the planning problem of a task as its file's reader gets it."""
+    """Return the planning problem of a task as a reader of the file gets it."""
     from commonroad.common.reader.file_reader_xml import PlanningProblemFactory
 
     return PlanningProblemFactory.create_from_xml_node(planning_problem_element(1, task), network)
@@ -184,7 +185,7 @@ def _problem(task: PlanningTask, network: "LaneletNetwork") -> "PlanningProblem"
 class ScriptedScenario:
     """A file in which edits make the manoeuvre; ``added`` maps the id of each new vehicle to its class.
 
-    A vehicle that replaces another one keeps that one's id.
+    A vehicle that replaces another vehicle keeps its id.
     """
 
     path: Path
@@ -204,9 +205,9 @@ def scripted(
 ) -> ScriptedScenario | None:
     """Return the scenario with an actor that makes the manoeuvre, or None if no edit achieves it.
 
-    If a vehicle of another class makes the manoeuvre, it is replaced. Otherwise an edit scripts a vehicle of the
-    traffic that is in the right place, or adds one if there is none. In the result, neither the others nor an ordinary
-    driver in the ego's place collide.
+    If a vehicle of another class makes the manoeuvre, it is replaced. Otherwise an edit scripts a suitably placed
+    vehicle of the traffic, or adds a vehicle if there is none. In the result, neither the other vehicles nor an
+    ordinary driver in the ego's place collide.
 
     Args:
         path: the scenario without the manoeuvre.
@@ -277,7 +278,7 @@ def nearest_at(place: Points, step: int, tracks: Mapping[int, Track]) -> list[in
 
 @dataclass(frozen=True)
 class _Surroundings:
-    """The input of attempts: vehicles near the ego, the nearest first; the class of an actor; the ego's speed."""
+    """The input of attempts: vehicles near the ego, nearest first; the class of an actor; the ego's speed."""
 
     near: tuple[int, ...]
     vehicle_class: str
@@ -350,7 +351,7 @@ _TRIES: dict[str, Callable[[_Surroundings], Iterator[tuple[Edit, ...]]]] = {
 
 
 def can_be_scripted(wanted: AskedManoeuvre) -> bool:
-    """Return whether edits can make a manoeuvre; they cannot make a vehicle cross."""
+    """Return whether edits can create a manoeuvre; they cannot make a vehicle cross the ego's path."""
     return wanted.name in _TRIES and (wanted.name != "crossing" or wanted.vehicle_class in (None, PEDESTRIAN.name))
 
 

@@ -33,14 +33,14 @@ NO_WAY = "no_way_to_walk"
 
 @dataclass(frozen=True)
 class Footways:
-    """The footways in a site's net, and notes on how many of them the map has."""
+    """The footways in a site's net, and notes on how many of them are on the map."""
 
     net: WalkNet
     notes: tuple[str, ...]
 
 
 def people_wanted(asked: VehicleDemand, density: Density, vehicles: int) -> int:
-    """Return the target number of pedestrians at a site with so many vehicles."""
+    """Return the target number of pedestrians at a site with the given number of vehicles."""
     if asked.least is not None:
         return asked.least
     return round(asked.share * vehicles) or 1 if asked.share else PEOPLE[density]
@@ -52,7 +52,7 @@ def open_footways(net_path: Path) -> None:
 
 
 def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Footways:
-    """Return the footways in a net, and a note on which of them the map has.
+    """Return the footways in a net, and a note on which of them are on the map.
 
     ``pavements`` is None if the map itself is a net.
 
@@ -82,7 +82,7 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
 
 
 def nowhere_to_walk() -> NotPossible:
-    """Return the refusal of a site without footways."""
+    """Return the refusal for a site without footways."""
     return NotPossible(
         "pedestrians cannot walk at this site: its roads lack pavements and are motorways, fast or closed to them",
         next_step="leave pedestrian out of vehicles, or choose scenario_type urban or intersection, or another place",
@@ -117,7 +117,7 @@ def pedestrians_for(
     step_s: float,
     seed: int,
 ) -> Pedestrians:
-    """Return the wanted number of pedestrians and some spares, ready to walk; ``network`` has the walkways."""
+    """Return the requested number of pedestrians and some spares, ready to walk; ``network`` has the walkways."""
     count = wanted + max(round(SPARE_SHARE * wanted), FEWEST_SPARE)
     choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
     return Pedestrians(
@@ -128,7 +128,7 @@ def pedestrians_for(
 def people_among(
     pedestrians: Pedestrians, vehicles: Sequence[GeneratedVehicle], wanted: int
 ) -> tuple[WalkedPerson, ...]:
-    """Return up to ``wanted`` pedestrians that keep apart from all vehicles and each other."""
+    """Return up to ``wanted`` pedestrians that keep clear of all vehicles and of each other."""
     return apart(pedestrians.people(), vehicles)[:wanted]
 
 

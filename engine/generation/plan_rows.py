@@ -1,7 +1,7 @@
 """Stores the rows of coverage plans in the workspace's database, row by row, so that no plan is kept in memory.
 
-A row is planned before its scenario is generated, with everything that the scenario comes from. An interrupted plan can
-therefore continue with the waiting rows. Numbers increase in planning order.
+A row is planned before its scenario is generated, and contains everything that determines the scenario. An interrupted
+plan can therefore continue with the waiting rows. Numbers increase in planning order.
 """
 
 import json
@@ -49,8 +49,8 @@ WHERE kind = 'scenario' AND json_extract(recipe, '$.tool') = 'generate_scenarios
 class PlanRow:
     """A scenario of a plan: its levels, and where it is generated.
 
-    ``lap``: how often everything was covered before. ``spot``: the name of the kind of site; the row takes the next
-    site of that kind. ``place``: the place of the map.
+    ``lap``: how many times everything had been covered before. ``spot``: the name of the kind of site; the row takes
+    the next site of that kind. ``place``: the name of the map's place.
     """
 
     number: int
@@ -66,7 +66,7 @@ class PlanRow:
 
 @dataclass(frozen=True)
 class PlanCounts:
-    """The number of rows that wait, were made (``reused`` of them earlier), were refused, or failed."""
+    """The numbers of rows that are waiting, made (``reused`` of them earlier), refused, or failed."""
 
     waiting: int = 0
     made: int = 0
@@ -75,7 +75,7 @@ class PlanCounts:
     failed: int = 0
 
     def after(self, state: RowState, *, reused: bool) -> "PlanCounts":
-        """Return the counts after a waiting row has ended."""
+        """Return the counts after a waiting row has been processed."""
         counts = {"made": self.made, "refused": self.refused, "failed": self.failed}
         counts[state] += 1
         return PlanCounts(waiting=self.waiting - 1, reused=self.reused + reused, **counts)
@@ -88,7 +88,7 @@ class PlanRows:
         self._database, self._plan_id = database, plan_id
 
     def prepare(self, held: Iterable[Levels]) -> None:
-        """Store the scenarios that the workspace has outside the plan, and replace those stored before.
+        """Store the workspace's scenarios from outside the plan, in place of those stored before.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -104,7 +104,7 @@ class PlanRows:
             )
 
     def add(self, rows: Iterable[PlanRow]) -> None:
-        """Store planned rows, all or nothing.
+        """Store all planned rows, or none of them.
 
         Raises:
             ResourceFailure: the database cannot be written.
@@ -140,7 +140,7 @@ class PlanRows:
                 connection.execute("INSERT OR IGNORE INTO parents VALUES (?, ?)", (scenario_id, self._plan_id))
 
     def waiting(self, limit: int) -> list[PlanRow]:
-        """Return the next waiting rows, grouped by map and type of site: a worker keeps what it built last."""
+        """Return the next waiting rows, grouped by map and type of site, since a worker keeps what it built last."""
         query = "state = 'waiting' ORDER BY map_id, spot, number LIMIT ?"
         return [
             PlanRow(
@@ -169,12 +169,12 @@ class PlanRows:
         return PlanCounts(count("waiting"), count("made"), reused, count("refused"), count("failed"))
 
     def made(self) -> Iterator[Levels]:
-        """Yield the levels of everything made by the plan or before it, each once."""
+        """Yield the distinct levels of everything made by the plan or before it."""
         rows = self._rows("DISTINCT levels", "state IN ('made', 'held')")
         return (tuple(stored_json(row["levels"], "a row of a plan")) for row in rows)
 
     def refused(self) -> Iterator[tuple[Levels, int, str]]:
-        """Yield levels that were refused or failed, how often, and one of the reasons."""
+        """Yield levels that were refused or failed, the number of times, and one of the reasons."""
         rows = self._rows(
             "levels, count(*) AS n, min(reason) AS reason",
             "state IN ('refused', 'failed') GROUP BY levels ORDER BY levels",
@@ -184,7 +184,7 @@ class PlanRows:
         )
 
     def hopeless(self, tries: int) -> Hopeless:
-        """Return levels refused at least ``tries`` times, and never made, at sites of a kind on a map."""
+        """Return levels that were refused at least ``tries`` times and never made at sites of a kind on a map."""
         made: set[tuple[str, str, int, int]] = set()
         refused: Counter[tuple[str, str, int, int]] = Counter()
         for row in self._rows(
@@ -243,5 +243,5 @@ class PlanRows:
 
 
 def made_before(connection: sqlite3.Connection) -> Iterator[dict[str, Any]]:
-    """Yield the requests behind the generated scenarios of a workspace, each once, without place and seeds."""
+    """Yield the distinct requests that a workspace's scenarios were generated from, without place or seeds."""
     return (stored_json(row[0], "the recipe of a scenario") for row in connection.execute(_ASKED))

@@ -2,9 +2,10 @@
 goal.
 
 The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
-have the goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner with
-a reference path can follow. Maps have corners, and netconvert joins lanes that do not face each other with sideways
-jogs. Recorded cars cut these; a planner that follows the centre lines may find no trajectory there.
+have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
+with a reference path can follow. Maps have corners, and where lanes do not face each other, netconvert joins them with
+sideways jogs. Recorded cars cut these corners and jogs, but a planner that follows the centre lines may find no
+trajectory.
 """
 
 import itertools
@@ -74,12 +75,13 @@ class PlanningTask:
     The goal is a rectangle (length, width) in m around ``center`` (2,), turned by ``heading_rad``, that the ego must
     reach within ``time_steps``. These fields rank egos:
 
-    - ``focus_passed``: how many areas of the site's focus the recorded path to the goal passes.
+    - ``focus_passed``: the number of the site's areas that the recorded path to the goal passes.
     - ``on_spot``: the path passes the exact spot of the site, not only another junction nearby.
     - ``focus_left``: the goal is beyond these areas.
     - ``takes_most``: a goal that should be beyond the site takes at least half of the duration.
-    - ``followable``: for such goals, a planner at a steady speed can follow the lanes, and the body has room there.
-    - ``stands_in``: the ego is not the car requested by number, because that one has no such goal.
+    - ``followable``: for such goals, a planner at a steady speed can follow the lanes, and the car's body has room on
+      them.
+    - ``stands_in``: the ego is not the car requested by number, because that car has no such goal.
     """
 
     ego: GeneratedVehicle
@@ -106,15 +108,15 @@ def choose_task(
     step_s: float,
     accepts: Callable[[PlanningTask], bool] | None = None,
 ) -> PlanningTask:
-    """Return the planning task of the requested car, or of the best vehicle of the class that can have the goal.
+    """Return the task of the requested car, or of the best vehicle of the class that can have the goal.
 
     If the car with the requested index has no such goal, for example because it waits in a queue, the best later car
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
     spot; it suits a goal beyond the site; its lanes can be followed. A path suits a goal that must be beyond the site
-    if it leaves the site and takes most of the duration. Of equal cars the first is taken. A task that ``accepts``
-    rejects does not count.
+    if it leaves the site and takes most of the duration. The first car wins a tie. Tasks that ``accepts``
+    rejects are skipped.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
@@ -159,7 +161,7 @@ def _best_task(
     step_s: float,
     accepts: Callable[[PlanningTask], bool] | None,
 ) -> PlanningTask | None:
-    """Return the task of the best car, as ``choose_task`` ranks them, or None if no car has the goal."""
+    """Return the task of the best car in the ranking of ``choose_task``, or None if no car has the goal."""
     best: tuple[tuple[int, ...], PlanningTask] | None = None
     for car in cars:
         task = _task(car, spec, network, lookup, step_s)
@@ -232,7 +234,7 @@ def _check_lanelet(goal: AskedGoal, network: RoadNetwork) -> None:
 
 
 def _driven_lanelets(cars: Sequence[GeneratedVehicle], lookup: LaneletLookup) -> list[int]:
-    """Return the lanelets that the cars drive over, sampled twice a second."""
+    """Return the lanelets that the cars drive over; positions are sampled twice a second."""
     passed = (_under(lookup, car, step) for car in cars for step in range(0, len(car.motion.positions), 5))
     return sorted({lanelet.lanelet_id for lanelet in passed if lanelet is not None})
 
@@ -269,7 +271,7 @@ def _task(
 
 
 def _window(spec: TaskSpec, step: int, step_s: float) -> tuple[int, int]:
-    """Return the first and last step at which the goal may be reached if the recorded car is there at a step."""
+    """Return the first and last steps of the goal's time, if the recorded car reaches the goal at a step."""
     margin = round(TIME_MARGIN_S / step_s)
     if not spec.goal.is_through:
         return max(1, step - margin), step + margin
@@ -303,7 +305,7 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Return where and when a car is at the goal, or None if it is not there or the goal is too close to its start."""
+    """Return where and when a car is at the goal; None if it never is, or if the goal is too close to its start."""
     goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
@@ -314,7 +316,7 @@ def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s:
 
 
 def _ahead(goal: AskedGoal, driven: Values) -> int | None:
-    """Return the step at which the car has driven the requested steps or metres, or None beyond its recording."""
+    """Return the step after the requested steps or metres, or None if that is beyond the car's recording."""
     if goal.steps is not None:
         return goal.steps if goal.steps < len(driven) else None
     reached = np.flatnonzero(driven >= (goal.distance_m or 0.0))
@@ -322,10 +324,10 @@ def _ahead(goal: AskedGoal, driven: Values) -> int | None:
 
 
 def _farthest(driven: Values, duration_s: float, step_s: float) -> int | None:
-    """Return the step at which the car is as far as a goal can be, or None if it leaves the map section first.
+    """Return the step of the farthest possible goal, or None if the car leaves the map section first.
 
-    A goal at the end of the scenario keeps time to be late; at the end of the section, lanes continue beyond it. For a
-    car that waits at the end, the step is its arrival.
+    A goal at the end of the scenario leaves some time for a late ego. A goal at the end of the section leaves some lane
+    beyond it. For a car that waits at the end, the step is its arrival.
     """
     last_step = round(duration_s / step_s)
     if len(driven) > last_step:
@@ -336,7 +338,7 @@ def _farthest(driven: Values, duration_s: float, step_s: float) -> int | None:
 
 
 def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, driven: Values) -> _Passage | None:
-    """Return the step at which the car is nearest to the position, if it drives over it along the lanelet.
+    """Return the step at which the car is nearest to the position, if it drives over that position.
 
     A rectangle that contains the car at its start is not a goal.
     """
@@ -372,9 +374,9 @@ SAMPLED_EVERY = 5
 def follows_smooth_lanes(
     car: GeneratedVehicle, last_step: int, network: RoadNetwork, lookup: LaneletLookup, least_mps: float = 0.0
 ) -> bool:
-    """Return whether the centre lines under the car up to a step, and 20 m beyond, are within its steering limits.
+    """Return whether the car can steer along the centre lines under it up to a step and 20 m beyond.
 
-    The car drives at its recorded speed, but at least at ``least_mps``.
+    The car is assumed to drive at its recorded speed, but at no less than ``least_mps``.
     """
     under = [_under(lookup, car, step) for step in range(0, last_step + 1, SAMPLED_EVERY)]
     route = [lanelet for lanelet, _ in itertools.groupby(lanelet for lanelet in under if lanelet is not None)]
@@ -382,7 +384,7 @@ def follows_smooth_lanes(
 
 
 def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bool:
-    """Return whether the recorded body stays on the road up to a step; long bodies cut corners, cars always pass."""
+    """Return whether the body stays on the road up to a step: long bodies may cut corners, cars always pass."""
     if car.vehicle_class.name == "car":
         return True
     from shapely import contains_xy
@@ -397,7 +399,7 @@ def _has_room(car: GeneratedVehicle, last_step: int, network: RoadNetwork) -> bo
 
 
 def _lines(route: Sequence[RoadLanelet], network: RoadNetwork) -> list[Points]:
-    """Return the centre lines, joined along successors and split at lane changes."""
+    """Return the centre lines of lanelets, joined along successors and split at lane changes."""
     lines: list[list[Points]] = []
     for before, lanelet in itertools.pairwise([None, *route]):
         if lanelet is None:
@@ -429,7 +431,7 @@ def _is_smooth(line: Points, car: GeneratedVehicle, last_step: int, least_mps: f
 
 
 def _speeds_along(line: Points, stations: Points, car: GeneratedVehicle, last_step: int) -> Points:
-    """Return the car's recorded speed at every station; beyond either end, the speed there."""
+    """Return the car's recorded speed at every station; beyond either end, return the speed at that end."""
     steps = np.arange(0, last_step + 1, SAMPLED_EVERY)
     at = np.array([project(line, car.motion.positions[step])[0] for step in steps])
     order = np.argsort(at, kind="stable")

@@ -1,4 +1,4 @@
-"""Records a generated scenario: the request next to the result, with notes if they differ."""
+"""Records a generated scenario: the request and the result, with notes where they differ."""
 
 import logging
 from collections import Counter
@@ -50,7 +50,7 @@ def record_of(
         vehicles: the ego and the others.
         people: the pedestrians, which do not count as vehicles.
         obstacle_ids: CommonRoad's id by the vehicle's id, without the ego.
-        notes: notes on traffic and ego; notes on differences from the request follow them.
+        notes: notes on the traffic and the ego, which precede the notes on differences from the request.
     """
     spot, metadata = site.site, site.metadata
     others = [vehicle for vehicle in vehicles if vehicle is not task.ego]
@@ -106,16 +106,16 @@ def absences_of(
     *,
     stands_in: bool,
 ) -> tuple[VehicleAbsence, ...]:
-    """Return why requested vehicles are missing or changed; by class, the counts add up to the missing vehicles.
+    """Return why requested vehicles are missing or changed; the counts of a class add up to its missing vehicles.
 
     A removed vehicle counts as replaced if a spare of its class takes its place.
 
     Args:
         ego: the requested ego.
-        asked: the vehicles that the request amounts to at this site.
-        traffic: what was recorded, and the remaining demand.
+        asked: the number of vehicles that the request implies at this site.
+        traffic: the recorded vehicles, and the demand that is still unmet.
         vehicles: the ego and the others in the file.
-        people: how many pedestrians the request amounts to.
+        people: the number of pedestrians that the request implies.
         stands_in: whether the ego is not the car requested by number.
     """
     found = []
@@ -140,7 +140,7 @@ def absences_of(
 
 
 def _absences(fate: AbsenceFate, name: str, dropped: Sequence[DroppedVehicle]) -> list[VehicleAbsence]:
-    """Return the absences of a class's recorded vehicles, grouped by code."""
+    """Return the reasons for the absence of a class's recorded vehicles, grouped by code."""
     by_code: dict[AbsenceCode, list[str]] = {}
     for one in dropped:
         by_code.setdefault(one.code, []).append(one.vehicle.vehicle_id)
@@ -189,7 +189,7 @@ def with_scripted(scenario: GeneratedScenario, base: Path, path: Path, added: Ma
 
 
 def _staying(path: Path, last_step: int) -> int:
-    """Return how many vehicles of a file are present until the last step."""
+    """Return how many vehicles in a file are present until the last step."""
     tracks = kept_recording(path).tracks.values()
     return sum(track.kind != PEDESTRIAN.commonroad_type and track.last_step >= last_step - 1 for track in tracks)
 
@@ -197,7 +197,7 @@ def _staying(path: Path, last_step: int) -> int:
 def _density(
     request: GenerationRequest, aim: TrafficAim, site: SiteNetwork, vehicles: Sequence[GeneratedVehicle]
 ) -> DensityFacts:
-    """Return vehicles per kilometre of car lanes at step 0 and at the last step, next to the target."""
+    """Return the vehicles per kilometre of car lanes at step 0 and at the last step, with the target."""
     lane_km, last_step = lane_km_of(site.net), round(request.duration_s / STEP_S)
     staying = sum(vehicle.steps > last_step - 1 for vehicle in vehicles)
     return DensityFacts(

@@ -1,6 +1,6 @@
 """Builds a site from a map: its SUMO net, its lanelets, and the findings of the road rules.
 
-A site's network is checked before its traffic is generated, so that an unfit site costs little.
+A site's network is checked before its traffic is generated, so an unsuitable site costs little time.
 """
 
 import math
@@ -94,7 +94,7 @@ class SiteNetwork:
     """A site as a SUMO net (in the file at ``net_path``) and as lanelets, ready for traffic.
 
     ``notes`` are for the answer, ``warnings`` are netconvert's, and ``findings`` are those of the road rules. ``roads``
-    is the content taken over from the file of a filled lanelet network. ``footways`` is None if no pedestrians are
+    is the content that a filled lanelet network takes over from its file. ``footways`` is None if no pedestrians are
     requested.
     """
 
@@ -119,10 +119,11 @@ class SiteNetwork:
 def prepare_site(
     request: GenerationRequest, osm: OsmMap, site: Site, folder: Path, report: ProgressReporter
 ) -> SiteNetwork:
-    """Build and check a site's network in a folder; widen it if the counted vehicles need more road.
+    """Build and check a site's network in a folder; widen the cut if the counted vehicles need more road.
 
     Raises:
-        NotPossible: the network does not show the site's type, breaks a rule, or has no road open to cars.
+        NotPossible: the network does not have the features of the site's type, breaks a rule, or has no road open to
+            cars.
     """
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
@@ -150,8 +151,8 @@ MOST_KNOWN = 24
 class _KnownSites:
     """The networks of recently used sites of one map, and the refusals of sites without a network.
 
-    Scenarios of a plan reuse sites with other traffic, and a network takes as long as the traffic. Stored networks
-    never change; their file is written again for each scenario.
+    Scenarios of a plan reuse sites with other traffic, and building a network takes as long as generating traffic.
+    Stored networks never change; their file is written again for each scenario.
     """
 
     def __init__(self) -> None:
@@ -167,7 +168,7 @@ class _KnownSites:
         folder: Path,
         report: ProgressReporter,
     ) -> "_KnownSite":
-        """Return the stored result for a site with a radius; build it in the folder if there is none."""
+        """Return the stored result for a site and a radius; build the site in the folder if there is none."""
         if self._map is None or self._map() is not osm:
             self._map = weakref.ref(osm)
             self._kept.clear()
@@ -187,7 +188,7 @@ class _KnownSites:
 
 @cache
 def _known_sites() -> _KnownSites:
-    """Return the process's store of sites: a worker does one thing at a time."""
+    """Return this process's store of sites; a worker does one thing at a time."""
     return _KnownSites()
 
 
@@ -197,7 +198,7 @@ def forget_sites() -> None:
 
 
 class _KnownSite:
-    """A site's network with the text of its file, or the refusal; and the verdict on it after the first check."""
+    """A site's network with the text of its file, or the refusal; after the first check also its verdict."""
 
     def __init__(self, built: SiteNetwork | NotPossible, net: bytes) -> None:
         self._built, self._net = built, net
@@ -227,7 +228,7 @@ class _KnownSite:
         return cls(built, built.net_path.read_bytes())
 
     def built(self, request: GenerationRequest, folder: Path) -> SiteNetwork:
-        """Return the network for a request, with its file in a folder.
+        """Return the network for a request, and write its file into a folder.
 
         Raises:
             NotPossible: as ``build_network``.
@@ -235,7 +236,7 @@ class _KnownSite:
         return self._for(self._built, request, folder)
 
     def judged(self, request: GenerationRequest, folder: Path, report: ProgressReporter) -> SiteNetwork:
-        """Return the network for a request with the rules' findings, and its file in a folder.
+        """Return the network for a request with the rules' findings, and write its file into a folder.
 
         Raises:
             NotPossible: as ``build_network`` and ``judged``.
@@ -260,8 +261,8 @@ class _KnownSite:
 def _lacks_lights(built: SiteNetwork, osm: OsmMap) -> bool:
     """Return whether netconvert created no lights at a junction that has signals on the map.
 
-    It creates lights only if all roads to a junction have a signal. Some have it on a link road or a crossing outside
-    the cut.
+    It creates lights only if all roads to a junction have a signal. Some roads have it on a link road or a crossing
+    outside the cut.
     """
     is_map_of_lines = not isinstance(osm, (LaneletMap, NetMap))
     is_wanted = built.site.kind == "signalised_intersection" and built.site.mark in osm.nodes
@@ -280,10 +281,10 @@ def _note_added_lights(built: SiteNetwork) -> SiteNetwork:
 
 
 def with_later_lights(site: SiteNetwork, later_s: float, folder: Path) -> SiteNetwork:
-    """Return the site with all lights ``later_s`` seconds earlier in their cycles, and its net in a folder.
+    """Return the site with its lights ``later_s`` seconds earlier in their cycles; write its net into a folder.
 
-    A site without lights stays as it is. Use this only for nets of OpenStreetMap, which has no programs of lights:
-    netconvert invents them and their start.
+    A site without lights stays as it is. Use this function only for nets from OpenStreetMap. That map has no programs
+    for lights, so netconvert invents the programs and their start.
     """
     if not site.network.lights or not later_s:
         return site
@@ -303,7 +304,7 @@ def _later(light: TrafficLight, steps: int) -> TrafficLight:
 
 
 def _passing_note(site: Site, request: GenerationRequest) -> str:
-    """Return the note on a site that the requested streets only pass: none of its junctions is on them."""
+    """Return the note on a site that the requested streets only pass: none of its junctions is on these streets."""
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
         asked = cited_all((names[0] for names in request.streets), " and ")
@@ -320,7 +321,7 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
     """Return a network with the findings of the rules.
 
     Raises:
-        NotPossible: it does not show the site's type, or breaks a rule.
+        NotPossible: it does not have the features of the site's type, or breaks a rule.
     """
     site = built.site
     is_a_road = built.roads is not None and site.kind in ("highway", "rural", "urban")  # of a network taken as it is
@@ -343,7 +344,7 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
 
 
 def _report_file_errors(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -> SiteNetwork:
-    """Return a filled network with the rules' findings; errors of the file itself are reported and remain."""
+    """Return a filled network with the rules' findings; errors in the file itself are reported but not mended."""
     errors = summarise_findings(findings, "error")
     told = [f"errors of the given road network remain: {'; '.join(errors)}"] if errors else []
     milder = tuple(finding.model_copy(update={"severity": "warning"}) for finding in findings)
@@ -364,7 +365,7 @@ def build_network(
     ``folded``: edges of an OpenStreetMap extract's net to leave out, because no lanelet can follow them.
 
     Raises:
-        NotPossible: no road there is open to cars.
+        NotPossible: no road at the site is open to cars.
     """
     on_foot = request.people is not None
     if isinstance(osm, LaneletMap):
@@ -417,13 +418,13 @@ def build_network(
 
 
 def _friction_of(request: GenerationRequest, stated: frozenset[float | None]) -> float | None:
-    """Return the friction of the roads: the requested weather's, else the one that the map states for all roads."""
+    """Return the friction of the roads in the requested weather, else the value that the map states for all roads."""
     asked = None if request.conditions is None else request.conditions.friction
     return next(iter(stated)) if asked is None and len(stated) == 1 else asked
 
 
 def _friction_notes(request: GenerationRequest, friction: float | None) -> tuple[str, ...]:
-    """Return a note on the friction of the roads if the map states it; the weather's note reports its own friction."""
+    """Return a note on the roads' friction if the map states it; friction from the weather has its own note."""
     if friction is None or (request.conditions is not None and request.conditions.friction is not None):
         return ()
     return (f"the map states a friction of {friction:g} for its roads, and the scenario keeps it",)
@@ -476,7 +477,7 @@ def _fill_lanelets(
     """Return a lanelet network unchanged, or the part of a large one around the site.
 
     Raises:
-        NotPossible: no lanelet there is open to cars.
+        NotPossible: no lanelet at the site is open to cars.
     """
     report(0.05, "building a net over the lanelets")
     net_path, cut = folder / "scenario.net.xml", folder / "roads.xml"
@@ -519,7 +520,7 @@ def _convert_site(
         netconvert's warnings, notes on changes, notes on removed turns, and the lanelets.
 
     Raises:
-        NotPossible: no road there is open to cars.
+        NotPossible: no road at the site is open to cars.
     """
     report(0.1, "running netconvert")
     warnings, notes = convert_map(cut, net_path, lefthand=lefthand, pavements=on_foot)
@@ -566,7 +567,7 @@ _SHOWN_WAYS = 3
 
 
 def _ways_of(edges: tuple[str, ...]) -> str:
-    """Return the ids of the OSM ways that edges come from; the first few are listed, the others counted."""
+    """Return text with the ids of the OSM ways that edges come from: the first few, and the number of the rest."""
     ways = list(dict.fromkeys(edge.lstrip("-").partition("#")[0] for edge in edges))
     more = [f"{len(ways) - _SHOWN_WAYS} more"] if len(ways) > _SHOWN_WAYS else []
     return ", ".join([*(f"way {way}" for way in ways[:_SHOWN_WAYS]), *more])
@@ -589,7 +590,7 @@ def _without_hairpins(
 def convert_map(
     cut: Path, net_path: Path, *, lefthand: bool, pavements: bool = False
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Convert with the mildest settings that give a net on which cars can drive.
+    """Convert a map with the mildest settings that give a net on which cars can drive.
 
     Returns:
         netconvert's warnings, and notes on changes.
@@ -615,12 +616,12 @@ def _closed_to_cars() -> NotPossible:
 
 
 def _lanelets(net: SumoNet) -> RoadNetwork:
-    """Return the lanelets of a net with the posted limits: speeds are capped for curves afterwards."""
+    """Return the lanelets of a net with the posted limits; speeds are capped for curves only afterwards."""
     return build_road_network(net, step_s=STEP_S, elapsed_s=WARM_UP_S)
 
 
 def _network_findings(built: SiteNetwork) -> tuple[RuleFinding, ...]:
-    """Return the rules' findings about a network as it will be in the file."""
+    """Return the rules' findings on a network in the form that the file will have."""
     root = etree.Element("commonRoad", {"benchmarkID": built.metadata.benchmark_id})
     if built.roads is not None:
         copy_network(root, built.roads)

@@ -1,4 +1,4 @@
-"""Selects the sites of a map that fit a request, checks whether a net shows one, and defines a site's areas.
+"""Selects the sites of a map that fit a request, checks them on the net, and defines a site's areas.
 
 A *site* is a place on a map with a type (:class:`~plannerforge.engine.maps.Site`), found in the map's tags. netconvert
 may lose its defining feature, such as a ring with tight turns or signals. A site is therefore checked again on the net,
@@ -83,7 +83,7 @@ def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCou
     """Count the different sites of the map that fit a request; the count is at least 1.
 
     Raises:
-        NotPossible: no site fits; the error lists the types that the map has there.
+        NotPossible: no site fits; the error lists the types that the map has in the requested area.
     """
     report(0.0, "looking for sites")
     return SiteCount(count=len(fitting_sites(read_map_file(Path(request.map_path)), request)))
@@ -135,14 +135,14 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
 
 
 def _required_ramp_turn(request: GenerationRequest) -> Turn | None:
-    """Return the turn that a link at a ramp must provide for the ego or another road user, or None."""
+    """Return the turn that a link at a ramp must provide for the ego or another road user, or None for any turn."""
     if request.goal.turn in _WITHOUT_LINK:
         return request.goal.turn
     return "merge" if request.others is not None and request.others.name == "merging" else None
 
 
 def lacking_turn(osm: OsmMap, request: GenerationRequest) -> NotPossible | None:
-    """Return the refusal of a merge at ramps that are all exits, or the reverse; None if that is not the case."""
+    """Return the refusal if no ramp in the request's area offers the required merge or exit; None if one does."""
     turn = _required_ramp_turn(request)
     if turn is None:
         return None
@@ -175,7 +175,7 @@ def _box_around(site: Site) -> list[float]:
 
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
-    """Return the types other than the requested one with a site of the map on the requested streets, in the box."""
+    """Return the other types that have a site on the requested streets and in the requested box."""
     held = _available_types(site_finder(osm, request.road_classes), request)
     return [kind for kind in held if kind != request.scenario_type]
 
@@ -188,7 +188,7 @@ def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[Sit
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
-    """Return the refusal with its cause: the map, its street or box, or the requested road classes."""
+    """Return the refusal with its cause: the map, the requested street or box, or the requested road classes."""
     wanted = request.scenario_type
     if wanted == "ramp" and request.road_classes and not set(request.road_classes) & set(LINKS):
         return InvalidRequest(
@@ -295,7 +295,7 @@ _LEAST_BOX_DEG = 1e-9
 
 
 def _is_in_corner(site: Site, request: GenerationRequest) -> bool:
-    """Return True if a site is outside the ellipse in the requested box: the box of a place stands for a circle."""
+    """Return True if a site is outside the ellipse in the requested box, since a place's box represents a circle."""
     if request.bbox is None:
         return False
     south, west, north, east = request.bbox
@@ -305,15 +305,15 @@ def _is_in_corner(site: Site, request: GenerationRequest) -> bool:
 
 
 def _requested_first(site: Site, request: GenerationRequest) -> Site:
-    """Return the site with the requested streets before the others in its name."""
+    """Return the site with the requested streets first in its name."""
     requested = [name for name in site.streets if any(_carries((name,), names) for names in request.streets)]
     return replace(site, streets=tuple(dict.fromkeys((*requested, *site.streets))))
 
 
 def _ramps_of(finder: SiteFinder, sites: list[Site], request: GenerationRequest) -> list[Site]:
-    """Return the ramps with a requested street as main road, without their other parts.
+    """Return the ramps that have a requested street as their main road, without their other parts.
 
-    The name of a ramp also has the roads that its links lead to, which may be a kilometre away.
+    The name of a ramp also includes the roads that its links lead to, which may be a kilometre away.
     """
 
     def is_of_street(part: SitePart) -> bool:
@@ -354,7 +354,7 @@ def radius_for(site: Site, request: GenerationRequest) -> float:
 
 
 def classes_for(site: Site, request: GenerationRequest) -> tuple[str, ...]:
-    """Return the OSM classes to keep around a site: as requested, or all roads, with links if the site has them."""
+    """Return the OSM classes to keep around a site: those requested or all, with links if the site has them."""
     return request.road_classes or (ROADS + LINKS if site.kind in ("ramp", "highway") or site.by_links else ROADS)
 
 
@@ -369,7 +369,7 @@ LEAST_ARMS = 3
 
 
 def why_not_realised(site: Site, net: SumoNet) -> str | None:
-    """Return why the net does not show the site's type near its middle, or None if it does."""
+    """Return why the net lacks the features of the site's type near the site's middle, or None if it has them."""
     middle = middle_of(site, net)
     judges: dict[SiteType, Callable[[], bool]] = {
         "roundabout": lambda: bool(_ring_edges_at(net, middle)),
@@ -411,7 +411,7 @@ def road_classes(edge: NetEdge) -> frozenset[str]:
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
-    """Return whether a road of wanted classes is within a distance of the middle; 8 points per segment are checked."""
+    """Return whether a road of the wanted classes is near the middle; checks 8 points per segment."""
     roads = {edge.edge_id for edge in net.edges.values() if not edge.internal and wanted(road_classes(edge))}
     lanes = (lane for lane in net.lanes.values() if lane.edge_id in roads)
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
@@ -447,7 +447,7 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 
 def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
-    """Return junctions near the middle of at least three roads, not only motorways; ``with_links`` counts links too."""
+    """Return the junctions of three or more roads near the middle, not only motorways; ``with_links`` counts links."""
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
     roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
@@ -532,8 +532,8 @@ class SiteFocus:
     def is_on_spot(self, car: GeneratedVehicle, last_step: int) -> bool:
         """Return whether the car passes a junction that the site was made of by the step; True at other sites.
 
-        It passes one if it is inside it, or comes nearest to it on the way, as on the far carriageway of a wide street.
-        A car that only starts or ends near it does not.
+        It passes one if it is inside the junction, or if its nearest point to the junction is on the way, as on the far
+        carriageway of a wide street. A car that only starts or ends near the junction does not pass it.
         """
         from shapely import contains_xy
 
@@ -548,7 +548,7 @@ class SiteFocus:
         return bool(is_passed.any())
 
     def inside(self, car: GeneratedVehicle) -> NDArray[np.bool_]:
-        """Return the steps at which the car's centre is in an area, as a mask; all False if a road is the site."""
+        """Return a mask of the steps at which the car's centre is in an area; all False if a road is the site."""
         from shapely import contains_xy
 
         x, y = car.motion.positions.T
@@ -572,18 +572,18 @@ class SiteFocus:
         return not any(bool(contains_xy(area, x, y)) for area in self._areas)
 
     def missed(self, *, only_car: bool) -> str:
-        """Return the note on an ego that passes no area; ``only_car``: no other could be chosen."""
+        """Return the note on an ego that passes no area; ``only_car``: no other car could be chosen."""
         who = "the ego's route to its goal misses" if only_car else "every car's route to a goal like this misses"
         return f"{who} {self._name} of the site; a goal farther ahead or another seed may change this"
 
     def passed_close_by(self, *, only_car: bool) -> str:
-        """Return the note on an ego that passes another junction nearby; ``only_car``: no other could be chosen."""
+        """Return the note on an ego that passes another junction nearby; ``only_car``: no other car could be chosen."""
         who = "the ego's route to its goal" if only_car else "the route of every car with a goal like this"
         return f"{who} passes a nearby junction, not the one of the site; another seed may change this"
 
 
 def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) -> bool:
-    """Return True for a lanelet inside a junction that leads from one of some edges to another one."""
+    """Return True for a lanelet inside a junction that leads from one of the edges to another of them."""
 
     def is_among(keys: Iterable[int]) -> bool:
         return any(network.lanelets[key].edge_id in edges for key in keys)
@@ -592,7 +592,7 @@ def _joins(lanelet: RoadLanelet, edges: frozenset[str], network: RoadNetwork) ->
 
 
 def _parts(site: Site, net: SumoNet, middle: Points) -> list[Callable[[RoadLanelet], bool]]:
-    """Return a test for each area, the most important first, that tells whether a lanelet belongs to it."""
+    """Return a function for each area, most important first, that tests whether a lanelet belongs to it."""
     if site.kind == "roundabout":
         edges = _ring_edges_at(net, middle)
         return [lambda lanelet: lanelet.edge_id in edges]
@@ -622,7 +622,7 @@ class _Spot:
 def _spot(
     site: Site, junctions: frozenset[str], net: SumoNet, network: RoadNetwork, middle: Points
 ) -> tuple[frozenset[str], _Spot | None]:
-    """Return the junctions that a site was made of, and where they are; None if no others are near."""
+    """Return the junctions that a site was made of, and their area and positions (None if no others are near)."""
     from shapely import Point, union_all
 
     near = sorted(junctions) if len(junctions) > 1 else []

@@ -78,7 +78,8 @@ PLANS = (
 def build(target: Path) -> list[str]:
     """Generate all scenarios, write the archive, and return the scenarios' ids in order.
 
-    The archive contains ``manifest.json`` (each scenario's recipe), ``facts.json`` (facts by id), and the files.
+    The archive contains ``manifest.json`` (each scenario's recipe), ``facts.json`` (the scenarios' facts, by id), and
+    the files.
     """
     maps = {entry.facts.place: entry for entry in built_in_maps()}
     members: dict[str, bytes] = {}

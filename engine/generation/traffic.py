@@ -1,4 +1,4 @@
-"""Generates a scenario's traffic: draws it again until every requested class is there, and orders it.
+"""Generates a scenario's traffic: draws it again until every requested class is present, and orders it.
 
 Vehicles are ordered by their relevance to the site, so that "the first car" does not wait at the edge of the map.
 """
@@ -66,11 +66,11 @@ LASTING_S = 30.0
 
 @dataclass(frozen=True)
 class TrafficAim:
-    """The traffic target of a site: vehicles per kilometre of lane, where the target comes from, and counted routes.
+    """The traffic target of a site: vehicles per kilometre of lane, the target's source, and counted routes.
 
     ``per_lane_km`` is None if the request's density applies; otherwise ``asked_by`` is a time of day or ``counts``. The
-    site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through the site by the
-    ego's requested turn.
+    site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through the site along
+    the ego's requested turn.
     """
 
     per_lane_km: float | None = None
@@ -98,7 +98,7 @@ class TrafficAim:
 
 @dataclass(frozen=True)
 class GeneratedTraffic:
-    """Smoothed vehicles at a site, including spares; the demand that they meet; pedestrians and cyclists.
+    """The smoothed vehicles at a site, including spares; the demand that they meet; pedestrians and cyclists.
 
     ``dropped``: recorded vehicles that were removed.
     """
@@ -118,7 +118,7 @@ def generate_traffic(
     scratch: Path,
     report: ProgressReporter,
 ) -> GeneratedTraffic:
-    """Return traffic without overlaps that contains all requested vehicles: the first successful attempt.
+    """Return the first traffic drawn that has no overlaps and contains all requested vehicles.
 
     ``round_number`` draws other traffic with the same seed.
 
@@ -216,7 +216,7 @@ def _trips(
 
 
 def _requested_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozenset[str], frozenset[str]]:
-    """Return the motorway links where extra trips begin, if the ego or another merges, or end, if the ego exits."""
+    """Return the motorway links where extra trips begin (if a road user must merge) or end (if the ego exits)."""
     begins = request.goal.turn == "merge" or (request.others is not None and request.others.name == "merging")
     if not begins and request.goal.turn != "exit":
         return frozenset(), frozenset()
@@ -226,7 +226,7 @@ def _requested_ramps(request: GenerationRequest, net: SumoNet) -> tuple[frozense
 
 
 def _style_of(request: GenerationRequest, friction: float | None) -> DrivingStyle | None:
-    """Return the driving style under the request's conditions on roads of some friction; None means the usual style."""
+    """Return the driving style for the request's conditions and a friction; None means the usual style."""
     conditions = request.conditions
     if conditions is None:
         return None if friction is None else DrivingStyle(friction=friction)
@@ -248,12 +248,14 @@ class _Part:
 
 
 def _mixed_seed(seed: int, index: int, attempt: int) -> int:
-    """Combine three numbers to one seed, the same on every machine; prime factors keep equal sums rare."""
+    """Combine three numbers into one seed, the same on every machine; prime factors keep equal sums rare."""
     return (seed * 1_000_003 + index * 7_919 + attempt * 104_729 + 17) % 2**31
 
 
 def _fewer(demand: Demand, share: float, duration_s: float) -> Demand:
-    """Reduce the vehicles if a file would have too many states; the factor .95 allows for those left driving longer.
+    """Reduce the number of vehicles if a file would have too many states.
+
+    The factor 0.95 allows for longer drives of the remaining vehicles.
 
     Raises:
         NotPossible: the request sets the numbers of all vehicles.
@@ -273,7 +275,7 @@ def _too_large(duration_s: float) -> NotPossible:
 
 
 def _absent(demand: Demand, counts: Mapping[str, int]) -> dict[str, int]:
-    """Return how many requested vehicles are missing by class; one vehicle is the ego and does not count."""
+    """Return the number of missing vehicles by class; the ego does not count."""
     here = Counter(counts)
     here[demand.ego_class] -= 1
     absent = {name: least - here[name] for name, least in demand.least.items() if here[name] < least}
@@ -307,7 +309,7 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tuple[GeneratedVehicle, ...]:
-    """Remove the last vehicles of each class beyond the wanted number; the ego must come first."""
+    """Remove the vehicles of each class beyond the wanted number, last ones first; the ego must come first."""
     seen: Counter[str] = Counter()
     kept: list[GeneratedVehicle] = []
     for vehicle in vehicles:
@@ -352,7 +354,7 @@ def along_the_site(vehicles: tuple[GeneratedVehicle, ...], site: SiteNetwork) ->
 
 
 def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
-    """Return whether a vehicle begins on one of the roads that the site is about."""
+    """Return whether a vehicle begins on one of the site's main roads."""
     wanted = ROADS_OF.get(site.site.kind)
     if wanted is None:
         return True
@@ -361,7 +363,7 @@ def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup
 
 
 def _takes_ramp(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
-    """Return whether a vehicle soon leaves or joins the main road over a link, as on a ramp; True at other sites."""
+    """Return whether a vehicle soon leaves or joins the main road over a ramp's link; True at other sites."""
     if site.site.kind != "ramp":
         return True
     steps = range(0, min(len(vehicle.motion.positions), WATCHED_STEPS), WATCHED_EVERY)

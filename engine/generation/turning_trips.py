@@ -1,4 +1,4 @@
-"""Makes trips through a site by the ego's requested turn, for use if no vehicle of the traffic made it.
+"""Makes trips through a site along the ego's requested turn, for use if no vehicle of the traffic makes it.
 
 A route through the site is an edge that leads to it, edges inside it, and one that leads away. The headings of the
 first and the last determine the turn, as for a recorded car (``turns``).
@@ -55,7 +55,7 @@ class SiteEdges:
 
 
 def routes_through(net: SumoNet, edges: OpenEdges, site: SiteEdges) -> Iterator[tuple[Turn, tuple[str, ...]]]:
-    """Yield every route through a site, from an edge outside to an edge outside, with its turn."""
+    """Yield every route through a site with its turn; the first and last edges are outside the site."""
     for entry in sorted(edges.following):
         if site.is_inside(net, entry):
             continue
@@ -95,7 +95,7 @@ def _heading(line: Points, *, at_end: bool) -> float:
 
 
 class TurningTrips(TripMaker):
-    """Makes half of a class's trips along routes through a site, starting up to ``before_s`` seconds before it.
+    """Makes half of a class's trips along routes through a site; they start up to ``before_s`` seconds before it.
 
     If no route makes the turn, the trips are the usual ones.
     """
@@ -127,7 +127,7 @@ class TurningTrips(TripMaker):
         return (*self._approach(edges, way, wanted_s), *way, *onward[1:])
 
     def _approach(self, edges: OpenEdges, way: tuple[str, ...], wanted_s: float) -> tuple[str, ...]:
-        """Return edges that lead to a route: enough for the wanted time with its first edge, or all that exist."""
+        """Return the edges that lead to a route: enough for the wanted time, or all that exist."""
         leading: dict[str, list[str]] = {}
         for edge, following in edges.following.items():
             for other in following:

@@ -1,7 +1,7 @@
 """Classifies an ego's manoeuvre at its site from its recorded path: turn, go straight, change lane, merge, exit.
 
 At a junction or a roundabout, the heading before the site's first metre is compared with the heading after its last, so
-that a drive around a ring is one turn. On a ramp, the classes of the roads decide. Left is positive. A left turn is
+a drive around a ring counts as one turn. On a ramp, the classes of the roads decide. Left is positive. A left turn is
 unprotected if it crosses a lane of the other direction and passes no light.
 """
 
@@ -38,10 +38,10 @@ FARTHEST_HOPS = 4
 def makes(
     turn: Turn, car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
 ) -> bool:
-    """Return whether a car makes a turn on its path up to a step.
+    """Return whether a car makes the given turn on its path up to a step.
 
     A turn to the left or right belongs to a junction or ring: the car comes from outside and has left it by then. A car
-    that goes straight does not change lane if a road is the site, and stays on the main road at a ramp.
+    that goes straight does not change lanes if the site is a road, and stays on the main road if it is a ramp.
     """
     if turn == "lane_change":
         return _changes_lane(_under(car, last_step, lookup), network)
@@ -80,7 +80,7 @@ def _is_unprotected(
 
 
 def _turned(car: GeneratedVehicle, last_step: int, focus: SiteFocus) -> Turn | None:
-    """Return the car's turn at the junction or ring, or None if it does not pass it from outside to outside."""
+    """Return the car's turn at the junction or ring, or None if its path does not start and end outside it."""
     steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
     if not len(steps) or steps[0] == 0 or steps[-1] == last_step:
         return None
@@ -103,14 +103,14 @@ def turn_of(turned_rad: float) -> Turn:
 
 
 def _keeps_road(car: GeneratedVehicle, last_step: int) -> bool:
-    """Return whether the car never turns as sharply as at a junction: a road's own curves are long."""
+    """Return whether the car never turns as sharply as at a junction; a road's own curves are long."""
     driven, headings = arc_length(car.motion.positions), np.unwrap(car.motion.headings_rad)
     ahead = np.minimum(np.searchsorted(driven, driven[: last_step + 1] + 2 * BESIDE_M), last_step)
     return bool(np.abs(headings[ahead] - headings[: last_step + 1]).max() < TURN_RAD)
 
 
 def _under(car: GeneratedVehicle, last_step: int, lookup: LaneletLookup) -> list[RoadLanelet]:
-    """Return the lanelets under the car, sampled twice a second, each once per visit."""
+    """Return the lanelets under the car, each once per visit; positions are sampled twice a second."""
     motion = car.motion
     steps = [*range(0, last_step, SEEN_EVERY), last_step]
     seen = [lookup.under(motion.positions[step], float(motion.headings_rad[step])) for step in steps]
@@ -122,7 +122,7 @@ def _changes_lane(under: list[RoadLanelet], network: RoadNetwork) -> bool:
 
 
 def _is_lane_change(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> bool:
-    """Return whether the other lanelet is adjacent, or follows an adjacent one without following the first itself."""
+    """Return whether the way from one lanelet to the other needs a lane change, to a neighbour or its successors."""
     if _leads_to(one, other, network):
         return False
     return any(key == other.lanelet_id or _leads_to(network.lanelets[key], other, network) for key in one.neighbours())
@@ -140,7 +140,7 @@ def _leads_to(one: RoadLanelet, other: RoadLanelet, network: RoadNetwork) -> boo
 def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: RoadNetwork, farthest_m: float) -> bool:
     """Return whether successive lanelets lead from a lanelet to a region within a distance.
 
-    Lanelets that the region only touches do not count: their centre lines miss it.
+    Lanelets that the region only touches do not count, because their centre lines miss it.
     """
     from shapely import LineString
 

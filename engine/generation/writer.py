@@ -59,7 +59,7 @@ def write_scenario(
     task: PlanningTask,
     roads: RoadFile | None = None,
 ) -> dict[str, int]:
-    """Write a scenario; copy the roads of ``roads`` if given, otherwise write those of the network.
+    """Write a scenario; copy the roads from ``roads`` if given, otherwise write those of the network.
 
     Returns:
         CommonRoad's obstacle id by the vehicle's id.
@@ -173,7 +173,7 @@ def _write_point(parent: etree._Element, point: Points) -> None:
 
 
 def _add(parent: etree._Element, path: str, text: str | None = None) -> etree._Element:
-    """Append nested elements (``shape/rectangle``), the last with a text; return the last."""
+    """Append nested elements (``shape/rectangle``), the last with a text, and return the last one."""
     for tag in path.split("/"):
         parent = etree.SubElement(parent, tag)
     parent.text = text
@@ -307,7 +307,7 @@ def _obstacle_text(obstacle_id: int, vehicle: GeneratedVehicle) -> str:
 
 
 def _state_texts(tag: str, motion: Motion, steps: range, level: int) -> Iterator[str]:
-    """Yield the elements of states at a level of a file, as text: they are most of the file, so no tree is built."""
+    """Yield the elements of states as text at a level of a file; they are most of it, so no tree is built."""
     state = textwrap.indent(_STATE, " " * level)
     chosen = slice(steps.start, steps.stop)
     columns = motion.headings_rad, motion.speeds_mps, motion.accelerations_mps2
@@ -346,7 +346,7 @@ def planning_problem_element(problem_id: int, task: PlanningTask) -> etree._Elem
 
 
 def first_yaw_rate_radps(motion: Motion) -> float:
-    """Return a vehicle's yaw rate at its first step, or 0 if there is no other step.
+    """Return a vehicle's yaw rate at its first step, or 0 if it has only one step.
 
     A planner that gets 0 for a turning ego starts with straight wheels, and may leave the road before they turn.
     """

@@ -1,7 +1,7 @@
 """Points, polylines, curves and rectangles in the plane, as arrays in metres and radians.
 
-``Points``: Type of arrays of points, (n, 2) or (2,), in m.
-``Values``: Type of arrays of numbers, (n,).
+``Points``: The type of arrays of points, (n, 2) or (2,), in m.
+``Values``: The type of arrays of numbers, (n,).
 ``PathFollower``: Follows a track along a line that may return to itself, one position at a time, on the track's lap.
 ``project_along``: Returns stations and signed offsets (m,) of a track (m, 2), projected with continuity.
 ``hermite``: Returns points (n, 2) on a cubic curve between two points, with given directions at both ends.
@@ -15,7 +15,7 @@
 ``maximum_curvature``: Returns the largest curvature in 1/m after smoothing over ``sigma_m``.
 ``point_at``: Returns the point of shape (2,) and heading in radians at an arc length (clamped to the ends).
 ``project``: Returns the arc length of the nearest point and the signed lateral offset (left positive), in metres.
-``project_all``: Does the same as :func:`project` for many points of shape (m, 2) at once.
+``project_all``: Projects many points of shape (m, 2) at once, as :func:`project` does.
 ``resample``: Returns ``count`` points evenly spaced along the polyline, including the ends.
 ``segment_lengths``: Returns the length of every segment in m, shape (n − 1,).
 ``without_repeats``: Returns the polyline without vertices that are nearer than the tolerance to the previous one.

@@ -26,9 +26,9 @@ def hermite(
         end: The end of the curve.
         end_direction: Unit vector (2,) of its direction at the end.
         shares: Parameters (n,) of the points, from 0 at the start to 1 at the end.
-        reaches_m: Lengths of the tangents at both ends: the larger, the longer the curve keeps its direction there. The
-            default is the distance between the ends. A Bézier curve has tangents of three times the distance of its
-            inner control points from the ends. Arrays (k, 1, 1) of them give k curves, shape (k, n, 2).
+        reaches_m: Lengths of the tangents at both ends: the larger, the longer the curve keeps its direction at that
+            end. The default is the distance between the ends. A Bézier curve has tangents of three times the distance
+            of its inner control points from the ends. Arrays (k, 1, 1) of lengths give k curves, shape (k, n, 2).
     """
     leave, arrive = reaches_m or (float(np.linalg.norm(end - start)),) * 2
     u = shares[:, None]
@@ -42,6 +42,6 @@ def hermite(
 
 
 def unit(vector: Points) -> Points:
-    """Scale a vector (2,) to length 1; a vector that is nearly zero stays so."""
+    """Scale a vector (2,) to length 1; leave a vector of almost zero length unchanged."""
     scaled: Points = vector / max(float(np.linalg.norm(vector)), 1e-9)
     return scaled

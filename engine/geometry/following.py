@@ -1,4 +1,4 @@
-"""Locates a track along a line that returns to itself, by means of the track's previous position.
+"""Locates a track along a line that returns to itself, from the track's previous position.
 
 A roundabout, a loop or a hairpin passes the same place more than once, and the nearest point of the line may then be on
 another lap. A track moves along the line about as far as it moves in the plane, so its previous position determines the
@@ -57,7 +57,7 @@ class PathFollower:
         return other
 
     def place(self, position: Points) -> tuple[float, float]:
-        """Return the station in m of the track's next position (2,) and its signed offset in m from the line there."""
+        """Return the station in m of the track's next position (2,), and its signed offset from the line in m."""
         x, y = position.tolist()
         if self._last_m is not None and (x, y) == self._last_at:
             return self._last_m, self._last_offset_m
@@ -82,7 +82,7 @@ class PathFollower:
         return stations[np.argsort(distances, kind="stable")[:_MOST_BEGINNINGS]]
 
     def _near_the_last(self, x: float, y: float, last_m: float, reach_m: float) -> tuple[int, float, float] | None:
-        """Return the best position in the window around the last one, or None if a position outside may be better."""
+        """Return the best position in the window around the last one, or None if one outside it may be better."""
         window_m = reach_m + _WINDOW_M
         low = max(int(np.searchsorted(self._stations, last_m - window_m)) - 1, 0)
         high = min(int(np.searchsorted(self._stations, last_m + window_m)) + 1, len(self._squared))
@@ -121,14 +121,14 @@ def _costs(stations: Values, distances: Values, last_m: float, reach_m: float) -
 def project_along(points: Points, track: Points, begin_m: float | None = None) -> tuple[Values, Values]:
     """Project the positions of a track onto a line with continuity, on the lap of the track.
 
-    Unlike :func:`~.polyline.project_all`, which projects each position separately onto the nearest point, it follows
-    the track from its first position. Use it for the track of a vehicle on a line that may come near itself.
+    Unlike :func:`~.polyline.project_all`, which projects each position separately onto the nearest point, this function
+    follows the track from its first position. Use it for the track of a vehicle on a line that may come near itself.
 
     Args:
         points: The line, shape (n, 2), at least two points.
         track: Positions in driving order, shape (m, 2).
         begin_m: The station near which the track starts. If it is None, every lap that passes the first position is
-            tried, and the one to which the track stays nearest is used, the first on the line in a tie.
+            tried, and the lap to which the track stays nearest is used. In a tie, it is the first lap on the line.
 
     Returns:
         Stations (m,) in m and signed offsets (m,) in m, left positive.

@@ -1,4 +1,4 @@
-"""Finds which of many shapes meet, with a limit, since n shapes in one place form n² pairs."""
+"""Finds the pairs of shapes that meet, up to a limit, since n shapes at one spot form n² pairs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ _TOGETHER = 32
 
 @dataclass(frozen=True)
 class MeetingPairs:
-    """Pairs (n, 2) of shape numbers, the smaller one first, in ascending order.
+    """Pairs (n, 2) of shape numbers in ascending order, each with the smaller number first.
 
-    ``most``: the limit; ``is_whole``: True if these are all pairs, False if they are the first of more.
+    ``most``: the limit; ``is_whole``: True if these are all pairs, False if more pairs exist.
     """
 
     pairs: NDArray[np.int64]

@@ -1,9 +1,9 @@
 """Oriented rectangles (length, width) in the plane in m, and their overlaps, by separating axes.
 
-Two convex quadrilaterals are disjoint if and only if they are so along the normal of one of their sides. Shapely and
-commonroad-drivability-checker decide the same, but create an object for each rectangle; this module compares whole
-recordings as arrays. It decides one pair from its corners, up to the first separating axis, and many pairs from centres
-and headings in closed form, with all axes at once.
+Two convex quadrilaterals are disjoint if and only if their projections onto the normal of one of their sides are.
+Shapely and commonroad-drivability-checker give the same results, but create an object for each rectangle; this module
+compares whole recordings as arrays. For one pair, it tests the corners until it finds a separating axis. For many
+pairs, it uses a closed form of centres and headings for all axes at once.
 """
 
 import math
@@ -62,7 +62,7 @@ class FirstOverlap:
 
 
 def first_overlaps(tracks: Sequence[BoxTrack]) -> list[FirstOverlap]:
-    """Return all pairs that overlap at a common step, each once, in order of their indices."""
+    """Return all pairs of tracks that overlap at a common step, each once, in order of their indices."""
     pairs: list[FirstOverlap] = []
     boxes = _Boxes.of(tracks)
     for index in range(len(tracks)):

@@ -1,68 +1,68 @@
 """Maps: reads OpenStreetMap extracts, SUMO and lanelet networks, finds their sites, and cuts a site out of them.
 
-``cut_map``: Write the roads within a circle of an extract as an .osm file; return the ways written.
-``cut_net``: Write the roads of a SUMO network within a circle as a network; return netconvert's warnings.
-``index_extract``: An operation: read an extract of a country into tiles, or resume that work.
-``cut_extract``: An operation: write the part of an extract that a request refers to as a map.
-``Pavements``: The sides of roads with pavements, from the map or by a guess, and the crossings that the map marks.
-``find_pavements``: Find the pavements of roads within a circle around a point.
-``read_map``: An operation: return the facts of a map file, including its place and country.
+``cut_map``: Writes the roads of an extract within a circle as an .osm file; returns the ways written.
+``cut_net``: Writes the roads of a SUMO network within a circle as a network; returns netconvert's warnings.
+``index_extract``: An operation that reads an extract of a country into tiles, or resumes that work.
+``cut_extract``: An operation that writes the part of an extract that a request refers to as a map.
+``Pavements``: The sides of roads with pavements, mapped or guessed, and the crossings that the map marks.
+``find_pavements``: Finds the pavements of roads within a circle around a point.
+``read_map``: An operation that returns the facts of a map file, including its place and country.
 ``MapEntry``: An available map: its facts and its file.
 ``Closeness``: How closely a text must match the names on a map.
-``file_stem``: Return a file's name without the endings of maps.
-``names_elsewhere``: Return the keys of a place and of its names in other languages.
-``settlements_called``: Return the settlements of the world with a name, the largest first.
-``MapMatch``: A map that shows the requested place, with the streets that a site there must be on.
-``SeenFile``: The result of reading a file in a map folder: the id of a map, or the reason for its refusal.
-``SeenFiles``: The files of map folders that were read, stored in the database.
-``built_in_maps``: Return the maps that come with the package, by id.
-``place_parts``: Split the text of a place at commas and at the words for a crossing.
+``file_stem``: Returns a file's name without the endings of map files.
+``names_elsewhere``: Returns the keys of a place and of its names in other languages.
+``settlements_called``: Returns the settlements of the world that have a name, largest first.
+``MapMatch``: A map that contains the requested place, with the streets that the site must be on.
+``SeenFile``: The result of reading a file in a map folder: the map's id, or the reason why the file was refused.
+``SeenFiles``: The results for all files read in map folders, stored in the database.
+``built_in_maps``: Returns the maps that come with the package, by id.
+``place_parts``: Splits the text of a place at commas and at the words for an intersection.
 ``NOT_SHOWN``: The refusal's reason if no map shows the place, the country or the box.
-``find_maps``: Find the maps that fit a place, a country, a box and a type of site, the best first.
+``find_maps``: Finds the maps that fit a place, a country, a box and a type of site, best first.
 ``LaneletMap``: The lanelet network of a CommonRoad file as a map.
-``convert_roads``: An operation: write an OpenDRIVE, Lanelet2 or CommonRoad file as a map that can be read.
-``foreign_format``: Return the format of a map that needs conversion before it can be read, or None.
+``convert_roads``: An operation that writes an OpenDRIVE, Lanelet2 or CommonRoad file as a readable map.
+``foreign_format``: Returns the format of a map that needs conversion before it can be read; None for any other map.
 ``RoadFile``: The content that a scenario takes over from a stored map: elements of its roads, location, tags.
-``cut_lanelets``: Write the lanelets of a large network within a circle, with their signs and lights.
-``read_lanelet_map``: Read the network of a CommonRoad file as a map.
+``cut_lanelets``: Writes the lanelets of a large network within a circle, with their signs and lights.
+``read_lanelet_map``: Reads the network of a CommonRoad file as a map.
 ``NetMap``: A SUMO network as a map.
-``read_map_file``: Scan and read the map in a file of any supported format.
-``site_finder``: Return the finder of sites on a map; for the last map read, reuse its finder.
-``ground_distance_m``: Return the distance in m between two positions in degrees.
+``read_map_file``: Scans and reads the map in a file of any supported format.
+``site_finder``: Returns the finder of sites on a map; the finder of the last map read is reused.
+``ground_distance_m``: Returns the distance in m between two positions in degrees.
 ``OsmMap``: An OpenStreetMap extract as nodes, ways and relations.
-``fetch_maps``: An operation: fetch the roads of a place or box from Overpass.
-``locate_place``: An operation: resolve the name of a place through Nominatim.
-``match_fetched``: Return a fetched map as one that shows the requested place.
+``fetch_maps``: An operation that fetches the roads of a place or box from Overpass.
+``locate_place``: An operation that resolves the name of a place through Nominatim.
+``match_fetched``: Returns a match of a fetched map with the requested place.
 ``NOT_SHOWN``: The refusal's reason if no map shows the place, the country or the box.
-``write_as_xml``: An operation: write a binary extract (.osm.pbf) as XML into a folder.
+``write_as_xml``: An operation that writes a binary extract (.osm.pbf) as XML into a folder.
 ``Gathering``: Positions, no two of them closer together than a given distance.
-``country_code``: Return the ISO 3166-1 alpha-3 code for a code or a name in several languages, or None.
-``countries_spelt_like``: Return the codes of countries with a similarly spelt name in any language.
-``country_name``: Return the English name of a country by its ISO 3166-1 alpha-3 code.
-``fold``: Reduce a text to lower-case letters and digits without accents.
-``place_keys``: Return all keys of a place's name; two spellings mean the same place if they share one.
+``country_code``: Returns the ISO 3166-1 alpha-3 code for a code or a name in any of several languages, or None.
+``countries_spelt_like``: Returns the codes of countries with a similarly spelt name in any language.
+``country_name``: Returns the English name of a country by its ISO 3166-1 alpha-3 code.
+``fold``: Reduces a text to lower-case letters and digits without accents.
+``place_keys``: Returns all keys of a place's name; two spellings mean the same place if they share a key.
 ``ALL_ROADS``: OSM's road classes that vehicles use, including links.
 ``EXPRESSWAY_KMH``: Minimum speed limit of a one-way trunk road that counts as an expressway, in km/h.
 ``FAST_ROADS``: OSM's road classes of motorways and similar roads.
 ``LINKS``: OSM's road classes of slip roads.
 ``RAMP_LINKS``: OSM's road classes of the links of fast roads.
 ``ROADS``: OSM's road classes that vehicles use, without links.
-``resolve_road_classes``: Return the road classes that groups (roads, link, all) and classes stand for, each once.
+``resolve_road_classes``: Returns the road classes that groups (roads, link, all) and class names refer to, each once.
 ``RURAL_CLASSES``: OSM's road classes of main roads outside towns.
-``jurisdiction_of``: Return the country and states at a position, with the names in the table of legal limits.
-``RoadReader``: Writes the tags of a site's roads as netconvert reads them, and reports what it left out.
+``jurisdiction_of``: Returns the country and states at a position, by their names in the table of legal limits.
+``RoadReader``: Writes the tags of a site's roads in the form that netconvert reads, and reports omissions.
 ``Site``: A place on a map: type, centre in degrees, streets, and the node or way that marks it.
-``SitePart``: One of the places that a site was merged from.
-``SiteFinder``: Finds the sites of one map by their type.
+``SitePart``: One of the positions that were merged into a site.
+``SiteFinder``: Finds the sites of one map by type.
 ``MAP_ENDINGS``: File-name endings of maps.
-``is_binary``: Return whether a file's name is that of a binary extract.
-``is_large``: Return whether a file is a binary extract that must be read into tiles.
-``is_map``: Return whether a file's name is that of a map.
-``is_net``: Return whether a file's name is that of an uncompressed SUMO network.
-``named_by_content``: Return a map under a name with the ending of its format.
-``root_element``: Return the root element of a file, as far as map formats have it.
-``stored_name``: Return the name under which a map is stored, uncompressed.
-``unpacked``: Return a map as a plain file, unpacked into a folder if it is compressed.
+``is_binary``: Returns whether a file's name is that of a binary extract.
+``is_large``: Returns whether a file is a binary extract that must be read into tiles.
+``is_map``: Returns whether a file's name is that of a map.
+``is_net``: Returns whether a file's name is that of an uncompressed SUMO network.
+``named_by_content``: Returns a map under a name with the ending of its format.
+``root_element``: Returns the root element of a file if it is that of a map format.
+``stored_name``: Returns the name under which a map is stored, uncompressed.
+``unpacked``: Returns a map as a plain file, unpacked into a folder if it is compressed.
 """
 
 from typing import TYPE_CHECKING

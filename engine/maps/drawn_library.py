@@ -2,7 +2,7 @@
 
 Roads in metres on paper become OpenStreetMap XML.
 
-``python -m plannerforge.engine.maps.drawn_library`` draws them again, with the catalogue of their content.
+``python -m plannerforge.engine.maps.drawn_library`` draws the maps again and writes the catalogue of their content.
 """
 
 import math
@@ -80,7 +80,7 @@ def _arc(center: Point, radius: float, start_deg: float, end_deg: float, step_de
 
 
 def _curve(*corners: Point, step_m: float = 12.0) -> list[Point]:
-    """Return a smooth line through the corners (Catmull–Rom, tension ½; near enough to even spacing)."""
+    """Return a smooth line through the corners (Catmull–Rom, tension ½; almost evenly spaced)."""
     padded = [_beyond(corners[0], corners[1]), *corners, _beyond(corners[-1], corners[-2])]
     points = [corners[0]]
     for index in range(1, len(padded) - 2):
@@ -118,7 +118,7 @@ NORTH_SEA = (54.60, 5.20)
 
 
 def _signalised_crossing() -> Sketch:
-    """Draw two main streets that cross at traffic lights, with turn lanes and side streets around."""
+    """Draw two main streets that cross at traffic lights, with turn lanes and side streets around them."""
     town = Sketch("Musterstadt", *NORTH_SEA)
     west = _curve((-420, -36), (-300, -22), (-180, -4), (-80, 0))
     town.road(west, "secondary", "Hauptstraße", lanes=2, maxspeed=50)
@@ -221,7 +221,7 @@ def _nearest(line: list[Point], east: float) -> Point:
 
 
 def _urban_grid() -> Sketch:
-    """Draw a grid of five by five streets; the two main ones have traffic lights at their crossings."""
+    """Draw a grid of five by five streets; the two main ones have traffic lights at their intersections."""
     town = Sketch("Quadratstadt", NORTH_SEA[0], NORTH_SEA[1] + 0.10)
     lines = [-200.0, -95.0, 0.0, 90.0, 190.0]
     edge = (-280.0, 270.0)
@@ -240,7 +240,7 @@ def _urban_grid() -> Sketch:
 
 
 def _rural_road() -> Sketch:
-    """Draw a country road in curves through open land, with a side road and a track."""
+    """Draw a winding country road through open land, with a side road and a track."""
     town = Sketch("Landmoor", NORTH_SEA[0] + 0.03, NORTH_SEA[1] + 0.14)
     bends: list[Point] = [
         (-900, -120),

@@ -35,8 +35,8 @@ MOST_STREETS = 10_000
 def read_map(request: ReadMapRequest, report: ProgressReporter) -> MapFacts:
     """Read a map file and return its facts; place and country are never guessed.
 
-    A place is known from place nodes and addresses in the file, or from the caller; a country from the caller, from
-    addresses (``addr:country``), or from the map's location (``borders.py``).
+    The place comes from place nodes and addresses in the file, or from the caller. The country comes from the caller,
+    from addresses (``addr:country``), or from the map's location (``borders.py``).
 
     Raises:
         UnsafeInput: the file is broken, hostile or not a map.
@@ -89,12 +89,12 @@ def _shown_name(path: Path) -> str:
 
 
 def _map_id_of(path: Path) -> str:
-    """Return ``map_`` and the file's name in small letters and digits."""
+    """Return ``map_`` followed by the file's name in lower-case letters and digits."""
     return "map_" + (re.sub(r"[^a-z0-9]+", "_", path.name.split(".osm")[0].lower()).strip("_") or "unnamed")
 
 
 def _road_names(osm: OsmMap) -> tuple[tuple[str, ...], ...]:
-    """Return the names of roads and motorway junctions with several names: the main one first, sorted by it."""
+    """Return the names of roads and junctions that have several, main name first; lists are sorted by main name."""
     found: dict[str, dict[str, None]] = {}
     junctions = (node.tags for node in osm.nodes.values() if node.tags.get("highway") == "motorway_junction")
     for tags in (*(way.tags for way in osm.roads()), *junctions):
@@ -117,7 +117,7 @@ def _country(osm: OsmMap) -> str | None:
 
 
 def _by_length(osm: OsmMap, key: str) -> tuple[str, ...]:
-    """Return values of a road tag, the longest roads first; road numbers of a list count individually."""
+    """Return the values of a road tag, longest roads first; road numbers in a list count individually."""
     lengths: dict[str, float] = {}
     for way in osm.roads():
         values = way.tags.get(key, "").split(";") if key == "ref" else [way.tags.get(key, "")]
@@ -144,7 +144,7 @@ def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]
     """Return ISO 3166-1 alpha-3 codes of all countries within ``DOUBT_M`` of a box, sorted.
 
     The box is (south, west, north, east) in degrees. The result is empty at sea, and in areas that several countries
-    claim. A map is in a country if no other one is near.
+    claim. A map is in a country if no other country is near.
     """
     from shapely import box
 
@@ -159,7 +159,7 @@ def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]
 
 @lru_cache(maxsize=1)
 def _table() -> tuple["STRtree", tuple[str, ...]]:
-    """Return a tree of all areas, with the code of each."""
+    """Return a spatial tree of all areas, with the country code of each."""
     from shapely import STRtree
 
     rows = json.loads(gzip.decompress(BORDERS.read_bytes()))

@@ -1,6 +1,6 @@
-"""Finds an available map by the user's words for it: place, street, crossing, road number, id, box.
+"""Finds an available map by what the user calls it: place, street, intersection, road number, id, box.
 
-The database stores the result for each file in the map folders, so that a file is unpacked and read once only.
+The database stores the result for each file in the map folders, so each file is unpacked and read only once.
 """
 
 import math
@@ -142,8 +142,9 @@ class Closeness(IntEnum):
     """How closely a text must match the names on a map.
 
     SAME: the map's own name, in any spelling. TRANSLATED: GeoNames's name for one of its places in another language.
-    KNOWN: a settlement that GeoNames has there. HEARD: sounds like the map's name in another script, or shortens it.
-    PLACE_PART: a part or the beginning of a place's name. PART: the same of a road's name.
+    KNOWN: a settlement that GeoNames has at the map's location. HEARD: the text sounds like the map's name in another
+    script, or shortens it. PLACE_PART: a part or the beginning of a place's name. PART: a part or the beginning of a
+    road's name.
     """
 
     SAME = 0
@@ -164,11 +165,12 @@ class MapEntry:
 
 @dataclass(frozen=True)
 class MapMatch:
-    """A map that shows the requested place.
+    """A map that contains the requested place.
 
     ``streets``: the streets, by their names on the map, that the site must be on. ``unnamed``: words of the request
     that the map does not contain, although it has the street next to them. ``area``: the requested part of the map;
-    None means all of it. ``understood``: a sentence for each interpretation of words that differ from the map's own.
+    None means all of it. ``understood``: a sentence for each interpretation of words that differ from the names on the
+    map.
     """
 
     entry: MapEntry
@@ -179,10 +181,10 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """Return a match of the whole map if the streets are outside their place's circle, or None if it is a limit.
+        """Return a match of the whole map if streets are outside their place's circle, or None if that is a limit.
 
-        The circle of a town is mostly a guess, and a crossing of streets is unique. A quarter, however, states which
-        part of a single street is requested.
+        The circle of a town is mostly a guess, and an intersection of streets is unique. A quarter, however, states
+        which part of a single street is requested.
         """
         if self.area is None or not self.streets:
             return None
@@ -206,7 +208,7 @@ class MapMatch:
 
 @cache
 def built_in_maps() -> tuple[MapEntry, ...]:
-    """Return the maps that come with the package, by id; they are read once, because they never change."""
+    """Return the maps that come with the package, by id; they never change, so they are read once."""
     listed = MapList.model_validate_json((LIBRARY / "catalogue.json").read_bytes())
     return tuple(MapEntry(facts, LIBRARY / facts.file_name) for facts in listed.maps)
 
@@ -220,12 +222,12 @@ def find_maps(
     scenario_type: ScenarioType = "any",
     closeness: Closeness = Closeness.PART,
 ) -> list[MapMatch]:
-    """Return all maps that fit; those with the requested type of site come first, otherwise in the given order.
+    """Return all maps that fit, in the given order, but those with the requested type of site first.
 
-    If no map shows the exact name, similar names count, up to the given closeness.
+    If no map has the exact name, similar names count, down to the given closeness.
 
     Raises:
-        UnknownName: no map shows the place, country or box; the error lists what is available, the closest first.
+        UnknownName: no map covers the place, country or box; the error lists what is available, closest first.
     """
     if not maps:
         raise UnknownName("there is no map", next_step="import an .osm file with import_files")
@@ -249,7 +251,7 @@ def find_maps(
 
 
 def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) -> MapMatch:
-    """Return a fetched map as one that shows the requested place, even if the map has other names for it."""
+    """Return the match of a fetched map with the requested place, even if the map has other names for the place."""
     if asked is None:
         return MapMatch(entry)
     try:
@@ -261,7 +263,7 @@ def match_fetched(entry: MapEntry, place: NamedPlace | None, asked: str | None) 
 
 
 def _streets_of(facts: MapFacts, place: NamedPlace | None) -> tuple[tuple[str, ...], ...]:
-    """Return the requested roads by their names on the map, without those that it does not have."""
+    """Return the requested roads by their names on the map, without those that the map does not have."""
     if place is None:
         return ()
     known = {fold(name): name for name in (*facts.streets, *facts.refs)}
@@ -270,12 +272,12 @@ def _streets_of(facts: MapFacts, place: NamedPlace | None) -> tuple[tuple[str, .
 
 
 def same_street(one: str, other: str) -> bool:
-    """Return whether two spellings refer to one street: case, accents, script, abbreviations may differ."""
+    """Return whether two spellings refer to one street; case, accents, script and abbreviations may differ."""
     return bool(road_keys(one) & road_keys(other))
 
 
 def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMatch]:
-    """Return maps in a country, and maps that may be: their own country is unknown, and no other one is nearer."""
+    """Return the maps in a country, and maps of unknown country to which no other country is nearer."""
     fitting = [match for match in matches if code in _countries(match.entry.facts) or not _countries(match.entry.facts)]
     if not fitting:
         known = sorted({code for match in matches for code in _countries(match.entry.facts)})
@@ -293,7 +295,7 @@ def _in_country(matches: list[MapMatch], country: str, code: str) -> list[MapMat
 
 
 def _countries(facts: MapFacts) -> tuple[str, ...]:
-    """Return the countries that a map is or may be in; empty if unknown."""
+    """Return the countries that a map is or may be in; empty if they are unknown."""
     return facts.countries_near if facts.country is None else (facts.country,)
 
 
@@ -337,10 +339,10 @@ def _box_text(f: MapFacts) -> str:
 
 
 def _showing(found: list[MapMatch], place: str, country: str | None, closeness: Closeness) -> list[MapMatch]:
-    """Return maps on which every part of the text (``street, city`` or ``street A / street B``) is a place or a road.
+    """Return maps on which each part of the text (``street, city`` or ``street A / street B``) is a place or road.
 
-    Only the closest matches count. If the text has the town of an available map after a comma, only maps that show this
-    town count, so that ``Oxford Street, Sydney`` does not match a crossing in another town.
+    Only the closest matches count. If the text has the town of an available map after a comma, only maps that contain
+    this town count, so that ``Oxford Street, Sydney`` does not match an intersection in another town.
     """
     if (town := _find_town(place[:LONGEST_TEXT], found)) is not None:
         found = [map_ for map_ in found if map_ in town.maps or _read_place(town.words, map_.entry.facts) is not None]
@@ -355,7 +357,7 @@ def _showing(found: list[MapMatch], place: str, country: str | None, closeness: 
 
 @dataclass(frozen=True)
 class _Town:
-    """A town after a street in a text: its name, the other parts of the text, and the maps of the town."""
+    """A town that follows a street in a text: its name, the other parts of the text, and the maps of the town."""
 
     words: str
     others: tuple[str, ...]
@@ -372,7 +374,7 @@ def _is_on_map(facts: MapFacts, part: str) -> bool:
 
 
 def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
-    """Return the last part between commas that is the town of an available map; None if the place has one part only."""
+    """Return the last comma-separated part that is an available map's town; None if there is only one part."""
     listed = listed_parts(place)
     for index in reversed(range(len(listed) if len(listed) > 1 else 0)):
         if maps := tuple(map_ for map_ in found if _is_town_of(listed[index], map_.entry.facts)):
@@ -381,7 +383,7 @@ def _find_town(place: str, found: Sequence[MapMatch]) -> _Town | None:
 
 
 def _is_town_of(part: str, facts: MapFacts) -> bool:
-    """Return whether the text is the map's place, or a settlement that the map shows or GeoNames knows there."""
+    """Return whether the text is the map's place, or a settlement that the map or GeoNames has in its area."""
     keys = _framed_keys(part)
     towns = (area for area in facts.areas if area.kind in SETTLEMENTS)
     names = (facts.place, *(name for area in towns for name in (area.name, *area.other_names)))
@@ -393,7 +395,7 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Add the roads that begin with the text as it stands, since the last word may be half typed.
+    """Add the roads that begin with the given text, since its last word may be only half typed.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
     to a road with exactly this name, or to one that the text abbreviates (``Main St``: ``Main Street``).
@@ -417,7 +419,7 @@ def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: st
 
 
 def _joined(match: MapMatch, begun: tuple[str, ...], text: str) -> MapMatch:
-    """Return a match with these roads as alternatives; only these if the text was read as several names."""
+    """Return a match with these roads as alternatives, or with only these if the text was read as several names."""
     if not begun:
         return match
     is_one = len(match.streets) == 1 and match.area is None and not match.unnamed
@@ -430,7 +432,7 @@ def _as_match(entry: MapEntry, roads: tuple[str, ...], text: str) -> MapMatch:
 
 
 def place_parts(place: str) -> list[str]:
-    """Split the text of a place at commas and at the words for a crossing."""
+    """Split the text of a place at commas and at the words for an intersection."""
     return [part for listed in listed_parts(place) for part in crossing_parts(listed)]
 
 
@@ -440,7 +442,7 @@ def listed_parts(place: str) -> list[str]:
 
 
 def crossing_parts(text: str) -> list[str]:
-    """Return the roads of a crossing (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``), or the text alone."""
+    """Return the roads of an intersection (``A & B``, ``A at B``, ``corner of A and B``, ``A/B``), or the text."""
     between, around = _crossing_patterns()
     inner = around.sub("", text).strip()
     return [part.strip() for part in between.split(inner) if part.strip()]
@@ -448,7 +450,7 @@ def crossing_parts(text: str) -> list[str]:
 
 @cache
 def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
-    """Return patterns for what is between the roads of a crossing, and for what is before or after all of them."""
+    """Return patterns for the words between the roads of an intersection, and for those before or after them."""
     joining, corners = words_for_crossings()
     phrases = sorted({*map(re.escape, corners), *_BEFORE_BOTH}, key=lambda phrase: (-len(phrase), phrase))
     words = "|".join([*map(re.escape, (*joining, *_JOINING)), *phrases])
@@ -460,7 +462,7 @@ def _crossing_patterns() -> tuple[re.Pattern[str], re.Pattern[str]]:
 def _not_shown_error(
     place: str, country: str | None, bbox: Box | None, matches: list[MapMatch], elsewhere: list[MapMatch]
 ) -> UnknownName:
-    """Return the error that no remaining map shows the place; if others do, the box or country contradicts it."""
+    """Return the error that no remaining map covers the place; if others do, it blames the box or country."""
     if elsewhere:
         limits = [f"the box {list(bbox)}"] if bbox is not None else []
         limits += [f"{country!r}"] if country is not None else []
@@ -513,7 +515,7 @@ def _not_shown_error(
 
 
 def _near_in_town(town: _Town) -> list[str]:
-    """Return the streets of an available town that resemble the other parts of a text, then the town."""
+    """Return the streets of an available town that resemble the other parts of a text, followed by the town."""
     scores: dict[str, float] = {}
     for match in town.maps:
         facts = match.entry.facts
@@ -533,7 +535,7 @@ def _near_in_town(town: _Town) -> list[str]:
 
 
 def _near(place: str, shown: Sequence[MapFacts]) -> list[str]:
-    """Return names that resemble the text or a part of it in spelling or sound, the most similar first."""
+    """Return names that resemble the text or a part of it in spelling or sound, most similar first."""
     parts = [
         part for part in dict.fromkeys((place, *place_parts(place))) if len(part) >= _TELLING_LETTERS or part == place
     ]
@@ -568,7 +570,7 @@ def _likeness(asked: tuple[str, ...], telling: tuple[str, ...]) -> float:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _telling(name: str) -> tuple[str, ...]:
-    """Return the words that distinguish a name, in Latin letters; all words if there are no such words."""
+    """Return the distinctive words of a name, in Latin letters; if it has none, return all of its words."""
     readings = road_readings(name)
     telling = distinctive(frozenset.intersection(*readings)) if readings else frozenset()
     return tuple(sorted(telling)) or tuple(latin(word) for word in name.split())
@@ -576,7 +578,7 @@ def _telling(name: str) -> tuple[str, ...]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _sound(text: str) -> str:
-    """Return a rough phonetic form: letters that sound alike in European languages, and doubled ones, become one."""
+    """Return a rough phonetic form, in which doubled letters and letters that sound alike become one letter."""
     for letters, sound in (("sch", "s"), ("sh", "s"), ("ph", "f"), ("ck", "k"), ("th", "t"), ("ee", "i"), ("oo", "u")):
         text = text.replace(letters, sound)
     text = text.replace("h", "").translate(str.maketrans("czwyq", "ksvik"))
@@ -630,7 +632,7 @@ def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
 
 
 def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words of the map's file name although nothing on it has this name: people name files after places."""
+    """Accept words of the map's file name although nothing on the map has this name: people name files after places."""
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -640,8 +642,9 @@ def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 
 def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words after which a road of a map is called (``Northgate``: ``NE Northgate Way``), although the map itself
-    has no such name, if the text gives the map's place.
+    """Accept words that a road of the map is named after, if the text gives the map's place.
+
+    For example, ``Northgate`` is accepted because of ``NE Northgate Way``, although no place on the map has this name.
     """
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -651,7 +654,7 @@ def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 @dataclass(frozen=True)
 class _Reading:
-    """The meaning of a text on a map; ``named``: it refers to the map or a part of it."""
+    """The meaning of a text on a map; ``named``: the text refers to the map or a part of it."""
 
     streets: tuple[tuple[str, ...], ...] = ()
     unnamed: tuple[str, ...] = ()
@@ -671,15 +674,15 @@ class _Reading:
 
 
 def _read_part(part: str, facts: MapFacts, closeness: Closeness, *, settled: bool = False) -> _Reading | None:
-    """Read the text as one place or one road; return None if it is neither."""
+    """Read the text as one place or one road; return None if it is neither of these."""
     return _read_whole(part, facts) or _read_road(part, facts) or _read_alike(part, facts, closeness, settled=settled)
 
 
 def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as the whole name of a place or a road.
 
-    A square is read as its roads, if there are any. A place known only from addresses or borders, so that its position
-    is unknown, is read as the road of exactly this name.
+    A square is read as its roads, if it has any. The position of a place is unknown if only addresses or borders name
+    it; such a name is read as the road with exactly this name.
     """
     place = _read_place(part, facts)
     is_square = place is not None and place.area is not None and place.area.kind in ROAD_PLACES
@@ -689,7 +692,7 @@ def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _is_a_road_s_name(part: str, facts: MapFacts) -> bool:
-    """Return whether a road has exactly this name, and neither the map nor a place that it locates has it."""
+    """Return whether a road has exactly this name, and neither the map nor a located place on it does."""
     word = fold(part)
     places = (facts.map_id, facts.place, *(name for area in facts.areas for name in (area.name, *area.other_names)))
     return word in map(fold, facts.streets) and word not in map(fold, places)
@@ -732,7 +735,7 @@ def _read_name_elsewhere(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_settlement(part: str, facts: MapFacts, *, wide: bool) -> _Reading | None:
-    """Read the text as a settlement that GeoNames has at the map's location but the map does not show."""
+    """Read the text as a settlement that GeoNames has at the map's location but the map does not have."""
     for settlement in settlements_called(without_frame(part)):
         away_m = 1000.0 * _km_between(_as_box(settlement), _nearest_spot(settlement, facts))
         if away_m <= settlement.reach_m(wide=wide):
@@ -759,7 +762,7 @@ def _is_near(settlement: Settlement, facts: MapFacts) -> bool:
 
 
 def _is_elsewhere(part: str, facts: MapFacts) -> bool:
-    """Return whether the text is a city of the world but nothing in the map's country, so it is no road's beginning."""
+    """Return whether the text is a city elsewhere and nothing in the map's country, so no road begins with it."""
     known = settlements_called(without_frame(part))
     return any(settlement.population >= CITY_PEOPLE for settlement in known) and not any(
         settlement.country in _countries(facts) or _is_near(settlement, facts) for settlement in known
@@ -853,7 +856,7 @@ def _is_called(area: PlaceArea, name: str) -> bool:
 def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
     """Return the place and its duplicates of the same kind: a map may draw one twice, in two languages.
 
-    Duplicates share a name, and the centre of one is within the other.
+    Duplicates share a name, and the centre of one is within the outline of the other.
     """
     names = {fold(name) for name in (area.name, *area.other_names)}
     return [
@@ -869,7 +872,7 @@ def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
 
 
 def file_stem(name: str) -> str:
-    """Return a file's name without the endings of maps: a converted map has another ending than its file."""
+    """Return a file's name without the endings of maps; a converted map has a different ending from its file."""
     return _FILE_ENDINGS.sub("", name)
 
 
@@ -879,7 +882,7 @@ def without_frame(part: str) -> str:
 
 
 def _words_of_file_name(stem: str) -> frozenset[str]:
-    """Return the words of a file's name that may be a place: people name extracts after their places."""
+    """Return the words of a file's name that may be a place, since people name extracts after their places."""
     words = {fold(word) for word in re.split(r"[\W_\d]+", stem)}
     return frozenset(word for word in words if len(word) >= _SHORTEST_OF_FILE and word not in _NO_PLACES)
 
@@ -892,7 +895,7 @@ def _area_text(area: PlaceArea) -> str:
 
 
 def _is_whole(area: PlaceArea, facts: MapFacts) -> bool:
-    """Return whether a place is the whole map rather than a part: its largest one, or one that covers it."""
+    """Return whether a place is the whole map rather than a part: the map's largest place, or one that covers it."""
     largest = _same_place(facts.areas[0], facts)
     alone = sum(other.kind == facts.areas[0].kind for other in facts.areas) == len(largest)
     if alone and area in largest and area.kind in SETTLEMENTS:
@@ -918,8 +921,8 @@ def _read_road(
 ) -> _Reading | None:
     """Read the text as a road.
 
-    ``short``: a single distinctive word suffices, as people write the roads of a crossing. ``whole``: the text must be
-    the whole name. ``core``: the text is everything that distinguishes the road from others.
+    ``short``: a single distinctive word suffices, as people write the roads of an intersection. ``whole``: the text
+    must be the whole name. ``core``: the text is everything that distinguishes the road from others.
     """
     roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
@@ -940,8 +943,8 @@ def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
 def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
     """Read the text as several roads or a road near a place; return None if one of them is unknown.
 
-    If one road has exactly its name on the map, another one may be of another kind than in the text (``Colina Drive``
-    for ``Colina Street``): the roads must meet, and the answer states the interpretation.
+    If one road has exactly the name in the text, a second road may be of a different kind (``Colina Drive`` for
+    ``Colina Street``). The roads must then meet, and the answer states the interpretation.
     """
     parts = crossing_parts(text)
     if len(parts) < 2:
@@ -965,7 +968,7 @@ def _read_crossing(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
 
 
 def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as roads that meet, if every part is one; a quarter with the name of a road does not count then.
+    """Read the text as roads that meet, if every part is a road, even if a quarter has the same name.
 
     The town of the map still counts as a place: ``Main Street at Springfield`` has a road and a town.
     """
@@ -984,7 +987,7 @@ def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as a road with that name but of another kind.
+    """Read the text as a road with that name but of a different kind.
 
     A number is not a name: ``5th Street`` is not ``5th Avenue``.
     """
@@ -997,7 +1000,7 @@ def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading | None:
-    """Read the text as a road and a place with nothing between (``I-5 Seattle``, ``上海中山北路``), in either order."""
+    """Read the text as a road and a place side by side (``I-5 Seattle``, ``上海中山北路``), in either order."""
     for head, tail in _splits(text):
         if is_only_a_kind(head) or is_only_a_kind(tail):  # ``Massachusetts Avenue`` is not an avenue in Massachusetts
             continue
@@ -1025,8 +1028,8 @@ def _read_together(text: str, facts: MapFacts, closeness: Closeness) -> _Reading
 def _read_roads_in_a_phrase(text: str, facts: MapFacts) -> _Reading | None:
     """Read the text as two roads of the map in a phrase of any language (``cruce de A con B``, ``A ile B``).
 
-    Both roads need their whole names, with up to three words before them and one between. These words may not look
-    like names: only the first may have a capital letter.
+    The text must have the whole name of each road, with up to three words before the names and one between them. These
+    words may not look like names: only the first may have a capital letter.
     """
     words = text.split()
     if not 3 <= len(words) <= _MOST_WORDS:
@@ -1048,7 +1051,7 @@ def _is_no_name(word: str) -> bool:
 
 
 def _splits(text: str) -> Iterator[tuple[str, str]]:
-    """Yield all splits of a text in two: between words, or between letters in scripts without spaces."""
+    """Yield all ways to split a text in two: between words, or between letters in scripts without spaces."""
     words = text.split()
     if len(words) == 1 and len(text) <= _LONGEST_UNSPACED and re.search(r"[\u3040-\u30ff\u4e00-\u9fff]", text):
         yield from ((text[:index], text[index:]) for index in range(2, len(text) - 1))
@@ -1062,7 +1065,7 @@ def _splits(text: str) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class _RoadIndex:
-    """The roads of a map in their order, by key, by the key of the road that a section belongs to, and by words."""
+    """The roads of a map in the map's order, by key, by the key of the road that a section is part of, and by word."""
 
     order: dict[str, int] = field(default_factory=dict)
     by_key: dict[str, list[str]] = field(default_factory=dict)
@@ -1086,13 +1089,13 @@ def _road_index(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) ->
 
 @lru_cache(maxsize=256)
 def _beginnings(known: tuple[str, ...], several: tuple[tuple[str, ...], ...]) -> tuple[tuple[str, str], ...]:
-    """Return the words of all road names, joined and sorted, each with the road's main name."""
+    """Return the joined words of each road name, sorted, with the road's main name."""
     spellings = _road_index(known, several).spellings
     return tuple(sorted((" ".join(words_of_name(one)), name) for name, every in spellings.items() for one in every))
 
 
 def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
-    """Return roads with names that begin with the words in this order; the last word may be incomplete."""
+    """Return roads with names that begin with the words in the given order; the last word may be incomplete."""
     known, several = (*facts.streets, *facts.refs), facts.road_names
     begun = " ".join(words_of_name(text))
     if not begun or not is_long_enough(text):
@@ -1104,8 +1107,10 @@ def _roads_begun(text: str, facts: MapFacts) -> tuple[str, ...]:
 
 
 def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool = False) -> tuple[str, ...]:
-    """Return roads of that name with their sections; otherwise roads with all its words (``Loop 101`` in ``AZ 101
-    Loop``) or its number (``Route 99``).
+    """Return the roads with a name, including their sections.
+
+    If there are none, return roads with all words of the name (``Loop 101`` in ``AZ 101 Loop``) or its number (``Route
+    99``).
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     keys = road_keys(part)
@@ -1136,12 +1141,12 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 
 
 def _is_spelling(typed: str, name: str) -> bool:
-    """Return True if a name is the typed one, shortens it, or is shortened by it."""
+    """Return True if a name is the typed one, abbreviates it, or is abbreviated by it."""
     return fold(name) == fold(typed) or is_abbreviated(typed, name) or is_abbreviated(name, typed)
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:
-    """Return roads called after a word: their names otherwise contain only their kind and a direction."""
+    """Return roads named after a word: their names otherwise contain only the kind of road and a direction."""
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
     asked = {telling for words in road_readings(part) if (telling := distinctive(words))}
     return tuple(
@@ -1170,7 +1175,7 @@ class SeenFile:
 
 
 class SeenFiles:
-    """The files that were read, by path; a file counts as new if it has changed, or another version read it."""
+    """The files that were read, by path; a file counts as new if it has changed or another program version read it."""
 
     def __init__(self, database: Database) -> None:
         self._database = database

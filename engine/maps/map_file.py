@@ -1,6 +1,7 @@
 """Reads the files that scenarios are generated from: OpenStreetMap extracts, SUMO networks, lanelet networks.
 
-Most scenarios of one call come from one map. A process therefore keeps the last map it read, and the sites found on it.
+Most scenarios of one call come from one map. A process therefore keeps the last map that it read, with the sites found
+on that map.
 """
 
 from collections.abc import Callable, Iterable
@@ -40,7 +41,7 @@ def site_finder(osm: OsmMap, classes: Iterable[str] = ()) -> SiteFinder:
 
 @cache
 def _last_map() -> "LastMap":
-    """Return the process's store: a worker does one thing at a time."""
+    """Return this process's store; a worker does one thing at a time."""
     return LastMap()
 
 
@@ -52,7 +53,7 @@ class LastMap:
         self._finders: dict[frozenset[str], SiteFinder] = {}
 
     def get(self, path: Path) -> OsmMap:
-        """Return the map in the file; read it only if it is another one or has changed.
+        """Return the map in the file; read it only if it is not the last one or has changed.
 
         Raises:
             UnsafeInput: the file is hostile, broken or not a map, or has no road for vehicles.

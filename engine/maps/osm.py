@@ -1,8 +1,8 @@
 """Reads OpenStreetMap extracts into plain values: nodes, roads, and data that helps to name and judge a place.
 
-XML (.osm) is read element by element. The binary format (.osm.pbf) is first written as XML, as far as roads, their
-names and surroundings need it. Positions are in degrees (WGS 84), distances in m on the ground (equirectangular, good
-for the size of an extract).
+XML (.osm) is read element by element. The binary format (.osm.pbf) is first written as XML, limited to the roads, their
+names and their surroundings. Positions are in degrees (WGS 84), distances in m on the ground (equirectangular, good for
+the size of an extract).
 
 The result is consistent: every node of a way exists, ids are unique, no way crosses the antimeridian, and every tag is
 short and on one line. A file with invalid numbers is rejected.
@@ -131,9 +131,9 @@ class OsmMap:
 def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
     """Scan and read an extract; leave out references to nodes that it does not contain.
 
-    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. Of nodes or ways with one
-    id, the last counts. A way over the antimeridian is split there. The document is read element by element: of a
-    million nodes, only the values stay in memory.
+    Nodes without a position, or beyond ``SOUTHMOST_DEG`` and ``NORTHMOST_DEG``, are left out. Of nodes or ways with the
+    same id, the last one counts. A way over the antimeridian is split there. The document is read element by element,
+    so that only plain values stay in memory.
 
     Raises:
         UnsafeInput: the file is hostile, broken, too large, not OpenStreetMap XML, or has no road.
@@ -169,7 +169,7 @@ def read_osm(path: Path, limits: XmlLimits = LIMITS) -> OsmMap:
 
 
 def _read(path: Path) -> tuple[OsmMap, int]:
-    """Return the extract, and how many of its nodes were left out because they are too close to a pole."""
+    """Return the extract, and the number of nodes that were left out because they are too close to a pole."""
     nodes: dict[int, OsmNode] = {}
     ways: dict[int, OsmWay] = {}
     relations: list[OsmRelation] = []
@@ -203,14 +203,14 @@ def _read(path: Path) -> tuple[OsmMap, int]:
 
 
 def _names_a_place(way: OsmWay) -> bool:
-    """Return whether a way outlines a place: one corner in the extract gives its location."""
+    """Return whether a way outlines a place; a single corner in the extract gives its location."""
     return bool(way.node_ids) and "place" in way.tags and not way.road_class
 
 
 def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) -> list[OsmWay]:
     """Split ways at the antimeridian; further parts of a way have new ids.
 
-    Longitudes jump there by 360 degrees: measuring, cutting or drawing the way would lead around the world.
+    Longitudes jump by 360 degrees there, so measuring, cutting or drawing the way would lead around the world.
     """
     new_ids = count(max((way.way_id for way in ways), default=0) + 1)
     parted: list[OsmWay] = []
@@ -228,7 +228,7 @@ def _parted_at_antimeridian(ways: list[OsmWay], nodes: Mapping[int, OsmNode]) ->
 
 
 def _forget(element: Any) -> None:
-    """Free what has been read: the element's content, and all elements before it."""
+    """Free the memory of what has been read: the element's content, and all elements before it."""
     element.clear()
     while element.getprevious() is not None:
         del element.getparent()[0]
@@ -281,7 +281,7 @@ def _around(nodes: Collection[OsmNode]) -> tuple[float, float, float, float]:
 
 
 def _fits(declared: tuple[float, float, float, float], nodes: Collection[OsmNode]) -> bool:
-    """Return whether a declared box is not far larger than the file's content: some tools declare the whole world."""
+    """Return whether a declared box is plausible for the file's content; some tools declare the whole world."""
 
     def longer_side(south: float, west: float, north: float, east: float) -> float:
         return max(north - south, east - west)
@@ -330,7 +330,7 @@ def _bounds(element: Any) -> tuple[float, float, float, float]:
 
 
 def _own_attribution(root: Any) -> str:
-    """Return the attribution of a map that PlannerForge drew; other files are always OpenStreetMap's."""
+    """Return the attribution of a map that PlannerForge drew; all other files are OpenStreetMap's."""
     return one_line(str(root.get("attribution", ""))) if root.get("generator") == "PlannerForge" else ""
 
 

@@ -1,4 +1,4 @@
-"""OSM's road classes (``highway`` values) and their groups, after the paper's generation intent."""
+"""OSM's road classes (``highway`` values) and their groups, which follow the paper's generation intent."""
 
 from collections.abc import Iterable
 
@@ -16,10 +16,10 @@ GROUPS = {"roads": ROADS, "link": LINKS, "all": (*ROADS, *LINKS)}
 
 
 def resolve_road_classes(words: Iterable[str]) -> tuple[str, ...]:
-    """Return the ``highway`` values that groups (roads, link, all) and values stand for, each once.
+    """Return the ``highway`` values that groups (roads, link, all) and single values refer to, each once.
 
     Raises:
-        UnknownName: a word is neither.
+        UnknownName: a word is neither a group nor a value.
     """
     values: dict[str, None] = {}
     for word in words:

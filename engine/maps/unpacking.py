@@ -29,8 +29,9 @@ _PACKED = (".gz", ".bz2")
 class MapFormat:
     """A format of maps: its file names, and how to recognise its content.
 
-    ``ending``: of the name of a stored map, in lower case. ``endings``: of file names that count as maps; packed files
-    have the same ones before their own. ``root``: the root element of its XML; empty if the ending alone decides.
+    ``ending``: the ending of a stored map's name, in lower case. ``endings``: the endings of file names that count as
+    maps; packed files have one of these before their own ending. ``root``: the root element of its XML; empty if the
+    ending alone decides.
     """
 
     ending: str
@@ -115,9 +116,9 @@ def _opener(path: Path) -> Callable[[Path], IO[bytes]] | None:
 
 
 def root_element(path: Path) -> str | None:
-    """Return the local name of a file's root element, packed or not, if a map format has it; else None.
+    """Return the local name of a file's root element if a map format has it, else None; unpacks the file.
 
-    ``osm``, ``net``, ``OpenDRIVE``, ``commonRoad``.
+    Such names are ``osm``, ``net``, ``OpenDRIVE`` and ``commonRoad``.
     """
     try:
         root = _root_of(path)
@@ -137,7 +138,7 @@ def _root_of(path: Path) -> str | None:
 
 
 def _begin_of_root(text: str) -> int:
-    """Return the index at which the root element begins: after declarations and comments."""
+    """Return the index at which the root element begins, after declarations and comments."""
     at = 0
     while True:
         at += len(text[at:]) - len(text[at:].lstrip())
@@ -186,12 +187,12 @@ def _is_pbf(path: Path) -> bool:
 
 
 def is_large(path: Path) -> bool:
-    """Return whether a file is a binary extract so large that it is read into tiles at once."""
+    """Return whether a file is so large a binary extract that it is read into tiles immediately."""
     return is_binary(path) and path.stat().st_size > LARGE_BINARY_BYTES
 
 
 def stored_name(path: Path) -> str:
-    """Return the name for storing a map, unpacked: ``map`` with the ending of its kind."""
+    """Return the name for storing an unpacked map: ``map`` with the ending of its format."""
     name = path.name.lower()
     plain = name.removesuffix(path.suffix.lower()) if path.suffix.lower() in _PACKED else name
     kept = (one.ending for one in MAP_FORMATS if plain.endswith((*one.endings, one.ending)))
@@ -199,7 +200,7 @@ def stored_name(path: Path) -> str:
 
 
 def foreign_format(path: Path) -> ForeignFormat | None:
-    """Return the format of an unpacked map that needs conversion before it can be read, or None.
+    """Return the format of an unpacked map if it needs conversion before it can be read, otherwise None.
 
     A Lanelet2 map has the ending of OpenStreetMap's extracts: the content decides.
     """
@@ -212,7 +213,7 @@ def foreign_format(path: Path) -> ForeignFormat | None:
 
 
 def _holds_lanelets(path: Path) -> bool:
-    """Return whether an OpenStreetMap XML file contains lanelets: no file of streets has a tag with that value."""
+    """Return whether an OpenStreetMap XML file contains lanelets; no file of streets has a tag with that value."""
     rest = b""
     with path.open("rb") as stream:
         while chunk := stream.read(CHUNK_BYTES):

@@ -1,7 +1,7 @@
 """Draws left and right bounds for all lanes of a SUMO net: shared between neighbours, continuous from lane to lane.
 
-A SUMO lane is a centre line and a width; a lanelet has two bounds. If bounds are drawn at half the width from the
-centre line, they fold in tight curves, and those of consecutive lanes do not meet. Parallel lanes of an edge are
+A SUMO lane has a centre line and a width; a lanelet has two bounds. If bounds are drawn at half the width from the
+centre line, they fold in tight curves, and the bounds of consecutive lanes do not meet. Parallel lanes of an edge are
 therefore drawn together. Lanes inside junctions are drawn onto the ends of the lanes before and after them. A lane that
 still crosses itself is drawn again, each time more mildly, until it encloses a simple polygon.
 
@@ -30,10 +30,10 @@ _LEAST_AREA_M2 = 0.01
 
 @dataclass
 class LaneBounds:
-    """A lane while its bounds are drawn, which changes them.
+    """A lane whose bounds are being drawn and may still change.
 
-    ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound; ``oncoming`` is one of the
-    other direction that does. ``is_folded``: every drawing of it crosses itself or leads backwards.
+    ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound; ``oncoming`` is a neighbour of
+    the other direction that shares a bound. ``is_folded``: every drawing of it crosses itself or leads backwards.
     """
 
     lane: NetLane
@@ -46,7 +46,7 @@ class LaneBounds:
     is_folded: bool = False
 
     def part(self) -> None:
-        """Remove the neighbours: they no longer share a bound."""
+        """Remove the neighbours, which no longer share a bound."""
         if self.on_left is not None:
             self.on_left.on_right = None
         if self.on_right is not None:
@@ -63,7 +63,7 @@ class LaneBounds:
 
 
 def draw_lane_bounds(net: SumoNet, graph: LaneGraph) -> tuple[dict[str, LaneBounds], tuple[str, ...]]:
-    """Return the bounds of all lanes of the graph by lane id, and the internal lanes without bounds (hairpins).
+    """Return the bounds of the graph's lanes by lane id, and the internal lanes without bounds (hairpins).
 
     Bounds that lead against their own direction or enclose no area do not count.
     """
@@ -100,7 +100,7 @@ def _leads_forward(bounds: LaneBounds) -> bool:
 
 
 def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:
-    """Return the lanes of an edge in order of their index, in groups that are parallel over their whole length."""
+    """Return the lanes of an edge in order of index, in groups that are parallel over their whole length."""
     groups: list[list[NetLane]] = []
     for lane in lanes:
         if groups and lane.index == groups[-1][-1].index + 1 and _parallel(groups[-1][-1], lane):
@@ -111,14 +111,14 @@ def _parallel_groups(lanes: list[NetLane]) -> list[list[NetLane]]:
 
 
 def _parallel(lane: NetLane, other: NetLane) -> bool:
-    """Return whether the centre lines are half of both widths apart, to about a third (chosen) of a width."""
+    """Return whether two centre lines are half the sum of their widths apart, to within a third of a width."""
     distance = np.linalg.norm(resample(lane.shape, 9) - resample(other.shape, 9), axis=1)
     width = (lane.width_m + other.width_m) / 2
     return bool(np.max(np.abs(distance - width)) < 0.35 * width + 0.1)
 
 
 def _draw_group(group: list[NetLane]) -> dict[str, LaneBounds]:
-    """Draw bounds of parallel lanes, given from right to left, with vertices at the same shares of their length."""
+    """Draw the bounds of parallel lanes, given from right to left, with vertices at equal shares of their length."""
     shares = _common_shares(group)
     drawn = []
     for lane in group:
@@ -169,7 +169,7 @@ def _stitch(bounds: LaneBounds, drawn: dict[str, LaneBounds], graph: LaneGraph) 
 
 
 def _meet(before: LaneBounds, after: LaneBounds) -> None:
-    """Move the ends of two consecutive internal lanes to their common middle."""
+    """Move the adjoining ends of two consecutive internal lanes to their common middle."""
     left, right = (before.left[-1] + after.left[0]) / 2, (before.right[-1] + after.right[0]) / 2
     before.left[-1], before.right[-1] = left, right
     after.left[0], after.right[0] = left, right
@@ -202,7 +202,7 @@ def _close_joint(key: str, bounds: LaneBounds, drawn: dict[str, LaneBounds], gra
 
 
 def _repair(bounds: LaneBounds) -> bool:
-    """Redraw bounds that cross themselves; return whether they then enclose a simple polygon."""
+    """Redraw bounds that cross themselves; return whether the new bounds enclose a simple polygon."""
     lines = repaired(bounds.center, bounds.left, bounds.right)
     if lines is None:
         return False
@@ -242,7 +242,7 @@ _NEAREST_VERTICES_M = 0.05
 
 
 def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
-    """Return arc lengths of all vertices, with steps of at most the maximum (chosen), and at least three of them."""
+    """Return at least three arc lengths, those of all vertices and more where steps would exceed the maximum."""
     vertices = np.unique(np.round(arc_length(points), 4))
     total = float(vertices[-1])
     stations = [0.0]
@@ -259,7 +259,7 @@ def stations_along(points: Points, maximum_step_m: float = 4.0) -> Values:
 
 
 def _normals(points: Points) -> Points:
-    """Return left normals at the vertices, up to doubled in curves so that an offset keeps its distance."""
+    """Return left normals at the vertices, up to doubled in curves so that offset lines keep their distance."""
     step = np.diff(points, axis=0)
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)
     normal = np.stack([-step[:, 1], step[:, 0]], axis=1)
@@ -279,7 +279,7 @@ def offset(points: Points, distance_m: float) -> Points:
 
 
 def _unfolded(center: Points, bound: Points, rounds: int = 50) -> Points:
-    """Return the bound with every run of vertices that goes backward along the centre line pulled together."""
+    """Return the bound with each run of vertices that leads backwards along the centre line pulled together."""
     bound = bound.copy()
     along = np.diff(center, axis=0)
     for _ in range(rounds):
@@ -292,7 +292,7 @@ def _unfolded(center: Points, bound: Points, rounds: int = 50) -> Points:
 
 
 def _draw_together(center: Points, bound: Points, first: int, last: int) -> None:
-    """Pull the vertices from the first to the last close together, in the direction of the centre line there."""
+    """Pull the vertices from the first to the last close together, in the local direction of the centre line."""
     count, direction = last - first + 1, unit(center[last] - center[first])
     if first == 0 and last == len(bound) - 1:
         middle = bound.mean(axis=0)
@@ -308,7 +308,7 @@ def _draw_together(center: Points, bound: Points, first: int, last: int) -> None
 
 
 def is_valid(left: Points, right: Points) -> bool:
-    """Return whether the bounds enclose a simple polygon, even after rounding as in a file, which may close a gap."""
+    """Return whether the bounds enclose a simple polygon, even after a file's rounding, which may close a gap."""
     from shapely.geometry import Polygon
 
     polygon = Polygon(np.round(np.concatenate([left, right[::-1]]), ROAD_DECIMALS))
@@ -326,10 +326,10 @@ def repaired(center: Points, left: Points, right: Points) -> tuple[Points, Point
 
 
 def _redrawings(center: Points, left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
-    """Yield bounds with the same ends, those most similar to the given ones first.
+    """Yield bounds with the same ends, most similar to the given bounds first.
 
-    These are narrower bounds at self-crossings; curves between the ends with less and less tension; straight lines;
-    bounds closer to the centre line.
+    The order is: narrower bounds at self-crossings, curves between the ends with less and less tension, straight lines,
+    and bounds closer to the centre line.
     """
     yield from _narrowings(left, right)
     count = len(center)
@@ -355,7 +355,7 @@ def _curve(bound: Points, start_direction: Points, end_direction: Points, tensio
 
 
 def _narrowings(left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
-    """Yield the bounds, step by step closer together where one crosses itself."""
+    """Yield the bounds, step by step closer together where a bound crosses itself."""
     middle = (left + right) / 2
     for _ in range(8):
         width = np.ones(len(left))
@@ -370,7 +370,7 @@ def _narrowings(left: Points, right: Points) -> Iterator[tuple[Points, Points]]:
 
 
 def _self_crossings(line: Points) -> list[tuple[int, int]]:
-    """Return pairs of indices of segments that cross."""
+    """Return the pairs of indices of segments that cross each other."""
     crossings: list[tuple[int, int]] = []
     for first in range(len(line) - 3):
         step = line[first + 1] - line[first]

@@ -1,7 +1,7 @@
-"""Builds a road network of lanelets from a SUMO net, with one geometry for both, signs, lights and intersections.
+"""Builds a road network of lanelets from a SUMO net, with the same geometry, and with signs, lights and intersections.
 
 Each SUMO lane becomes a lanelet, including those inside junctions. Connections too tight for a lanelet (hairpins) are
-left out, and ``remove_hairpins`` also removes them from the net, so that both stay the same.
+left out, and ``remove_hairpins`` also removes them from the net, so that the net and the lanelets agree.
 """
 
 from collections import defaultdict
@@ -126,7 +126,7 @@ _DIRECTIONS |= {"left straight": "leftStraight", "right straight": "straightRigh
 
 
 def _speed_signs(net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int) -> tuple[SpeedSign, ...]:
-    """Return one sign for every normal edge, with its lanes' limit in m/s, at the right of its beginning."""
+    """Return one sign for every normal edge, with its lanes' limit in m/s, on the right at its beginning."""
     signs: list[SpeedSign] = []
     for edge in net.edges.values():
         adjoining = [by_lane[key] for key in edge.lane_ids if key in by_lane]
@@ -141,9 +141,9 @@ def _speed_signs(net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int) -
 def _traffic_lights(
     net: SumoNet, by_lane: dict[str, RoadLanelet], first_id: int, *, step_s: float, elapsed_s: float
 ) -> tuple[TrafficLight, ...]:
-    """Return a light for every lane and each group of directions with the same switching.
+    """Return a light for each lane and each group of directions that switch together.
 
-    CommonRoad's state at step k is SUMO's at ``elapsed_s + k · step_s`` (one step off at a change of phase).
+    CommonRoad's state at step k is SUMO's at ``elapsed_s + k · step_s`` (up to one step off at a change of phase).
     """
     links: dict[tuple[str, str], list[tuple[int, str]]] = {}
     for connection in net.connections:
@@ -166,7 +166,7 @@ def _traffic_lights(
 
 
 def _cycle(program: SignalProgram, link: int, step_s: float) -> tuple[tuple[int, str], ...]:
-    """Return the colours that a link shows in sequence, each with its time steps."""
+    """Return the sequence of colours of a link, each with its number of time steps."""
     phases = [
         (max(round(duration_s / step_s), 1), _COLOURS.get(state[link], "inactive"))
         for duration_s, state in program.phases
@@ -229,7 +229,7 @@ def remove_hairpins(net_path: Path, scratch: Path) -> tuple[int, tuple[str, ...]
 
 
 def _owners(net: SumoNet, dropped_lanes: Iterable[str]) -> list[tuple[str, str, int, int]]:
-    """Return the connections between normal edges with dropped internal lanes, in order."""
+    """Return the connections between normal edges that use dropped internal lanes, in order."""
     following = {c.from_lane: c.via for c in net.connections if c.from_edge.startswith(":") and c.via is not None}
     owner: dict[str, Connection] = {}
     for connection in net.connections:

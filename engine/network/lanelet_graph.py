@@ -1,9 +1,9 @@
 """Searches directed graphs, and provides the graph of a lanelet network.
 
-The searches are our own rather than networkx's or scipy's. Of several equally cheap routes, they take the one with the
-lower node ids, whatever the order in the file. networkx takes the first one it finds, and scipy's csgraph does not
-specify which. On straight roads, where an early lane change costs as much as a late one, routes would then vary, and
-with them everything computed along them.
+The searches are our own rather than networkx's or scipy's: of several equally cheap routes, they take the one with the
+lower node ids, whatever the order in the file. networkx takes the first route that it finds, and scipy's csgraph does
+not specify which one it takes. On straight roads, an early lane change costs as much as a late one, so routes would
+vary, and so would everything computed along them.
 """
 
 import heapq
@@ -64,7 +64,7 @@ class Digraph(Generic[_Node]):
         return dict(self._by_steps(starts, {}))
 
     def _by_cost(self, starts: Mapping[_Node, float], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, float]]:
-        """Yield nodes with their costs, cheapest first; of equal ones, the lower id first (Dijkstra)."""
+        """Yield nodes with their costs, cheapest first; at equal cost, the lower id comes first (Dijkstra)."""
         best = dict(starts)
         queue = [(cost, node) for node, cost in best.items()]
         heapq.heapify(queue)
@@ -126,7 +126,7 @@ class LaneletGraph:
         )
 
     def shortest_route(self, starts: Iterable[int], goals: Iterable[int]) -> tuple[int, ...] | None:
-        """Return the route, if any, with the least length and lane changes from a start to a goal, both included."""
+        """Return the cheapest route by length and lane changes, including its start and goal, or None."""
         return Digraph(self._steps_from).cheapest_route(starts, goals)
 
     def reachable(self, starts: Iterable[int]) -> dict[int, int]:
@@ -134,7 +134,7 @@ class LaneletGraph:
         return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
     def beside(self, starts: Iterable[int]) -> frozenset[int]:
-        """Return the lanelets that lane changes alone reach, including the starts."""
+        """Return the lanelets that can be reached by lane changes alone, including the starts."""
         changes = Digraph(lambda key: ((other, LANE_CHANGE_COST_M) for other in self.neighbours.get(key, ())))
         return frozenset(changes.reachable(starts))
 

@@ -1,8 +1,8 @@
 """Converts a lanelet network to a SUMO net for traffic generation, and to the plain values of a generated site.
 
 The lanelets keep their shape and ids: the net is built over them (``sumo_export``), so that vehicles follow their
-centre lines. The net adds what traffic generation needs: kinds of roads, lanes for some vehicles only, a location on
-earth, and lights in the file's state at step 0.
+centre lines. The net adds what traffic generation needs: kinds of roads, lanes that only some vehicles may use, a
+location on earth, and lights in the file's state at step 0.
 """
 
 from collections.abc import Mapping
@@ -81,7 +81,7 @@ def net_over_lanelets(
 
 
 def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
-    """Return a net with lights that, after some simulated time, are as they were at its beginning."""
+    """Return a net whose lights, after some simulated time, are in their initial states."""
     root = etree.fromstring(net)
     for logic in root.iterfind("tlLogic"):
         logic.set("offset", f"{elapsed_s:g}")
@@ -89,7 +89,7 @@ def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
 
 
 def _places(layout: NetLayout) -> dict[int, tuple[str, str]]:
-    """Map lanelets to edge and lane of the net; inside junctions, to those of the first path through."""
+    """Map lanelets to edge and lane of the net; inside junctions, to those of the first path that uses them."""
     inside = {key: layout.internal_edge_of_path[paths[0]] for key, paths in layout.paths_through.items()}
     places = {key: (edge, f"{edge}_0") for key, edge in inside.items()}
     places |= {key: (edge, f"{edge}_{index}") for key, (edge, index) in layout.lane_of.items()}
@@ -121,7 +121,7 @@ def _plain(lanelet: "Lanelet", place: tuple[str, str], speed_mps: float, known: 
 
 
 def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tuple[TrafficLight, ...]:
-    """Return the file's lights at driven lanelets, without their cycles: the file's own are kept."""
+    """Return the file's lights at lanelets for vehicles, without cycles, since the file's own cycles are kept."""
     standing = {
         int(light): key
         for key, lanelet in sorted((int(one.lanelet_id), one) for one in network.lanelets)
@@ -134,7 +134,7 @@ def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tup
 
 
 def _completed(text: str, layout: NetLayout, lanelets: "Mapping[int, Lanelet]", ground: GeoReference) -> bytes:
-    """Return the net with its location on earth, the kinds of its roads, and lanes for some vehicles only."""
+    """Return the net with its location, the kinds of its roads, and lanes that only some vehicles may use."""
     root = etree.fromstring(text.encode())
     location = root.find("location")
     if location is not None:

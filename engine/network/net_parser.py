@@ -73,7 +73,7 @@ class NetEdge:
 class Connection:
     """A connection from lane to lane over a junction, along the internal lane ``via``.
 
-    ``direction`` is SUMO's letter; ``link`` is its index in the states of the traffic light ``signal``.
+    ``direction`` is SUMO's letter; ``link`` is the connection's index in the states of the traffic light ``signal``.
     """
 
     from_edge: str
@@ -256,7 +256,7 @@ _TINY_JOINT_M = 1.0
 
 @dataclass
 class LaneGraph:
-    """Lanes that vehicles may use, with their successors and predecessors (sorted ids)."""
+    """The lanes that vehicles may use, with their successors and predecessors (sorted ids)."""
 
     lanes: dict[str, NetLane]
     successors: dict[str, list[str]] = field(default_factory=dict)
@@ -270,7 +270,7 @@ class LaneGraph:
                 linked.sort()
 
     def contract(self, lane_id: str) -> None:
-        """Remove a lane, and link those before it to those after it."""
+        """Remove a lane, and link the lanes before it to the lanes after it."""
         before, after = list(self.predecessors[lane_id]), list(self.successors[lane_id])
         self.drop([lane_id])
         for entry, following in product(before, after):
@@ -322,7 +322,7 @@ def lost_connections(net: SumoNet, graph: LaneGraph) -> tuple[Connection, ...]:
 
 
 def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) -> bool:
-    """Return whether a connection leads from road to road over long enough lanes that some vehicle may use."""
+    """Return whether a connection joins two roads over sufficiently long lanes that some vehicle may use."""
     ends = [net.lanes.get(key) for key in (link.from_lane, link.to_lane)]
     if link.from_edge.startswith(":") or not all(lane is not None and _is_drawable(lane) for lane in ends):
         return False
@@ -335,7 +335,7 @@ def _is_drivable(link: Connection, net: SumoNet, via: Mapping[str, str | None]) 
 
 
 def _leads(link: Connection, net: SumoNet, graph: LaneGraph) -> bool:
-    """Return whether the graph leads from a connection's first lane to its last over lanes inside junctions alone."""
+    """Return whether the graph leads from a connection's first lane to its last only over lanes in junctions."""
     waiting, seen = [link.from_lane], set[str]()
     while waiting:
         for key in graph.successors.get(waiting.pop(), ()):

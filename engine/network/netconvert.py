@@ -3,9 +3,9 @@
 The program is native code on foreign input: it gets only scanned files, and runs without a shell and with a time limit.
 Its output is deleted first, so that an old file never counts as a result.
 
-If a junction is small or joined from several, netconvert replaces its own curve by a straight line, or by one that ends
-across the next road. Vehicles and lanelets follow these lines. Every run of netconvert is therefore followed by
-``smooth_junction_lanes``, in the net.
+If a junction is small or joined from several, netconvert replaces its own curve with a straight line, or with a line
+that ends across the next road. Vehicles and lanelets follow these lines. Every run of netconvert is therefore followed
+by ``smooth_junction_lanes``, in the net.
 """
 
 import math
@@ -83,8 +83,8 @@ def convert_osm(
         net: the file to write.
         lefthand: whether traffic keeps left.
         drivable_service_roads: open service roads (delivery only by SUMO's default) to all vehicles.
-        join_junctions: join nearby junctions to one.
-        tight_corners: round the corners of junctions by 1.5 m instead of 4 m, which preserves more of small rings.
+        join_junctions: join nearby junctions into one.
+        tight_corners: round the corners of junctions with 1.5 m instead of 4 m, which preserves more of small rings.
         pavements: build tagged pavements, crossings where they meet at a junction and where nodes mark them, and cycle
             lanes.
 
@@ -111,9 +111,9 @@ def convert_osm(
 
 
 def _remove_double_crossings(net: Path) -> tuple[str, ...]:
-    """Remove crossings between the same corners as another from a net, in place; return netconvert's warnings.
+    """Remove duplicate crossings between two corners from a net, in place; return netconvert's warnings.
 
-    If a node marks a crossing in the middle of a road, netconvert builds one on either side of it.
+    If a node marks a crossing in the middle of a road, netconvert builds a crossing on each side of the node.
     """
     root, joined = etree.Element("connections"), set()
     for crossing in read_walk_net(net).crossings.values():
@@ -144,7 +144,7 @@ def remove_edges(net: Path, edges: Iterable[str], scratch: Path) -> tuple[str, .
 
 
 def _patched(net: Path, document: etree._Element, scratch: Path, kind: str = "connection") -> tuple[str, ...]:
-    """Change a net, in place, by a document of connections or edges; return netconvert's warnings."""
+    """Change a net, in place, with a document of connections or edges; return netconvert's warnings."""
     patch = scratch / f"removed.{kind[:3]}.xml"
     patch.write_bytes(etree.tostring(document))
     options = ["--sumo-net-file", str(net), f"--{kind}-files", str(patch), "--offset.disable-normalization", "true"]
@@ -157,11 +157,11 @@ def run_netconvert(options: Sequence[str], net: Path) -> tuple[str, ...]:
     """Run netconvert with options for good geometry inside junctions, and smooth the lanes there.
 
     Returns:
-        Its warnings in order, each on one line: they repeat names of the map.
+        Its warnings in order, each on one line, since they repeat names from the map.
 
     Raises:
-        NotPossible: it ended with an error.
-        WorkerTimeout: it ran longer than the limit.
+        NotPossible: netconvert ended with an error.
+        WorkerTimeout: netconvert ran longer than the limit.
     """
     import sumo
 
@@ -213,7 +213,7 @@ _DECIMALS = 3
 
 
 def smooth_junction_lanes(net_path: Path) -> int:
-    """Redraw lanes over a junction, in place, if they meet their roads at a corner or have a hook.
+    """Redraw lanes over a junction, in place, if they have a hook or a corner where they meet their roads.
 
     Vertices at which lanes of roads fold back are removed first.
 
@@ -250,7 +250,7 @@ def _unfold(lane: etree._Element) -> bool:
 
 
 def without_folds(line: Points) -> Points:
-    """Return the line without the inner vertices at which it turns back (by more than 100°)."""
+    """Return the line without the inner vertices at which it turns back by more than 100°."""
     while len(line) > 2:
         turns = np.abs(np.diff(headings(line)))
         sharpest = int(np.argmax(turns))
@@ -261,7 +261,7 @@ def without_folds(line: Points) -> Points:
 
 
 def smoothest_curve(ahead: Points, path: Points, onward: Points) -> Points | None:
-    """Return the curve of least curvature between a path's ends that leaves and arrives in the given directions.
+    """Return the curve with the smallest peak curvature between a path's ends and with the given end directions.
 
     The result is None if the path has neither a corner at its ends nor a hook, or if no curve is smoother.
     """
@@ -307,7 +307,7 @@ def _largest_curvatures(curves: NDArray[np.float64]) -> Values:
 
 
 def _junction_routes(root: etree._Element) -> Iterator[tuple[str, list[str], str]]:
-    """Yield the lanes of every connection between two roads: before the junction, inside it in order, and after it."""
+    """Yield the lanes of every connection between two roads: before, inside (in order) and after the junction."""
     connections = list(root.iterfind("connection"))
     following = {f"{link.get('from')}_{link.get('fromLane')}": link.get("via") for link in connections}
     for link in connections:
@@ -341,7 +341,7 @@ _SLOWEST_MPS = 2.0
 
 
 def stated_frictions(net_path: Path) -> frozenset[float | None]:
-    """Return the friction coefficients of a net's lanes, with None among them if a lane has none."""
+    """Return the friction coefficients of a net's lanes, with None for lanes that have none."""
     lanes = etree.parse(net_path).getroot().iterfind("edge[@from]/lane")
     return frozenset(None if (text := lane.get("friction")) is None else float(text) for lane in lanes)
 
@@ -350,7 +350,7 @@ def cap_speeds(net_path: Path, friction: float | None = None) -> int:
     """Lower the speed limit of every lane of a net, in place, to √(a / κ) for its sharpest curve.
 
     SUMO slows down for turns inside junctions only, never in the curves of a road: a quarter of its cars would exceed
-    the friction circle there. On a road with a given friction, drivers use at most half of what tyres hold. Comments
+    the friction circle there. On a road with a stated friction, drivers use at most half of the tyres' grip. Comments
     (netconvert's date and paths) are left out of the file.
 
     Returns:

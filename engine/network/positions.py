@@ -1,4 +1,4 @@
-"""Parses words, fractions and metres for a position along a lanelet, as users write them."""
+"""Parses a position along a lanelet that a user gives as a word, a fraction or metres."""
 
 from ...schemas.errors import InvalidRequest, instead, misspelt
 from ...schemas.grammar import parse_quantity

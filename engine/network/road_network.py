@@ -75,7 +75,7 @@ class SpeedSign:
 
 @dataclass(frozen=True)
 class TrafficLight:
-    """A light at the end of one lanelet: cycle as (steps, colour), and the steps of it elapsed at time 0."""
+    """A light at the end of one lanelet: its cycle as (steps, colour), and the steps elapsed at time 0."""
 
     light_id: int
     lanelet_id: int
@@ -87,7 +87,7 @@ class TrafficLight:
 
 @dataclass(frozen=True)
 class Incoming:
-    """One arm of an intersection: the lanelets that lead in, and the following ones by direction."""
+    """One arm of an intersection: the lanelets that lead in, and the lanelets after them by direction."""
 
     incoming_id: int
     lanelet_ids: tuple[int, ...]
@@ -123,9 +123,9 @@ class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
     ``lost_connections``: the net's connections from lane to lane without a route over the lanelets. ``folded_edges``:
-    roads between junctions with lanelets that cross themselves in every drawing. ``largest_id``: the largest id of all
-    elements in the network's source file, or 0 without one. ``walkways`` are separate from the lanelets, which are for
-    vehicles.
+    roads between junctions whose lanelets cross themselves however they are drawn. ``largest_id``: the largest id of
+    all elements in the network's source file, or 0 if there is no such file. ``walkways`` are separate from the
+    lanelets, which are for vehicles.
     """
 
     lanelets: dict[int, RoadLanelet]
@@ -187,7 +187,7 @@ class LaneletLookup:
     def under(self, position: Points, heading_rad: float) -> RoadLanelet | None:
         """Return the lanelet at a point (2,) with the direction closest to the heading.
 
-        The result is None off the road, and if the heading is across every lanelet there.
+        The result is None if the point is off the road, or if the heading is across every lanelet under it.
         """
         from shapely import Point
 
@@ -200,7 +200,7 @@ class LaneletLookup:
 
 
 def _heading_at(line: Points, position: Points) -> float:
-    """Return the heading of the line's segment with the midpoint closest to the position."""
+    """Return the heading of the line's segment whose midpoint is closest to the position."""
     middle = (line[:-1] + line[1:]) / 2
     index = int(np.argmin(np.linalg.norm(middle - position, axis=1)))
     step = line[index + 1] - line[index]

@@ -1,8 +1,8 @@
 """Reads the footways of a SUMO net: pavements along roads, the corners where they meet, and crossings.
 
-netconvert adds a pavement to a road as its outermost lane, joins pavements at a junction by *walking areas* (corners),
-and leads *crossings* from corner to corner. The model of vehicles and lanelets leaves them out (:mod:`net_parser`).
-This module reads them, draws them as separate lanelets, and gives them right of way.
+netconvert adds a pavement to a road as its outermost lane, joins pavements at a junction with *walking areas*
+(corners), and leads *crossings* from corner to corner. The model of vehicles and lanelets leaves them out
+(:mod:`net_parser`). This module reads them, draws them as separate lanelets, and gives them right of way.
 """
 
 from collections.abc import Iterable, Mapping
@@ -27,7 +27,7 @@ _SHORTEST_M = 0.5
 
 @dataclass(frozen=True)
 class Pavement:
-    """A pavement in the direction of its road: centre line (n, 2) and width in m, and the corners at its ends, if any.
+    """A pavement in the direction of its road: centre line (n, 2), width in m, and the corners at its ends, if any.
 
     ``length_m``: SUMO's length.
     """
@@ -57,9 +57,9 @@ class Crossing:
 
 @dataclass(frozen=True)
 class WalkNet:
-    """Footways: pavements and crossings by their edge, the outline (n, 2) of each corner by its edge.
+    """Footways: pavements, crossings, and the outlines (n, 2) of corners, each by edge.
 
-    ``open_ends``: corners at the end of a road; the walk around that end is on the road.
+    ``open_ends``: corners at the end of a road; pedestrians who walk around that end do so on the road.
     """
 
     pavements: Mapping[str, Pavement]
@@ -119,8 +119,8 @@ def _links(
 ) -> tuple[dict[str, str], dict[str, str], set[str]]:
     """Return the start and end corners of pavements and crossings, and the crossings with lights.
 
-    netconvert writes connections from a corner to a crossing and on to the next corner, and of pavements those from and
-    to both ends: along the road, a pavement leads from the corner that connects *to* it.
+    netconvert writes connections from a corner to a crossing and on to the next corner, and for a pavement those from
+    and to its two ends. Along the road, a pavement leads from the corner that connects *to* it.
     """
     begins: dict[str, str] = {}
     ends: dict[str, str] = {}
@@ -141,10 +141,10 @@ def _width_m(lane: etree._Element) -> float:
 
 
 def yield_at_crossings(net_path: Path) -> int:
-    """Give pedestrians right of way at all crossings without lights, in place; return the number of these crossings.
+    """Give pedestrians right of way at crossings without lights, in place; return the number of these crossings.
 
-    netconvert gives vehicles priority at those that it guesses. In the net's right-of-way matrix, every row states by
-    column, counted from the right, the links that it gives way to.
+    netconvert gives vehicles priority at the crossings that it guesses. In the net's right-of-way matrix, each row
+    states the links that its own link gives way to; columns are counted from the right.
     """
     root = etree.parse(net_path).getroot()
     crossings = {f"{edge.get('id')}_0" for edge in root.iterfind("edge[@function='crossing']")}
@@ -168,7 +168,7 @@ def yield_at_crossings(net_path: Path) -> int:
 
 
 def _crossing_rows(lanes: list[str], rows: list[etree._Element], crossings: set[str]) -> list[int]:
-    """Return rows of a junction's matrix that are crossings; empty if rows and lanes do not match."""
+    """Return the rows of a junction's matrix that belong to crossings; empty if rows and lanes do not match."""
     return [index for index, lane in enumerate(lanes) if lane in crossings] if len(lanes) == len(rows) else []
 
 
@@ -213,7 +213,7 @@ _LEAST_AREA_M2 = 0.05
 def _area_bounds(outline: Points) -> tuple[Points, Points] | None:
     """Split the outline of an area into a left and a right bound with the same number of points.
 
-    They begin and end at the two sides of the outline that are farthest apart and do not meet.
+    The bounds begin and end at the two sides of the outline that are farthest apart and do not meet.
     """
     from shapely import Polygon, make_valid
     from shapely.geometry.polygon import orient

@@ -1,16 +1,16 @@
 """Motion planners and the loop that runs them: observe, plan, follow, judge.
 
 ``check_planner``: Returns a planner's breaches of the contract on one task; empty if it keeps the contract.
-``progress_to_goal``: Returns the share of the reference path to the goal that positions cover; None without a goal.
+``progress_to_goal``: Returns the share of the path to the goal that positions cover; None if there is no path.
 ``DebugValues``: Named numbers, texts and polygons that a planner reports together with a plan.
 ``Goal``: The goal region of a planning problem; the ego must meet one of its states.
-``RouteFollower``: Generates motions along the route of a task; the shortest way to your own planner.
+``RouteFollower``: Generates motions along the route of a task; the quickest way to write your own planner.
 ``ReferencePath``: Points of a path about one metre apart, and the lanelets of its route.
-``goal_with_path``: Returns the goal state that an ego drives to and the reference path to it; None without a route.
+``goal_with_path``: Returns the goal state that an ego drives to and the path to it; None if there is no route.
 ``EgoState``: The ego at one time step: centre in m, heading in rad, speed, acceleration and yaw rate.
 ``Observation``: What a planner sees before it plans: the ego and the predicted obstacles.
-``Plan``: The answer of a planner: a trajectory or None, with its costs and the rejected candidates.
-``PlannedTrajectory``: States of the centre, one per step, starting with the present.
+``Plan``: The answer of a planner: a trajectory (or None), its costs, and the numbers of rejected candidates.
+``PlannedTrajectory``: States of the ego's centre, one per step, starting with the present one.
 ``Planner``: The protocol that every planner satisfies.
 ``PlanningTask``: Everything that stays the same during a run.
 ``PLANNERS``: Maps the name of each built-in planner to its factory.
@@ -19,10 +19,10 @@
 ``own_planner``: Returns the user-supplied planner with a name.
 ``planner_version``: Returns a digest of a user-supplied planner's source; empty for built-in planners.
 ``built_in_version``: Returns the version of a built-in planner, derived from its packages.
-``source_that_drives``: Returns only that digest, in any process.
+``source_that_drives``: Returns only the digest of a planner's version, in any process.
 ``Found``: A user-supplied planner and its origin.
 ``check_on``: Describes a user-supplied planner's breaches of the contract on a scenario.
-``PlannerCheck``: The result of that check.
+``PlannerCheck``: The result of ``check_on``.
 ``OwnPlanner``: The target of an entry point of the group ``plannerforge.planners``: the class and its declaration.
 ``PlannerHere``: A planner that is an object of this process.
 ``planners_here``: Registers objects of this process as planners while a block runs.
@@ -32,7 +32,7 @@
 ``make_planner``: Creates a planner by its name.
 ``run_planner``: An operation that runs a planner on one planning problem of a CommonRoad file.
 ``simulate``: Runs a planner on a planning problem until the judge ends the run.
-``steering_of``: Returns the steering angle in rad at every state, the mean of the turns before and after it.
+``steering_of``: Returns the steering angle in rad at every state, the mean of those for the turns before and after it.
 ``write_solution``: An operation that writes a run's trajectory as a CommonRoad solution file.
 ``Predictor``: A function that predicts one track.
 ``predictor``: Returns the function that predicts one track on a network, by the name of a prediction.
@@ -42,13 +42,13 @@
 ``RssDriver``: The driver of Responsibility-Sensitive Safety.
 ``FullBraking``: A driver that brakes fully at once.
 ``KeepLane``: A driver that keeps its lane and speed.
-``ReferenceDriver``: The protocol of these drivers.
+``ReferenceDriver``: The protocol of reference drivers.
 ``brakes_of``: Returns how hard a vehicle class brakes, and how fast its deceleration builds up.
-``DriverScene``: A reference driver in the ego's place, among others that move as recorded.
+``DriverScene``: A reference driver in the ego's place, among road users that move as recorded.
 ``DriverPath``: A path along which a reference driver drives.
 ``NominalMotion``: The ego's motion until its reference driver reacts.
-``lane_line``: Returns the line along the ego's lane and route, from the start of a planning problem.
-``going_on``: Returns a track extended to a later step, straight ahead, still braking if it braked.
+``lane_line``: Returns the line along the ego's lane and route, starting at the initial state of a planning problem.
+``going_on``: Returns a track extended to a later step: straight ahead, and still braking if the road user was braking.
 """
 
 from typing import TYPE_CHECKING

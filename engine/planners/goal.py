@@ -43,7 +43,7 @@ Timing = Literal["early", "in_time", "late"]
 
 @dataclass(frozen=True)
 class _GoalStatus:
-    """The relation of an ego state to a goal state: in its area, all conditions but the time met, and its time."""
+    """The relation of an ego state to a goal state: in its area, meets all conditions but the time, and in its time."""
 
     position: bool
     all_but_time: bool
@@ -57,7 +57,7 @@ class _GoalStatus:
 
 @dataclass(frozen=True)
 class _GoalState:
-    """One goal state: first and last step, area, headings in rad and speeds in m/s; None allows any value."""
+    """One goal state: the first and last steps, area, headings in rad and speeds in m/s; None allows any value."""
 
     first: int
     last: int
@@ -117,7 +117,7 @@ class Goal:
         return any(state.holds(point) for state in self.states)
 
     def distance_m(self, positions: Points) -> float:
-        """Return the smallest distance in m between positions (n, 2) and the area of any goal state; 0 inside it."""
+        """Return the distance in m from positions (n, 2) to the nearest area of a goal state; 0 inside an area."""
         import shapely
 
         points = shapely.points(positions)
@@ -137,7 +137,7 @@ class Goal:
         return np.array([chosen.x, chosen.y])
 
     def stations_on(self, path: Points, from_m: float = 0.0) -> tuple[float, float] | None:
-        """Return the first and last arc length in m of a path's first passage through the goal's area, or None.
+        """Return the first and last arc lengths in m of a path's first passage through the goal's area, or None.
 
         A path that comes back, for example in a roundabout, may pass the area again. For each goal state, only the
         first passage that does not end before ``from_m`` counts. Gaps shorter than ``PASSED_M`` do not end a passage.
@@ -204,9 +204,9 @@ def _angle_within(angle_rad: float, low: float, high: float) -> bool:
 def out_of_reach(goal: Goal, ego: EgoState, vehicle: VehicleParameters, step_s: float) -> str | None:
     """Return one sentence on why no goal state can be reached in its time, or None if one may be reachable.
 
-    This is a bound that no vehicle can beat: straight from the ego's centre to the goal's area, as far as
-    :func:`farthest_m` allows until the goal's last step, with a speed within ``v₀ ± at``. A goal that passes may still
-    be unreachable.
+    This is a bound that no vehicle can beat: the straight distance from the ego's centre to the goal's area must be at
+    most :func:`farthest_m` until the goal's last step, and the speed must be within ``v₀ ± at``. A goal that meets this
+    bound may still be unreachable.
     """
     obstacles = [_obstacle(state, ego, vehicle, step_s) for state in goal.states]
     return None if None in obstacles else obstacles[0]
@@ -222,7 +222,7 @@ def path_to(
         region: The same goal as CommonRoad's goal region.
         network: The lanelets.
         ego: The state in which the path begins.
-        ahead_m: The least length of the route if the goal has no position.
+        ahead_m: The minimum length of the route if the goal has no position.
         beyond_m: The length of the straight extension beyond the end of the route.
 
     Raises:
@@ -289,8 +289,7 @@ def _obstacle(state: _GoalState, ego: EgoState, vehicle: VehicleParameters, step
 def select_goal_state(
     network: "LaneletNetwork", region: "GoalRegion", ego: EgoState, vehicle: VehicleParameters, step_s: float
 ) -> "GoalRegion":
-    """Return the region of one goal state, with its own position, time window and speed; the whole if all are
-    unreachable.
+    """Return the region of one goal state, with its own conditions, or the whole if all states are unreachable.
 
     Among the states that a route leads to in their time, it selects the one that needs the smallest change of speed.
     The change leads to a mean speed that brings the ego into the area within the window, and to the goal's speed
@@ -384,7 +383,7 @@ def progress_to_goal(
 def goal_with_path(
     scenario: "Scenario", problem: "PlanningProblem", vehicle: VehicleParameters
 ) -> tuple[Goal, ReferencePath] | None:
-    """Return the goal state that an ego drives to and its route's reference path, or None without a route."""
+    """Return the goal state that an ego drives to and its route's reference path, or None if there is no route."""
     if not problem.goal.state_list:
         return None
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network

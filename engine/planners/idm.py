@@ -8,8 +8,8 @@ Treiber, Helbing 2010), which never brakes harder than b. Before a curve it also
 
 Lateral: ``route_follower.py``.
 
-It has no cost terms, neither overtakes nor evades, and ignores the edge of the road. Stations are arc lengths in m, by
-default those of the rear axle's path.
+The planner has no cost terms, does not overtake or evade, and ignores the edge of the road. Stations are arc lengths in
+m, by default those of the rear axle's path.
 """
 
 import math
@@ -60,7 +60,7 @@ class _OnPath:
     in_corridor: NDArray[np.bool_]
 
     def leader_at(self, index: int, look_ahead: int) -> tuple[float, float] | None:
-        """Return rear end and speed at its first step in the corridor from ``index`` to ``look_ahead`` steps later."""
+        """Return its rear end and speed at its first step in the corridor, at most ``look_ahead`` steps ahead."""
         later = np.flatnonzero(self.in_corridor[index : index + look_ahead + 1])
         if not len(later):
             return None
@@ -156,7 +156,7 @@ class IntelligentDriver:
         return float(a * (wanted / max(gap_m, _SMALLEST_GAP_M)) ** 2)
 
     def _before_curve(self, speed: float, following: float) -> float:
-        """Return the acceleration to the speed that the curves allow at the following station.
+        """Return the acceleration that leads to the speed that the curves allow at the next station.
 
         The ego brakes at most comfortably for a comfortable speed, and as hard as necessary if its tyres would slip.
         """
@@ -167,15 +167,13 @@ class IntelligentDriver:
         return min(max(comfortable, -self._weights["deceleration_mps2"]), slipping)
 
     def _grip_mps2(self, speed: float, station: float) -> float:
-        """Return the longitudinal acceleration that the curve leaves of the tyres' friction."""
+        """Return the longitudinal acceleration that the tyres' friction still allows in the curve."""
         curvature = float(np.interp(station, self._path.stations_m, self._curvature))
         whole = _GRIP * self._task.vehicle.maximum_acceleration_mps2
         return math.sqrt(max(whole**2 - (speed**2 * curvature) ** 2, 0.0))
 
     def _allowed(self, station: float) -> float:
-        """Return the speed from which the comfortable deceleration reaches the goal's speed at the start of
-        the goal.
-        """
+        """Return the speed from which comfortable braking reaches the goal's speed at the start of the goal."""
         if self._goal_m is None or self._goal.speed_mps is None:
             return math.inf
         left = max(self._goal_m[0] - station, 0.0)

@@ -43,9 +43,7 @@ class EgoState:
 
     @classmethod
     def of(cls, state: Any) -> "EgoState":
-        """Return the ego in a planning problem's initial state; intervals count by their middle, missing
-        values as 0.
-        """
+        """Return the ego in an initial state; intervals count as their middles, missing values as 0."""
         position = state.position.center if hasattr(state.position, "center") else state.position
         return cls(
             step=int(_middle(state.time_step)),
@@ -66,7 +64,7 @@ def _middle(value: Any) -> float:
 
 @dataclass(frozen=True)
 class PredictedObstacle:
-    """The present (index 0) and future of another road user, one entry per step: centres (n, 2), headings (n,).
+    """A road user's present (index 0) and predicted future, one entry per step: centres (n, 2), headings (n,).
 
     ``covariance`` of the centre in m²: (2, 2), or (n, 2, 2) with one matrix per step if it changes. ``length_m`` and
     ``width_m`` include the prediction's safety margin; ``observed_size_m`` is length and width without it. ``kind``:
@@ -110,7 +108,7 @@ class PlanningTask:
 
     @property
     def goal_ahead(self) -> "GoalRegion":
-        """The goal to drive to: one goal state, if the problem has several."""
+        """The goal to drive to: a single goal state if the problem has several."""
         return self.aim or self.problem.goal
 
 
@@ -163,7 +161,7 @@ class PlannedTrajectory:
 
 @dataclass(frozen=True)
 class DebugValues:
-    """Values that a planner reports for a planning step in addition to its plan, under names of its own choice.
+    """Values that a planner reports for a planning step in addition to its plan, under names of its choice.
 
     ``polygons``: outlines of shape (n, 2) in m. The values are stored with the run up to the bounds of
     ``schemas/runs.py``, shown in the player and exported; they never affect the run.

@@ -35,7 +35,7 @@ class Verdict:
 
 
 class Judge:
-    """Judges every driven state by the road, the others, the goal and the time limit."""
+    """Judges every driven state against the road, the other road users, the goal and the time limit."""
 
     def __init__(self, task: PlanningTask, traffic: Traffic, initial: EgoState) -> None:
         self._goal = goal = Goal(task.problem.goal)
@@ -116,7 +116,7 @@ class Judge:
         return self._beyond_goal(ego) if self._goal.has_position else self._too_late_anywhere(ego)
 
     def _too_late_anywhere(self, ego: EgoState) -> Verdict | None:
-        """Return the verdict on a goal without a position if its conditions were not met by its last step."""
+        """Return the verdict on a goal that has no position, if its conditions were not met by its last step."""
         if ego.step <= self._goal.last_step:
             return None
         over_s = self._since_start_s(self._goal.last_step)
@@ -124,7 +124,7 @@ class Judge:
         return Verdict("goal_missed", reason)
 
     def _beyond_goal(self, ego: EgoState) -> Verdict | None:
-        """Return the verdict if the ego has left a goal with a position behind, or passes it when its time is over."""
+        """Return the verdict if the ego has passed a goal with a position, or is beyond it when its time is over."""
         if self._goal_end_m is None:
             return None
         beyond_m = self._beyond_m(ego)
@@ -169,7 +169,7 @@ class Judge:
         return "goal_late" if "late" in self._stays else "goal_early"
 
     def _beyond_m(self, ego: EgoState) -> float:
-        """Return how far the ego is beyond the end of the goal along the reference path, in m."""
+        """Return the distance in m of the ego beyond the end of the goal, along the reference path."""
         return self._follower.place(ego.position)[0] - float(self._goal_end_m or 0.0)
 
     def _since_start_s(self, step: int) -> float:

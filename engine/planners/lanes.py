@@ -62,7 +62,7 @@ class LaneCenters:
         self._tree = cKDTree(points)
 
     def offsets(self, points: Points) -> Values:
-        """Return the distance in m of each point, shape (n, 2), to the centre line under it; 5 m without a lanelet."""
+        """Return each point's distance in m to the centre line under it, for points (n, 2); 5 m off all lanelets."""
         _, nearest = self._tree.query(points)
         away = points - self._points[nearest]
         along = self._directions[nearest]
@@ -131,7 +131,7 @@ class LaneCorridors:
         self._headings = np.arctan2(self._all.directions[:, 1], self._all.directions[:, 0])
 
     def under(self, position: Points, heading_rad: float) -> tuple[int, ...]:
-        """Return the lanelets under a position with directions within 60° of the heading, nearest centre line first."""
+        """Return the lanelets under a position with directions within 60° of the heading, by centre-line distance."""
         away, along = position - self._all.points, self._all.directions
         across = np.abs(along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0])
         ahead = np.abs((along * away).sum(axis=1))
@@ -212,7 +212,7 @@ class Road:
 
 
 def build_road(network: "LaneletNetwork", reference: ReferencePath, *, beyond_m: float = BEYOND_GOAL_M) -> Road:
-    """Return the road along a reference path that extends ``beyond_m`` metres behind its goal.
+    """Return the road along a reference path that extends ``beyond_m`` metres beyond its goal.
 
     At the end of the network, the road is assumed to continue straight, like the reference path: the end of a map is
     not the end of the road.
@@ -249,7 +249,7 @@ def _goes_on(left: Points, right: Points, before: Points, last: Points) -> bool:
 
 
 def _strip(left: Points, right: Points, pair: Points, length_m: float) -> "Polygon":
-    """Return the straight continuation of a lanelet's end edge in the direction of the pair of points."""
+    """Return the straight continuation of a lanelet's end edge in the direction given by a pair of points."""
     import shapely
 
     direction = pair[1] - pair[0]

@@ -1,4 +1,4 @@
-"""Predicts the future motion of the others, which a planner observes.
+"""Predicts the motion of the other road users that a planner observes.
 
 A prediction is a function of one track, from its state at an index over a number of steps. Lengths in m, headings in
 rad.
@@ -63,7 +63,7 @@ def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
 
 
 def off_the_lanes(predict: Predictor) -> tuple[int, ...]:
-    """Return the obstacles that a lane prediction predicted straight ahead, ascending; empty for other predictions."""
+    """Return the ids of obstacles that a lane prediction continued straight ahead; empty for other predictions."""
     return tuple(sorted(predict.off_the_lanes)) if isinstance(predict, LanePrediction) else ()
 
 
@@ -73,8 +73,8 @@ def observe(
     """Return all obstacles within 80 m of the ego, with their predicted motion over ``steps`` steps.
 
     As in the reference, an estimated future leaves out followers straight behind (a cone of 20°, farther than 6 m),
-    since the ego need not flee from followers that would react. With the recording as the known future they stay, since
-    recorded followers do not react.
+    since the ego need not flee from followers that would react. If the recording is the known future, these followers
+    are kept, since recorded followers do not react.
     """
     seen = []
     blind = predict is not ground_truth
@@ -145,9 +145,7 @@ class _LanePath:
     offset_m: float
 
     def at(self, stations_m: Values, offsets_m: Values) -> tuple[Points, Values]:
-        """Return points (n, 2) and headings (n,) at stations and offsets; beyond the end of the road the line is
-        straight.
-        """
+        """Return points (n, 2) and headings (n,) at stations and offsets; beyond its end the line is straight."""
         line = self.line
         middles = (line.stations_m[:-1] + line.stations_m[1:]) / 2
         heading = np.interp(stations_m, middles, line.headings_rad)
@@ -214,7 +212,7 @@ class LanePrediction:
 
 
 def ground_truth(track: Track, index: int, steps: int, step_s: float) -> PredictedObstacle:
-    """Return the recorded future, which ends with the recording."""
+    """Return the recorded future; it ends where the recording ends."""
     del step_s
     future = slice(index, index + steps + 1)
     return _predicted(track, track.positions[future], track.headings_rad[future], float(track.speeds_mps[index]))
@@ -226,9 +224,7 @@ def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
 
 
 def follows(position: Points, ego: EgoState) -> bool:
-    """Return True if a position is straight behind the ego, where :func:`observe` leaves others out of an estimated
-    future.
-    """
+    """Return True if a position is straight behind the ego, where :func:`observe` may leave others out."""
     offset = position - ego.position
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
     return float(np.hypot(*offset)) > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2

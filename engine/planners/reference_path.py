@@ -1,7 +1,7 @@
 """The reference path: the centre lines of a route as one smooth line.
 
-It starts before the ego and ends far beyond the goal. Lengths in m, arc lengths ("stations") from the start of the
-path, headings in rad.
+The path starts before the ego and ends far beyond the goal. Lengths in m, arc lengths ("stations") from the start of
+the path, headings in rad.
 
 ``blended_start`` creates a path that starts in the ego's pose, for starts from which no candidate reaches the route's
 centre line: an ego may start oblique to its lane, or so fast before a tight turn that steering takes too long. Every
@@ -84,9 +84,7 @@ class ReferencePath:
         return ends
 
     def way_m(self, first_m: float, last_m: float) -> float:
-        """Return the length in m along the centre lines between two stations, negative if the second is before the
-        first.
-        """
+        """Return the length in m along the centre lines between two stations; negative if the second is first."""
         if self.center_m is None:
             return last_m - first_m
         first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)
@@ -211,7 +209,7 @@ def _cut(line: Points, first_share: float, last_share: float) -> Points:
 
 
 def _join(line: Points, following: Points, change_m: float) -> Points:
-    """Join two neighbouring lines by a cubic Hermite curve that takes half of the lane change from each."""
+    """Join two neighbouring lines with a cubic Hermite curve that takes half of the lane change from each."""
     before, after = arc_length(line), arc_length(following)
     leave = max(before[-1] - change_m / 2, before[-1] * 0.25)
     arrive = min(change_m / 2, after[-1] * 0.75)
@@ -223,16 +221,14 @@ def _join(line: Points, following: Points, change_m: float) -> Points:
 
 
 def _curve(start: Points, start_direction: Points, end: Points, end_direction: Points) -> Points:
-    """Return points (n, 2) between two points, on a cubic that leaves and arrives in unit directions (2,), without its
-    ends.
-    """
+    """Return the inner points (n, 2) of a cubic between two points with given unit directions (2,)."""
     distance = float(np.linalg.norm(end - start))
     shares = np.linspace(0.0, 1.0, max(int(distance / _SPACING_M), 2) + 1)[1:-1]
     return hermite(start, start_direction, end, end_direction, shares)
 
 
 def _shift(line: Points, position: Points, through: Points, change_m: float) -> Points:
-    """Shift a line sideways through a point; the shift starts at the ego and ends behind the point."""
+    """Shift a line sideways through a point; the shift starts at the ego and ends beyond the point."""
     stations = arc_length(line)
     target, offset = project(line, through)
     begin = max(project(line, position)[0], target - change_m)

@@ -1,4 +1,4 @@
-"""Looks up planners and traffic by name, and imports heavy modules (numpy, the C++ core) only when it creates one.
+"""Looks up planners and traffic by name, and imports heavy modules (numpy, C++ cores) only to create them.
 
 User-supplied planners (``external``) are available together with the built-in ones; their code is imported on use.
 
@@ -169,7 +169,7 @@ def built_in_version(name: str, versions: Mapping[str, str]) -> PlannerVersion:
 
 
 def version_that_drives(name: str) -> PlannerVersion:
-    """Return the version of the planner that currently has a name; only workers call this, since it imports the class.
+    """Return the version of the planner that currently has a name; only for workers, since it imports the class.
 
     Raises:
         UnknownName: No such planner.
@@ -201,7 +201,7 @@ def _built_in_here(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Return True if a planner uses predictions of others: all built-in ones, and others that declare it."""
+    """Return True if a planner uses predictions: all built-in planners do, and others that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True

@@ -5,7 +5,7 @@ single-track model a vehicle's heading is the direction of its rear axle's motio
 with a continuous curvature. If the centre moved along the path with the path's heading, the rear axle would slide
 sideways in curves. Stations are arc lengths in m of the rear axle's path.
 
-:class:`RouteFollower` is also the shortest way to your own planner: ``trajectory`` needs only a speed.
+:class:`RouteFollower` is also the quickest way to write your own planner: ``trajectory`` needs only a speed.
 """
 
 import math
@@ -174,7 +174,7 @@ class RoutePlace:
 
 
 class RouteFollower:
-    """Generates motions along the route of a planning task, one for each step of a run.
+    """Generates motions along the route of a planning task, one motion for each step of a run.
 
     ``path``: the line that the rear axle follows if the ego has no offset from its route.
     """
@@ -194,7 +194,7 @@ class RouteFollower:
         deceleration_mps2: float = 4.0,
         horizon_s: float = HORIZON_S,
     ) -> PlannedTrajectory | None:
-        """Return a motion along the route that changes to a speed and then keeps it, or None if the ego heads back.
+        """Return a motion along the route that changes to a speed and keeps it, or None if the ego heads back.
 
         The steering rate stays within the vehicle's limit. A speed at which the tyres would slip in a curve is not
         reduced; the loop then refuses the plan.
@@ -222,7 +222,7 @@ class RouteFollower:
         return follow(driven.trajectory, ego, self._task.vehicle, step_s).trajectory
 
     def place_of(self, ego: EgoState) -> RoutePlace | None:
-        """Return the position of the ego's rear axle on the latest kept motion, or else on a new curve to the route.
+        """Return the rear axle's position on the latest kept motion, or otherwise on a new curve to the route.
 
         Returns None if the ego heads back along its route.
         """

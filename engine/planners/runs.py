@@ -159,7 +159,7 @@ class _Start:
 
 
 def _start_at(problem: "PlanningProblem", moment: RunMoment) -> "PlanningProblem":
-    """Return the planning problem with another initial state and the same goal time."""
+    """Return the planning problem with a new initial state and the same goal time."""
     from commonroad.planning.planning_problem import PlanningProblem
     from commonroad.scenario.state import InitialState
 
@@ -243,7 +243,7 @@ def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> 
 
 
 def _largest(values: Values) -> float:
-    """Return the largest of some values; 0 without any, or if it is only a rounding error."""
+    """Return the largest value; 0 if there are no values or the largest is only a rounding error."""
     largest = float(max(values, default=0.0))
     return largest if abs(largest) >= _ROUNDING else 0.0
 
@@ -263,7 +263,7 @@ def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
 
 
 def run_steps(driven: DrivenRun) -> RunSteps:
-    """Return the driven states; a term or constraint that is missing from a planning step counts as 0 there."""
+    """Return the driven states; a term or constraint that is missing from a planning step counts as 0."""
     states = driven.states
     terms = sorted({name for plan in driven.plans for name in plan.costs})
     constraints = sorted({name for counts in driven.rejections for name in counts})
@@ -366,14 +366,14 @@ def _difference(here: RunSteps, stored: RunSteps) -> str | None:
 
 @dataclass
 class _RecordingPlanner:
-    """A planner that records its planning steps, by step."""
+    """Wraps a planner and records its planning steps, by step."""
 
     planner: Planner
     step_s: float
     plans: dict[int, ShownPlan] = field(default_factory=dict)
 
     def reset(self, task: PlanningTask) -> None:
-        """Start anew, as the planner does."""
+        """Prepare for a new run, as the planner does."""
         self.plans.clear()
         self.planner.reset(task)
 

@@ -63,9 +63,7 @@ class DrivenRun:
 
     @property
     def steering_rad(self) -> Values | None:
-        """The steering angles (n,) of a vehicle that follows its plans; None if the planned states are
-        taken as driven.
-        """
+        """The steering angles (n,) of a vehicle that follows its plans; None if planned states count as driven."""
         known = [state.steering_rad for state in self.states[1:]]
         if not known or None in known:
             return None
@@ -186,9 +184,7 @@ class _Loop:
                     return
 
     def drive_blended(self, task: PlanningTask, stuck: DrivenRun) -> DrivenRun:
-        """Return the run on the first blended path on which the planner can start, or the original run if there is
-        none.
-        """
+        """Return the run on the first blended path from which the planner can start, else the original run."""
         ego = stuck.states[0]
         rear = rear_axle(ego.position, ego.heading_rad, task.vehicle)
         for over_m in BLENDED_OVER_M:

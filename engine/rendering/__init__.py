@@ -3,14 +3,14 @@
 ``render``: An operation that draws a picture, an animation or a chart into a folder.
 ``write_report``: An operation that writes sections as one HTML page.
 ``write_view``: An operation that writes the data of a view for its page.
-``empty_page``: Returns the page of a kind of view without data, for a host that supplies them.
+``empty_page``: Returns the page of a kind of view without data, for a host that supplies the data.
 ``filled_page``: Returns the page with its data, for a browser.
-``analysis_section``: Returns a section of findings with the runs behind them.
-``batch_section``: Returns a section of the runs of a batch, with outcome, reason and figures of each.
+``analysis_section``: Returns a section on findings, with the runs that they are based on.
+``batch_section``: Returns a section on the runs of a batch, with the outcome, reason and figures of each.
 ``overview_section``: Returns a section on the tests, the results, their causes and the next step.
 ``rules_section``: Returns a section on the traffic rules that the runs of a batch broke.
 ``run_section``: Returns a section on one run.
-``comparison_section``: Returns a section of verdicts, tests and flips.
+``comparison_section``: Returns a section on verdicts, tests and flips.
 ``report_image``: Returns a drawn picture with its caption.
 ``scenario_section``: Returns a section on the content of a scenario, and how it was created.
 """

@@ -1,7 +1,7 @@
-"""An animated GIF of a scenario, with the ego of a run if there is one, slower around its decisive moment.
+"""An animated GIF of a scenario, with the ego if there is a run; it slows down around the decisive moment.
 
-It comes with a strip of its moments as PNG for viewers that show no motion; most models see only a GIF's first frame.
-The background is drawn once; every frame restores it and draws only what moves.
+A PNG strip of its moments comes with the GIF, for viewers that show no motion; most models see only a GIF's first
+frame. The background is drawn once; every frame restores it and draws only what moves.
 """
 
 import dataclasses
@@ -51,7 +51,7 @@ class Moment:
 
 @dataclasses.dataclass(frozen=True)
 class _Pace:
-    """The steps that become frames, and those shown in slow motion."""
+    """The steps that become frames, and the steps shown in slow motion."""
 
     steps: tuple[int, ...]
     step_s: float
@@ -77,8 +77,7 @@ class _Pace:
 def animate(
     view: ScenarioView, folder: Path, report: ProgressReporter, moment: Moment | None = None
 ) -> tuple[RenderedImage, RenderedImage]:
-    """Draw a scenario or its runs from the first to the last step: as a GIF in real time, and as a strip of its
-    moments.
+    """Draw a scenario or its runs from the first to the last step, as a GIF in real time and as a strip.
 
     Around the given moment the GIF is four times slower, and the frames say so; the strip includes that moment.
     """
@@ -106,9 +105,7 @@ def animate(
 
 
 def _strip_places(steps: Sequence[int], moment: Moment | None) -> list[int]:
-    """Return the frames of a strip, evenly spaced in time from first to last, with the nearest one moved to
-    the moment.
-    """
+    """Return the frames of a strip, evenly spaced in time; the frame nearest to the moment is moved to it."""
     times = np.linspace(steps[0], steps[-1], min(_STRIP_FRAMES, len(steps)))
     if moment is not None:
         nearest = int(np.argmin(np.abs(times - moment.step)))
@@ -134,9 +131,7 @@ def _strip(frames: Sequence["Image"]) -> "Image":
 
 
 def _frame_steps(view: ScenarioView, moment: Moment | None) -> list[int]:
-    """Return the time steps of the frames: at most 56, evenly spaced, including the last, and denser around
-    the moment.
-    """
+    """Return the time steps of at most 56 frames, evenly spaced but denser around the moment, with the last step."""
     first = min((path.first_step for path in view.paths), default=view.content.ego_step)
     last = max((path.last_step for path in view.paths), default=view.content.last_step)
     last = max(last, first)
@@ -196,7 +191,7 @@ def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport, pace: 
 
 
 def _write_ids(axes: "Axes", vehicles: Sequence[VehicleShape], viewport: Viewport) -> None:
-    """Write ids above their vehicles; the frames move too fast for a better placement."""
+    """Write ids above their vehicles; the frames change too fast for a better placement."""
     if len(vehicles) > _MOST_LABELLED:
         return
     lift = viewport.height_m * 0.008
@@ -244,7 +239,7 @@ def _speed(path: DrivenPath, step: int, *, alone: bool) -> str:
 
 
 def _write_gif(frames: Sequence["Image"], path: Path, durations_ms: Sequence[int]) -> None:
-    """Write frames with one palette, so that nothing flickers; use fewer colours if the file is too large."""
+    """Write all frames with one palette, so that nothing flickers; use fewer colours if the file is too large."""
     from PIL import Image
 
     for colours in (128, 64, 32):

@@ -76,9 +76,7 @@ def class_colour(obstacle_type: str) -> str:
 
 
 def light_mark(state: str) -> tuple[str, str]:
-    """Return marker and fill colour of a traffic light in a state, which the shape shows too; a light grey dot if
-    inactive.
-    """
+    """Return the marker (whose shape also shows the state) and colour of a traffic light; inactive: a grey dot."""
     return _LIGHT_MARKS.get(state, ("o", _LIGHT_OFF))
 
 
@@ -97,7 +95,7 @@ HATCHES = ("", "//", "..", "xx", "\\\\", "--")
 
 
 def series_style(index: int) -> tuple[str, LineStyle]:
-    """Return colour and dash pattern of the n-th series; they repeat after six."""
+    """Return the colour and dash pattern of the n-th series; they repeat after six."""
     return _SERIES[index % len(_SERIES)]
 
 
@@ -179,7 +177,7 @@ def write_png(figure: "Figure", path: Path) -> tuple[int, int]:
 
 
 def exact_palette(images: Sequence["Image"], colours: int) -> "Image":
-    """Return a palette with the exact colours that have a meaning; the images determine the rest."""
+    """Return a palette with the exact meaningful colours; the images determine the rest."""
     from PIL import Image
 
     height = max(image.height for image in images)

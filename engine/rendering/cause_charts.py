@@ -29,7 +29,7 @@ _MOST_KINDS = 24
 
 
 def causes(runs: RunSet) -> Drawing:
-    """Draw collisions by kind and preventability, and below them success with and without unpreventable ones.
+    """Draw collisions by kind and preventability, and below them success with and without unpreventable collisions.
 
     Raises:
         NotPossible: There is no collision with a known course.

@@ -1,4 +1,4 @@
-"""Charts of runs: their outcomes, their cost terms and their flips; and the table of all charts.
+"""Charts of runs: outcomes, cost terms and flips; and the table of all charts.
 
 Charts of causes and strata are in ``cause_charts.py``, of metrics in ``distributions.py``, of single runs over time in
 ``courses.py``. A chart is a function ``(runs) -> Drawing``. To add one, write the function, add it to ``CHARTS`` and
@@ -52,7 +52,7 @@ _OUTCOME_ORDER: tuple[Outcome, ...] = (
 
 
 def _outcomes(runs: RunSet) -> Drawing:
-    """Draw stacked shares by configuration on the left, and the success rate with its 95 % interval on the right."""
+    """Draw shares of outcomes by configuration on the left, and success rates with 95 % intervals on the right."""
     from matplotlib.patches import Patch
 
     names = short_names(runs.records)
@@ -180,7 +180,7 @@ def _flips(runs: RunSet) -> Drawing:
     """Draw the first two configurations: one row per flipped scenario with both outcomes, flips to success first.
 
     Raises:
-        NotPossible: There are fewer than two configurations, or no common pair.
+        NotPossible: There are fewer than two configurations, or no common problem.
         InvalidRequest: A configuration has the same problem twice.
     """
     names = short_names(runs.records)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LaneletShape:
-    """A lanelet's sides (n, 2), its centre line, and the neighbouring lanelets, in either direction."""
+    """A lanelet's sides (n, 2), its centre line, and its neighbouring lanelets of either direction."""
 
     lanelet_id: int
     left: Points
@@ -45,7 +45,7 @@ class LaneletShape:
 
 @dataclass(frozen=True)
 class _TrafficSignal:
-    """A traffic light: where it stands and the colour of every step of its cycle ("inactive" without one)."""
+    """A traffic light: its position, and its colour at every step of its cycle ("inactive" if it has no cycle)."""
 
     signal_id: int
     position: Points
@@ -71,7 +71,7 @@ class VehicleShape:
 class ScenarioContent:
     """All drawn content of one scenario; ``goals`` are polygons (n, 2), empty if any position counts.
 
-    ``pavements`` and the stripes of ``crossings`` are polygons of paths for pedestrians only.
+    ``pavements`` and ``crossings`` (stripes) are polygons for paths that only pedestrians use.
     """
 
     scenario_id: str
@@ -102,9 +102,7 @@ class ScenarioContent:
         return {key: track.positions[index] for key, track in tracks if (index := track.index_at(step)) is not None}
 
     def places_at(self, step: int) -> dict[int, Points]:
-        """Return the positions of all road users but the ego at a step, including standing obstacles, by id; each a
-        point (2,).
-        """
+        """Return the positions (2,) of all road users but the ego at a step, and of standing obstacles, by id."""
         return {shape.vehicle_id: shape.center for shape in self.vehicles_at(step)}
 
     def vehicles_at(self, step: int) -> list[VehicleShape]:
@@ -254,7 +252,7 @@ def _polygons(shape: Any) -> list[Points]:
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """Centre of the ego (n, 2), headings, speeds (n,), from ``first_step``.
+    """The ego's centres (n, 2), headings and speeds (n,), starting at ``first_step``.
 
     ``name``: the run's name in the picture; ``series``: number of its colour and dash pattern, the same for one
     configuration in all pictures of a request. ``others``: the motion of the obstacles that reacted to the ego, by id.
@@ -275,7 +273,7 @@ class DrivenPath:
         return self.first_step + len(self.positions) - 1
 
     def index_at(self, step: int) -> int:
-        """Return the index for a time step, clamped to the driven steps, so the ego stays where its run ended."""
+        """Return the index for a time step, clamped to the driven steps, so that the ego stays where its run ended."""
         return int(np.clip(step - self.first_step, 0, len(self.positions) - 1))
 
     def position_at(self, step: int) -> Points:
@@ -312,7 +310,7 @@ def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPat
 
 
 def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
-    """Return names of configurations by id, without the planner if all runs have the same one."""
+    """Return names of configurations by id, without the planner if all runs have the same planner."""
     one_planner = len({run.planner for run in runs}) == 1
     return {run.config_id: run.config_name.removeprefix(f"{run.planner}:" if one_planner else "") for run in runs}
 
@@ -335,7 +333,7 @@ class ScenarioView:
         return self.step * self.content.step_s
 
     def ego_colour(self, number: int) -> str:
-        """Return the colour of the ego of the n-th run, which is its path's if there are several."""
+        """Return the colour of the n-th run's ego, which is that of its path if there are several runs."""
         return EGO_COLOUR if len(self.paths) == 1 else series_style(self.paths[number].series)[0]
 
     @property
@@ -351,9 +349,7 @@ class ScenarioView:
         return (records[0].ego_length_m, records[0].ego_width_m) if records else self.content.ego_size_m
 
     def focus(self) -> Points:
-        """Return the point of interest: the chosen road user, otherwise the first run's ego or start, otherwise the
-        map's middle.
-        """
+        """Return the point of interest: the chosen road user, else the first ego or start, else the map's middle."""
         if self.focus_id is not None:
             return self.content.places_at(self.step)[self.focus_id]
         if self.paths:
@@ -404,8 +400,7 @@ class Viewport:
 
     @classmethod
     def of(cls, content: ScenarioContent, paths: Sequence[DrivenPath] = (), step: int | None = None) -> "Viewport":
-        """Return the relevant part: ego, neighbours, driven paths and near end of the goal; otherwise the traffic or
-        the map.
+        """Return the relevant part: ego, neighbours, paths and near end of the goal; else the traffic or the map.
 
         It is at least 80 m wide, at most 260 m in each direction, and no flatter than 3 to 1.
         """
@@ -424,7 +419,7 @@ class Viewport:
 
     @classmethod
     def around(cls, middle: Points, width_m: float, height_m: float) -> "Viewport":
-        """Return the rectangle of a size around a point (2,)."""
+        """Return the rectangle of a given size around a point (2,)."""
         x, y = middle
         return cls(x - width_m / 2, y - height_m / 2, x + width_m / 2, y + height_m / 2)
 
@@ -434,7 +429,7 @@ class Viewport:
         return Viewport.around(self.middle, wider, higher)
 
     def joined(self, other: "Viewport") -> "Viewport":
-        """Return the smallest viewport that contains both, for pictures that are compared."""
+        """Return the smallest viewport that contains this one and another, for pictures that are compared."""
         low = min(self.x_min, other.x_min), min(self.y_min, other.y_min)
         return Viewport(*low, max(self.x_max, other.x_max), max(self.y_max, other.y_max))
 

@@ -1,6 +1,4 @@
-"""Charts of single runs over time: speeds of several runs, the cost terms of one, the timeline of one with
-its moments.
-"""
+"""Charts of runs over time: speeds of several runs, cost terms of one run, timeline of one run with its moments."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -27,8 +25,7 @@ _MOST_PROFILES = 6
 
 
 def profile(runs: RunSet) -> Drawing:
-    """Draw speed and acceleration over time since the start, one line per run (at most six), with its end marked by
-    outcome.
+    """Draw speed and acceleration over time, one line per run (at most six), with marks for the outcomes.
 
     Raises:
         NotPossible: No run has recorded steps.
@@ -86,7 +83,7 @@ _MOST_TERMS = 6
 
 
 def terms(runs: RunSet) -> Drawing:
-    """Draw the weighted cost terms of one run over time: their sums above, their shares below, with marked moments.
+    """Draw the weighted cost terms of one run over time: sums above, shares below, with marked moments.
 
     Raises:
         NotPossible: No run has recorded cost terms.
@@ -144,9 +141,7 @@ def terms(runs: RunSet) -> Drawing:
 
 
 def _stacked(steps: RunSteps) -> tuple[list[str], Values]:
-    """Return the terms by mean, largest first and small ones combined, and their values, shape (terms,
-    planning steps).
-    """
+    """Return the terms by mean, largest first and small ones combined, and their values (terms, steps)."""
     count = min([len(steps.plan_steps), *(len(values) for values in steps.costs.values())])
     series = {name: np.maximum(np.array(values[:count]), 0.0) for name, values in steps.costs.items()}
     order = sorted((name for name in series if series[name].any()), key=lambda name: (-series[name].mean(), name))
@@ -230,7 +225,7 @@ _SHOWN_GAP_M, _SHOWN_TTC_S = 20.0, 6.0
 
 
 def _draw_nearness(axes: "Axes", course: Course, styles: Sequence[tuple[str, object]]) -> None:
-    """Draw the gap to the nearest other on the left axis, and the time to collision with any other on the right one."""
+    """Draw the gap to the nearest road user on the left axis, and the time to collision on the right axis."""
     (gap_colour, _), (time_colour, time_dashes) = styles
     axes.plot(course.time_s, course.gap_m, color=gap_colour, linewidth=2.2)
     axes.set_ylim(0, _SHOWN_GAP_M)
@@ -262,7 +257,7 @@ def _draw_desired_speed(
 
 
 def _draw_place(axes: "Axes", course: Course, series: RunSeries, styles: Sequence[tuple[str, object]]) -> None:
-    """Draw the offset from the reference path on the left axis, and heading error and steering on the right one."""
+    """Draw the offset from the path on the left axis, and heading error and steering on the right axis."""
     (offset_colour, _), (angle_colour, dashes) = styles
     axes.plot(course.time_s, series.lateral_offset_m, color=offset_colour, linewidth=2.2)
     axes.axhline(0, color="#9A9A9A", linewidth=0.9)
@@ -330,7 +325,7 @@ _CLOSE_SHARE = 0.018
 
 
 def _draw_marks(figure: "Figure", panels: Sequence["Axes"], marks: Sequence[_Mark], *, first_px: int) -> None:
-    """Draw a numbered line through all panels for each moment; the bottom of the figure explains the numbers."""
+    """Draw a numbered line through all panels for each moment; a key at the bottom explains the numbers."""
     height = figure.get_figheight() * figure.dpi
     low, high = panels[0].get_xlim()
     last, level = -np.inf, 0

@@ -28,7 +28,7 @@ _Pair = tuple[float, float]
 
 
 def distributions(runs: RunSet) -> Drawing:
-    """Draw a panel per metric: each run a dot, the middle half a box, the median a line, and pairs joined.
+    """Draw a panel per metric: runs are dots, the middle half is a box, the median a line, and pairs are joined.
 
     Raises:
         NotPossible: No valid run has a metric.
@@ -109,7 +109,7 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
 
 
 def _shown_range(values: Values) -> tuple[float, float]:
-    """Return the range of the values without outliers; a range around the value if all are equal."""
+    """Return the range of the values without outliers, or a range around the value if all are equal."""
     first, last = np.percentile(values, [10, 90])
     reach = _FAR * (last - first) or np.inf
     inside = values[(values >= first - reach) & (values <= last + reach)]

@@ -1,4 +1,4 @@
-"""Draws the surroundings of a drawing: its title, and a legend of its content."""
+"""Draws what surrounds a drawing: its title, and a legend of its content."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ def shortened(text: str, length: int) -> str:
 
 @dataclass(frozen=True)
 class Inventory:
-    """The content of a picture; each entry here gets an entry in the legend; ``runs``: label and series."""
+    """The content of a picture, each entry of which gets an entry in the legend; ``runs``: label and series."""
 
     kinds: tuple[str, ...]
     signals: tuple[str, ...]
@@ -49,7 +49,7 @@ class Inventory:
     def of(
         cls, views: Sequence[ScenarioView], viewports: Sequence[Viewport], steps: Sequence[int] | None = None
     ) -> "Inventory":
-        """Return the content of these views at their own step, or at any of ``steps``."""
+        """Return the content of these views at their own step, or at any of ``steps`` if given."""
         kinds, signals = set(), set()
         runs: dict[int, str] = {}
         stop_lines = collision = False
@@ -93,7 +93,7 @@ _LIGHT_WORDS = {"redYellow": "red and yellow", "inactive": "off"}
 
 
 def draw_legend(figure: "Figure", shown: Inventory) -> None:
-    """Draw one legend at the bottom of the figure with only what is present."""
+    """Draw one legend at the bottom of the figure, with entries only for what is present."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

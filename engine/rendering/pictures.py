@@ -24,12 +24,13 @@ _MOST_SCENARIOS, _MOST_PATHS = 2, 4
 
 
 def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
-    """Draw the request into ``request.folder``; ``auto`` means outcomes for runs on several scenarios, otherwise a
-    picture.
+    """Draw the request into ``request.folder``; by default outcomes or a picture.
+
+    ``auto`` means outcomes for runs on several scenarios, otherwise a picture.
 
     Raises:
         NotPossible: The kind needs runs, steps or a second configuration that are missing.
-        InvalidRequest: The time is outside the scenario, or the kind shows no time or road user.
+        InvalidRequest: The time is outside the scenario, or the kind does not show a single time or road user.
     """
     kind = request.kind
     if kind == "auto" and request.study is not None:
@@ -104,7 +105,7 @@ _DECIDING_GAP_M = 5.0
 
 
 def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | None:
-    """Return the first collision of the drawn runs, or a single run's closest encounter if it is near."""
+    """Return the first collision of the drawn runs, or a single run's closest encounter if that is close."""
     hits = [(path, path.record.collision) for path in view.paths]
     collisions = sorted((hit.step, path.name, hit) for path, hit in hits if hit is not None)
     if collisions:
@@ -123,7 +124,7 @@ def _decisive_moment(request: RenderRequest, view: ScenarioView) -> Moment | Non
 
 
 def _views(request: RenderRequest, *, most: int) -> tuple[list[ScenarioView], list[str]]:
-    """Return the scenarios to draw with the runs over them, and notes on what is left out."""
+    """Return the scenarios to draw with their runs, and notes on what is left out."""
     notes = []
     if not request.scenarios:
         raise NotPossible("there is no scenario to draw", next_step="pass a scenario, or a run on one")

@@ -81,7 +81,7 @@ def overview_section(
 
 
 def _configuration_rows(result: AnalyzeResultsResult) -> Iterable[tuple[str, str]]:
-    """Yield the statements on one configuration's runs, or on each of several configurations separately."""
+    """Yield the statements on a configuration's runs, separately for each configuration if there are several."""
     for own in [result] if result.success is not None else result.groups:
         of = f", {own.name}" if isinstance(own, Group) else ""
         if own.trivial is not None:
@@ -135,13 +135,13 @@ def _describe_failures(result: AnalyzeResultsResult) -> str:
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> str:
-    """Return the rate by the paper's rule if it differs."""
+    """Return the rate according to the paper's rule if it differs."""
     rate = result.by_any_motion
     return "" if rate is None else f" By the paper's rule, which accepts any motion: {_reached(rate)}."
 
 
 def _describe_causes(causes: CollisionCauses | None) -> str:
-    """Return who caused the collisions, as far as the reference drivers show."""
+    """Return who caused the collisions, where the reference drivers can tell."""
     if causes is None:
         return "There was no collision with a known course."
     none = len(causes.not_preventable)
@@ -180,7 +180,7 @@ def _describe_attribution(causes: CollisionCauses) -> str:
 
 
 def _describe_next_step(result: AnalyzeResultsResult, names: Mapping[str, str]) -> str:
-    """Return the analysis's next step, and the first changes that findings suggest, tried or not."""
+    """Return the analysis's next step, and the first changes that the findings suggest, tried or not."""
     given = result.answer().next_step
     hints = [one.suggestion for one in result.findings if one.suggestion is not None][:_SHOWN_HINTS]
     parts = [
@@ -219,7 +219,7 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
 
 
 def rules_section(result: AnalyzeResultsResult) -> ReportSection:
-    """Return how many runs broke each traffic rule, by configuration; lists the rules that applied to no run."""
+    """Return how many runs broke each traffic rule, by configuration, with a list of rules that applied to no run."""
     several = len({one.config_id for one in result.rule_shares}) > 1
     applicable = [one for one in result.rule_shares if one.violated.of]
     absent = dict.fromkeys(f"{one.rule} {one.name}" for one in result.rule_shares)
@@ -272,7 +272,7 @@ MEASURED_CAPTION = "Measures of the run; terms are explained at the end"
 
 
 def _measured(measures: Sequence[MeasuredValue]) -> ReportTable:
-    """Return one row per measure: name, value or why it is missing, with which road user, and when."""
+    """Return a row per measure: its name, its value (or why it is missing), the road user and the time."""
 
     def row(one: MeasuredValue) -> tuple[str, ...]:
         known = measure_named(one.name)
@@ -316,7 +316,7 @@ def comparison_section(result: CompareResultsResult) -> ReportSection:
 
 
 def analysis_section(result: AnalyzeResultsResult) -> ReportSection:
-    """Return findings with the runs behind them."""
+    """Return findings with the runs that they are based on."""
     findings, hints = list[str](), list[str]()
     for finding in result.findings:
         else_ = f" Alternative explanation: {finding.alternatives}." if finding.alternatives else ""

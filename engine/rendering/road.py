@@ -1,7 +1,7 @@
 """The road: lanelets, their edges and directions, stop lines, traffic lights and the goal.
 
-The dashes of lane lines are pieces of the road, not a line style: a renderer starts a style's dashes where it clips the
-line, so the same road would look different in two pictures side by side.
+The dashes of lane lines are drawn as pieces of the road, not with a line style. A renderer starts a style's dashes
+where it clips the line, so the same road would look different in two pictures side by side.
 """
 
 import itertools
@@ -61,7 +61,8 @@ def _may_be_seen(lanelet: LaneletShape, viewport: Viewport) -> bool:
 def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> list[Points]:
     """Return short pieces (2, 2) of the edges, without those that run over another lanelet.
 
-    Where lanelets cross or merge, the edge of one is on the surface of another, so it is not an edge of the road.
+    Where lanelets cross or merge, the edge of one lanelet is on the surface of another, so it is not an edge of the
+    road.
     """
     import shapely
 
@@ -76,7 +77,7 @@ def outer_edges(edges: Sequence[Points], lanelets: Sequence[LaneletShape]) -> li
 
 
 def _without_gaps(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Count short gaps between covered pieces as covered, since crossing lanelets just fail to touch there."""
+    """Count short gaps between covered pieces as covered, since crossing lanelets almost touch there."""
     closed = covered.copy()
     for first, second in itertools.pairwise(np.flatnonzero(covered)):
         if second - first <= _LARGEST_GAP_PIECES:

@@ -1,6 +1,4 @@
-"""The chart of a study: a search's candidates with the best so far and the gain of each change, or the weights'
-effects.
-"""
+"""The chart of a search (its candidates, the best so far, the gain of each change) or of a sensitivity analysis."""
 
 from typing import TYPE_CHECKING
 
@@ -17,7 +15,7 @@ _HEIGHT_PX = 480
 
 
 def study_chart(study: StudyRecord) -> Drawing:
-    """Draw candidates in order and the gain of each change of the found configuration, or the effects."""
+    """Draw candidates in order and the gain of each change in the best configuration, or the effects."""
     figure = new_figure(PICTURE_WIDTH_PX, _HEIGHT_PX)
     if study.effects:
         return _effects(figure, study)
@@ -37,8 +35,9 @@ def _score(trial: TrialLine) -> float:
 
 
 def _draw_candidates(axes: "Axes", study: StudyRecord) -> str:
-    """Draw one mark each: complete, stopped early (hollow), or breaking a constraint (cross), and the best so far as a
-    line.
+    """Draw a mark per candidate, and the best so far as a line.
+
+    A mark is hollow if the candidate was stopped early, and a cross if it breaks a constraint.
     """
     colour, given_up = series_style(0)[0], series_style(1)[0]
     best: list[float] = []
@@ -75,7 +74,7 @@ def _draw_changes(axes: "Axes", study: StudyRecord) -> str:
 
 
 def _effects(figure: "Figure", study: StudyRecord) -> Drawing:
-    """Draw the effects with their intervals, the largest on top."""
+    """Draw the effects with their intervals, largest on top."""
     axes = figure.add_axes((0.24, 0.14, 0.72, 0.68))
     rows = list(reversed(study.effects))
     for row, one in enumerate(rows):

@@ -1,7 +1,7 @@
 """A scenario from above at one time, or two side by side.
 
-Two scenarios on one map have the same scale, and the picture covers their differences, so that before and after show
-what was changed.
+Two scenarios on one map have the same scale, and the picture covers their differences, so that a comparison of before
+and after shows what changed.
 """
 
 import functools
@@ -31,7 +31,7 @@ _LARGEST_COMPARED_M = 400.0
 
 
 def draw_picture(views: Sequence[ScenarioView]) -> Drawing:
-    """Draw one or several scenarios side by side; on a shared map they have one scale and show all differences."""
+    """Draw scenarios side by side; on a shared map they have one scale, and all differences are in view."""
     viewports = [_viewport(view) for view in views]
     if _on_one_map(views) and all(view.focus_id is None for view in views):
         viewports = [_widened(functools.reduce(Viewport.joined, viewports), views)] * len(views)
@@ -131,7 +131,7 @@ def _alt_text(view: ScenarioView, counts: VehicleCounts) -> str:
 
 
 def _subtitle(view: ScenarioView, counts: VehicleCounts, *, alone: bool) -> str:
-    """Return time, speed and counts; next to another scenario also the outcomes, which a common legend cannot show."""
+    """Return the time, speed and counts, and in a comparison the outcomes, which a common legend cannot show."""
     speed = ""
     if len(view.paths) == 1:
         path = view.paths[0]
@@ -150,7 +150,7 @@ def _on_one_map(views: Sequence[ScenarioView]) -> bool:
 
 
 def _widened(viewport: Viewport, views: Sequence[ScenarioView]) -> Viewport:
-    """Widen the viewport to goals and vehicles that moved or are in only one view, nearest first."""
+    """Widen the viewport to include goals and vehicles that moved or are in only one view, nearest first."""
     middle = viewport.middle
     points = [point for view in views[1:] for point in _differing(views[0], view)]
     for point in sorted(points, key=lambda point: (float(np.linalg.norm(point - middle)), *point.tolist())):

@@ -36,7 +36,7 @@ def _nose(corners: Points) -> Points:
 
 
 def draw_egos(axes: "Axes", view: ScenarioView, *, start: bool = True) -> list[tuple[str, Points]]:
-    """Draw the egos of all runs, and faded their start; without runs, draw the ego's start.
+    """Draw the egos of all runs with their faded starts, or only the ego's start if there are no runs.
 
     Returns:
         Label and corners (4, 2) of each ego, for placing the labels.
@@ -66,9 +66,7 @@ def _draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded:
 
 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
-    """Draw the driven paths, each with its own colour and dash pattern, later ones thinner so that no path
-    is hidden.
-    """
+    """Draw the driven paths in different colours and dash patterns, later ones thinner so that none is hidden."""
     for number, path in enumerate(paths):
         colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)
@@ -76,7 +74,7 @@ def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
 
 
 def draw_endings(axes: "Axes", paths: Sequence[DrivenPath], step: int) -> None:
-    """Mark the end of runs in a collision up to this step."""
+    """Mark the ends of runs that collided up to this step."""
     style: Any = {"marker": "X", "markersize": 13, "color": "white", "markeredgecolor": INK, "markeredgewidth": 1.6}
     for path in paths:
         hit = path.record.collision
@@ -176,7 +174,7 @@ def _label(key: int, text: str, corners_px: Points) -> Label:
 def place_labels(
     labels: Sequence[Label], occupied: Sequence[Box], frame: Box, character_px: tuple[float, float]
 ) -> tuple[tuple[_PlacedLabel, ...], tuple[int, ...]]:
-    """Place labels greedily in the given order, so the important ones come first.
+    """Place labels greedily in the given order, in which important labels come first.
 
     Returns:
         The placed labels, and the keys of those without a free position.

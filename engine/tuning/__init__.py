@@ -1,7 +1,7 @@
 """Configurations of planners: the available weights and settings, presets, changes, and their files.
 
 ``DEFAULT_CONFIGURATION``: The configuration that applies by default.
-``changed_configuration``: Applies a preset's weights (if given) and changes to a base, with remarks.
+``changed_configuration``: Applies a preset's weights (if given) and changes to a base; returns the result and remarks.
 ``from_file``: Returns the configuration of a weight file, which keeps the file's comments, order and layout.
 ``differences``: Returns the weights and settings in which two configurations of a planner differ, in order.
 ``named_configuration``: Resolves ``PLANNER:PRESET`` or ``PLANNER`` to a configuration; None for other texts.
@@ -15,7 +15,7 @@
 ``values_at``: Returns the values at a point of a search space.
 ``point_of``: Returns the point of a configuration in a search space.
 ``propose``: An operation that returns the next points of a search.
-``judge_gain``: An operation that returns a mean difference over scenarios with its interval.
+``judge_gain``: An operation that returns the mean difference over scenarios, with its interval.
 ``fewest_configurations``: Returns the number of configurations in the smallest design of a sensitivity analysis.
 ``sensitivity_design``: An operation that returns the points of a sensitivity analysis.
 ``sensitivity_effects``: An operation that finds the weights that matter, from the objective at these points.

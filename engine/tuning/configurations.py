@@ -28,7 +28,7 @@ def preset_configuration(planner: str, preset: str | None = None) -> PlannerConf
 
 
 def named_configuration(text: str) -> PlannerConfiguration | None:
-    """Resolve ``PLANNER:PRESET`` or ``PLANNER`` (its Default) to a configuration; None if the text is no such name.
+    """Resolve ``PLANNER:PRESET`` or ``PLANNER`` (its Default) to a configuration; None for any other text.
 
     Raises:
         UnknownName: The form is right, but the planner or preset is unknown.
@@ -48,7 +48,7 @@ def changed_configuration(
 
     Raises:
         UnknownName: A preset, weight or setting does not exist, or belongs to another planner.
-        InvalidRequest: A change is malformed or leads out of the range.
+        InvalidRequest: A change is malformed, or its result is out of range.
     """
     tuning = tuning_of(base.planner)
     start = base
@@ -77,7 +77,7 @@ def changed_configuration(
 def from_file(file: WeightFile) -> PlannerConfiguration:
     """Return the configuration of a weight file, which keeps the file's comments, order and layout.
 
-    A file in our own form needs no template: its configuration is that of the same values.
+    A file in our own form needs no template: the configuration follows from its values alone.
 
     Raises:
         UnknownName: No such planner, weight or setting.
@@ -100,7 +100,7 @@ def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tu
 
 
 def _names_elsewhere(planner: str) -> dict[str, str]:
-    """Map names that are not weights of this planner to an explanation: weights of other planners, and settings."""
+    """Map names that are not weights of this planner to an explanation, such as weights of other planners."""
     names: dict[str, str] = {}
     for other in PLANNERS:
         tuning = tuning_of(other)
@@ -132,7 +132,7 @@ def _configuration(
     settings: PlannerSettings,
     template: str = "",
 ) -> PlannerConfiguration:
-    """Return the configuration with its id; its name is ``planner:preset`` plus the differences from it."""
+    """Return the configuration with its id; its name is ``planner:preset`` plus the differences from the preset."""
     stated = settings.model_dump(exclude_defaults=True)
     known = () if any(external.values()) else tuning_of(planner).presets.values()
     same = [entry.name for entry in known if entry.weights == weights]

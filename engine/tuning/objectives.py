@@ -90,7 +90,7 @@ class Constraint:
     bound: float | None
 
     def holds(self, runs: Sequence[RunRecord], base: Sequence[RunRecord]) -> bool:
-        """Return True if a candidate's runs satisfy it, given the base's runs on the same scenarios."""
+        """Return True if a candidate's runs satisfy the constraint, given the base's runs on the same scenarios."""
         if not runs:
             return True
         mean = fmean(_MEASURES[self.name].of(run) for run in runs)

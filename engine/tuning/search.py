@@ -162,7 +162,7 @@ def propose(request: ProposeRequest, report: ProgressReporter) -> Proposals:
     """Return the next points of a search (an operation).
 
     Raises:
-        UnexpectedFailure: Replaying the search gave points other than the reported ones, since the libraries have
+        UnexpectedFailure: Replaying the search gave points other than the reported points, because the libraries have
             changed.
     """
     import optuna
@@ -209,7 +209,7 @@ def _sampler(request: ProposeRequest) -> "optuna.samplers.BaseSampler":
 
 
 def judge_gain(request: GainRequest, report: ProgressReporter) -> Gain:
-    """Return the mean difference over scenarios with its 95 % interval by Student's distribution (an operation)."""
+    """Return the mean difference over scenarios, with its 95 % interval from Student's t (an operation)."""
     from scipy.special import stdtrit
 
     groups: dict[str, list[float]] = {}

@@ -1,4 +1,4 @@
-"""Finds the weights that matter on some scenarios: screening by Morris, total indices by Sobol, both from SALib.
+"""Finds the weights that matter on some scenarios: Morris screening and Sobol total indices from SALib.
 
 Morris (1991, "Factorial sampling plans for preliminary computational experiments") changes one weight at a time along
 random paths through the space; μ* (Campolongo, Cariboni and Saltelli 2007) is the mean absolute change. Sobol's total
@@ -111,7 +111,7 @@ def _couples(design: DesignRequest, place: int) -> list[tuple[int, int]]:
 
 
 def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
-    """Return by weight each scenario's change of objective between points that differ only in it, (pairs, s).
+    """Return, by weight, each scenario's change of objective between points that differ only in it: (pairs, s).
 
     Scenarios without a score at some point are left out; the result is empty if no scores are given.
     """
@@ -150,7 +150,7 @@ def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: Design
 
 
 def _largest(design: DesignRequest, place: int, changes: "NDArray[np.float64] | None") -> tuple[int, int, int] | None:
-    """Return the two points and the scenario of a weight's largest change, or None if it changed nothing."""
+    """Return the two points and the scenario of a weight's largest change, or None if there was no change."""
     import numpy as np
 
     if changes is None or not changes.any():

@@ -31,7 +31,7 @@ def apply_assignments(
     kind: str = "cost weight",
     elsewhere: Mapping[str, str] | None = None,
 ) -> _ChangedValues:
-    """Return the weights (or settings) after all changes, in order; applies either all or no change.
+    """Return the weights (or settings) after all changes, in order; applies either all changes or none.
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
     to 1e6; ``elsewhere``: maps names that do not belong here to an explanation.
@@ -76,7 +76,7 @@ def _parse(text: str, names: Iterable[str], limits: Mapping[str, tuple[float, fl
     """Return the assignment that a text makes.
 
     Raises:
-        InvalidRequest: the text is no assignment; the range is among the valid values if the text begins with a name.
+        InvalidRequest: the text is not an assignment; the error gives the range if the text begins with a name.
     """
     try:
         return parse_assignment(text)
@@ -95,7 +95,7 @@ def _range_text(name: str, limits: Mapping[str, tuple[float, float]]) -> str:
 
 
 def _without_value(text: str, before: float) -> InvalidRequest:
-    """Return the refusal of a name without a value; it suggests an assignment with the current value."""
+    """Return the refusal of a name without a value, which suggests an assignment with the current value."""
     name = text.partition("=")[0].strip()
     remedies = [instead(text, f"{name}={before:g}")]
     return InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"], remedies=remedies)

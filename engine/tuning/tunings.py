@@ -20,11 +20,11 @@ LARGEST_WEIGHT = 1e6
 
 @dataclass(frozen=True)
 class Weight:
-    """One weight: a factor ≥ 0 on the raw value of a cost term, or a parameter of a planner that has no such terms.
+    """One weight: a factor ≥ 0 on the raw value of a cost term, or a parameter of a planner without cost terms.
 
     ``raising`` describes the effect of a larger value. ``computed_by``: the C++ core, this program, or absent.
     ``of_cost``: True for a factor on a cost term of the driven plan, False for hard limits, desired distances, and
-    values that affect only the search. ``term``: the recorded term that includes it, if that has another name.
+    values that affect only the search. ``term``: the recorded term that includes it, if the term has a different name.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Cost-weight files in the form of the Frenetix reference: ``cost_weights:`` with a number for each name.
 
 Our own files also give the planner and the settings; a file without them is a Frenetix file with the default settings.
-A user's file is kept with its configuration: written again, it has its comments, order and layout byte for byte, and
+A user's file is kept with its configuration: written again, it keeps its comments, order and layout byte for byte, and
 only changed numbers differ.
 """
 
@@ -94,7 +94,7 @@ def _plain(configuration: PlannerConfiguration) -> str:
 
 @dataclass(frozen=True)
 class _Place:
-    """A number in a text: its start and end, and the quotes around it."""
+    """A number in a text: its start, its end, and the quotes around it."""
 
     begin: int
     end: int
@@ -174,7 +174,7 @@ def _section(text: str, node: "yaml.MappingNode") -> _Section:
 
 
 def _exact(value: float) -> str:
-    """Return the number in its usual form, or with all its digits if that would round it."""
+    """Return the number in its usual form, or with all its digits if the usual form would round it."""
     usual = _number(value)
     return usual if float(usual) == value else repr(value)
 
@@ -197,8 +197,8 @@ def _assignments(path: Path, content: dict[str, Any], section: str) -> list[str]
 def read_yaml(path: Path, most_brackets: int) -> Any:
     """Read a YAML file as mappings, lists and texts, since no YAML tag creates anything else.
 
-    An alias repeats the whole of its target, and twelve nested levels expand a thousand bytes to thousands of millions
-    of values; our files have no aliases. ``most_brackets``: limit for lists and mappings in brackets.
+    An alias repeats the whole of its target, and twelve nested levels expand a thousand bytes to billions of values;
+    our files have no aliases. ``most_brackets``: limit for lists and mappings in brackets.
 
     Raises:
         UnsafeInput: The file cannot be read, is deeply nested, or has aliases.

@@ -1,7 +1,7 @@
 """The workspace: immutable artifacts, their recipes, and the database that indexes them.
 
 ``ARTIFACT_KINDS``: The names of all kinds of artifacts.
-``STARTER_TOOL``: Replaces the tool in the recipes of scenarios from the package.
+``STARTER_TOOL``: The name that replaces the tool in the recipes of scenarios from the package.
 ``VIEWED_KINDS``: The kinds of artifacts that have a view.
 ``Artifact``: A stored artifact: id, kind, recipe and record; its files are in the workspace.
 ``NewArtifact``: An artifact to store, with the files to copy.
@@ -13,7 +13,7 @@
 ``Database``: Access to the workspace's SQLite file.
 ``stored_json``: Returns a JSON value of the database, or raises the error of one that is nested too deeply.
 ``make_private``: Creates a folder that only this user can read.
-``still_runs``: Returns True if the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
+``still_runs``: Returns True if the process ``pid`` that wrote something at ``since`` is still running.
 ``Export``: One file to write for an export: artifact, format, path.
 ``REPORT_NAME``: The file name of a report in the export folder.
 ``plan_exports``: Returns the files that an export must write.
@@ -26,7 +26,7 @@
 ``room_used``: Returns the size of each part of the workspace.
 ``disagreements``: Yields the inconsistencies of a workspace.
 ``repair``: Removes artifacts with unreadable or inconsistent records.
-``make_room``: Removes what belongs to no record, and above a quota what can be recreated.
+``make_room``: Removes what belongs to no record and, above a quota, what can be recreated.
 ``Quota``: The size limit of a workspace, which is checked before something is stored.
 ``export_workspace``: Writes all artifacts with their files into one archive.
 ``import_workspace``: Imports an archive, either as a whole or not at all.

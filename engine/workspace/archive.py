@@ -66,10 +66,10 @@ def _accept_any(file: Path) -> None:
 
 @dataclass(frozen=True)
 class ArchiveLimits:
-    """The limits of an archive (chosen well above a workspace of 100,000 scenarios).
+    """The limits of an archive (set well above a workspace of 100,000 scenarios).
 
     ``unpacked_bytes``: total unpacked size. ``entries``: files. ``ratio``: unpacked bytes per byte of the archive;
-    trajectories as JSON have 30, zip bombs a thousand.
+    trajectories as JSON reach a ratio of 30, zip bombs a thousand.
     """
 
     unpacked_bytes: int = 20 * 1024**3
@@ -91,7 +91,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class Imported:
-    """The number of artifacts that an archive added, and of those that were already there."""
+    """The numbers of artifacts that an archive added and of those that already existed."""
 
     added: int
     known: int
@@ -224,7 +224,7 @@ def import_workspace(
     check: CheckFile = _accept_any,
     on_bytes: OnBytes = _ignore_progress,
 ) -> Imported:
-    """Import everything in an archive after checking all of it; import nothing if anything is wrong.
+    """Check a whole archive, then import everything in it; import nothing if anything is wrong.
 
     Args:
         check: Checks each file of an artifact before it is stored.
@@ -232,8 +232,8 @@ def import_workspace(
     Raises:
         UnsafeInput: The file is not an archive of a workspace, is damaged, or has forbidden content or more than the
             limits allow.
-        InvalidRequest: A newer program wrote it.
-        NotPossible: Its content has an id that a different artifact already has here.
+        InvalidRequest: A newer version of the program wrote it.
+        NotPossible: Its content has an id that belongs to a different artifact in this workspace.
         ResourceFailure: The disk or the quota has no space, or the workspace cannot be written.
     """
     with _open_archive(path, limits or ArchiveLimits()) as archive, workspace.scratch() as folder:
@@ -308,7 +308,7 @@ def _check_entries(entries: Sequence[zipfile.ZipInfo], size_bytes: int, limits: 
 
 
 def _has_place(name: str) -> bool:
-    """Return True if an export could have written a file with this name."""
+    """Return True if an export could have written a file under this name."""
     parts = name.split("/")
     if len(parts) == 4 and parts[0] == "files":
         is_kind = parts[1].removesuffix("s") in ARTIFACT_KINDS and parts[1].endswith("s")
@@ -401,7 +401,7 @@ def _read_records(folder: Path) -> Iterator[_Record]:
 
 
 def _classify(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[str, str]) -> tuple[set[str], int]:
-    """Return the archive places of artifacts that are new here, and the number of known ones.
+    """Return the archive folders of artifacts that are new to this workspace, and the number of known artifacts.
 
     Raises:
         UnsafeInput: Records and files do not match.
@@ -443,7 +443,8 @@ def _classify(workspace: Workspace, folder: Path, head: _Head, sums: Mapping[str
 def _is_same(workspace: Workspace, record: _Record, sums: Mapping[str, str]) -> bool:
     """Return True if the stored artifact with this id is the same.
 
-    A scenario is defined by its file: its record derives from the file, and a newer program derives a different one.
+    A scenario is defined by its file: its record is derived from the file, and a newer version of the program may
+    derive a different record.
     """
     stored = workspace.find(record.kind, record.artifact_id)
     if stored is None or stored.recipe != record.recipe:
@@ -481,7 +482,7 @@ def _journal_places(workspace: Workspace, folder: Path, sums: Mapping[str, str])
 
 @contextmanager
 def _place_files(places: Sequence[tuple[Path, Path]]) -> Iterator[None]:
-    """Move files to their places for the block, and remove them if it fails; existing files stay."""
+    """Move files to their folders for the block, and remove them again if it fails; existing files stay."""
     placed: list[Path] = []
     try:
         for source, target in places:

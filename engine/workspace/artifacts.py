@@ -95,9 +95,8 @@ class Artifact(Model):
 class NewArtifact:
     """An artifact to store; ``files`` maps names in its folder to the files to copy.
 
-    ``copies``: the folder with the staged copies of its files. ``made_at``: its time of creation, if it is not the
-    present.
-    ``imported``: True if it comes from an archive; a later local artifact with the same id replaces it.
+    ``copies``: the folder with the staged copies of its files. ``made_at``: its time of creation, if that is not the
+    present. ``imported``: True if it comes from an archive; a later local artifact with the same id replaces it.
     """
 
     kind: ArtifactKind
@@ -168,7 +167,7 @@ class Workspace:
         return self.get(artifact_id, kind)
 
     def amend(self, kind: ArtifactKind, artifact_id: str, record: Model) -> None:
-        """Replace an artifact's record by one that a newer program derived from the same file.
+        """Replace an artifact's record with one that a newer version of the program derived from the same file.
 
         Id, recipe and files stay unchanged.
 
@@ -240,7 +239,7 @@ class Workspace:
         return self._first(f"digest = ? AND NOT {_IS_IMPORTED}", kind, recipe.digest)
 
     def imported_of(self, artifact_ids: Iterable[str]) -> list[str]:
-        """Return the given ids that came in an archive, in order."""
+        """Return the given ids of artifacts that came from an archive, in order."""
         wanted = list(artifact_ids)
         if not wanted:
             return []
@@ -324,7 +323,7 @@ class Workspace:
         return " AND ".join(conditions), values
 
     def newest_made(self, limit: int) -> list[Artifact]:
-        """Return the newest artifacts: first created and imported ones, then searches and starter scenarios."""
+        """Return the newest artifacts: created and imported ones first, then searches and starter scenarios."""
         rows: list[sqlite3.Row] = []
         for is_wanted in (f"NOT ({_BESIDES})", _BESIDES):
             query = f"SELECT {_COLUMNS} FROM artifacts WHERE {is_wanted} ORDER BY sequence DESC LIMIT ?"  # noqa: S608 - fixed words only
@@ -332,7 +331,7 @@ class Workspace:
         return [self._parsed(*row) for row in rows]
 
     def newest_sequence(self) -> int:
-        """Return the number of the newest artifact, or 0 without any artifact."""
+        """Return the sequence number of the newest artifact, or 0 if there are no artifacts."""
         row = self.database.connection().execute("SELECT max(sequence) FROM artifacts").fetchone()
         return int(row[0] or 0)
 
@@ -414,7 +413,7 @@ class Workspace:
         return self.database.connection().execute(query, (kind,)).fetchall()
 
     def _place(self, target: Path, copies: Path | None) -> None:
-        """Move the copies to their place; existing files without a record are left over from a crashed server."""
+        """Move the copies to their folder; existing files without a record are left over from a crashed server."""
         try:
             if target.is_dir():
                 shutil.rmtree(target)
@@ -440,7 +439,7 @@ def _forget(connection: sqlite3.Connection, kind: str, artifact_id: str) -> None
 
 
 def stored_recipe(text: str, what: str) -> Recipe:
-    """Return a recipe of the database.
+    """Return a recipe from the database.
 
     Raises:
         ResourceFailure: The text is not a recipe, or nested too deeply.
@@ -522,7 +521,7 @@ def write_text(path: Path, text: str, what: str) -> None:
 def disk_failure(
     what: object, error: OSError, next_step: str = "free disk space, or choose another --workspace"
 ) -> ResourceFailure:
-    """Return the error of a file or folder that cannot be written, by default one of the workspace."""
+    """Return the error for a file or folder that cannot be written, by default the workspace's."""
     return ResourceFailure(f"{what} cannot be written: {error.strerror or error}", next_step=next_step)
 
 

@@ -114,10 +114,10 @@ CREATE TABLE IF NOT EXISTS map_files (
 
 
 def stored_json(text: str, what: str) -> Any:
-    """Return a JSON value of the database; refuse one that is nested deeper than about 200 levels.
+    """Return a JSON value from the database; refuse a value that is nested more than about 200 levels deep.
 
-    No record of this program has ten levels. Recursive readers in Python or SQLite would fail on deeper ones with
-    errors of their own.
+    No record of this program has ten levels. Recursive readers in Python or SQLite would fail on deeply nested values
+    with errors of their own.
 
     Args:
         what: Names the value in the error.
@@ -160,7 +160,7 @@ class Database:
         return "" if result == "ok" else result
 
     def kept(self, make: Callable[[], Kept]) -> Kept:
-        """Return the in-memory object of a factory, which all threads share; it is created on first use."""
+        """Return the in-memory object that a factory creates on first use; all threads share it."""
         with self._lock:
             if make not in self._kept:
                 self._kept[make] = make()
@@ -203,7 +203,7 @@ class Database:
         self._opened = _Opened()
 
     def _open(self) -> tuple[sqlite3.Connection, Exception | None]:
-        """Return a read-write connection, or on a full disk a read-only one and the error."""
+        """Return a read-write connection, or if the disk is full a read-only one and the error."""
         try:
             make_private(self.path.parent)
             return _prepared(self.path), None
@@ -216,7 +216,7 @@ class Database:
 
 
 class _Opened(threading.local):
-    """A thread's connection, and the reason why it is read-only, if it is."""
+    """A thread's connection, and the reason if it is read-only."""
 
     connection: sqlite3.Connection | None = None
     refused: Exception | None = None
@@ -259,7 +259,7 @@ def _prepared(path: Path) -> sqlite3.Connection:
 
 
 def _keep_copy(connection: sqlite3.Connection, path: Path, version: int) -> None:
-    """Keep a copy of the database of an older program version next to the upgraded one.
+    """Keep a copy of an older version's database next to the upgraded one.
 
     The upgrade only adds tables, so a user can go back to the older version with the copy.
     """
@@ -345,7 +345,7 @@ def _failure(path: Path, error: Exception) -> ResourceFailure:
 
 
 def still_runs(pid: int, since: float) -> bool:
-    """Return True if the process ``pid`` that wrote something at ``since`` (seconds since 1970) still runs.
+    """Return True if the process ``pid`` that wrote something at ``since`` (in s since 1970) is still running.
 
     Process ids are reused, so the time counts too. The start time of a process uses the clock at that time. If the
     clock was set back since, the age of the process decides, which is independent of clock changes.

@@ -51,19 +51,21 @@ class Export:
 
     @property
     def is_drawn(self) -> bool:
-        """True if it must be drawn before it can be copied."""
+        """True if the file must be drawn before it can be copied."""
         return self.format in _DRAWN
 
     @property
     def is_computed(self) -> bool:
-        """True if a worker must compute it before it can be copied, other than a picture."""
+        """True if a worker must compute the file before it can be copied, and it is not a picture."""
         return not self.is_drawn and self.format in _MADE.get(self.artifact.kind, ())
 
 
 def plan_exports(
     workspace: Workspace, artifacts: Sequence[Artifact], formats: Sequence[str], folder: Path
 ) -> tuple[Export, ...]:
-    """Return the files to write; without formats, every stored one. ``html`` is one page for all and not included.
+    """Return the files to write, or every stored file if no formats are given.
+
+    ``html`` is not included, since it is one page for all artifacts.
 
     Raises:
         InvalidRequest: An artifact does not have a requested format.
@@ -99,7 +101,7 @@ def write_export(workspace: Workspace, export: Export, made: Path | None = None)
 
 
 def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
-    """Let ``fill`` write a new file next to ``path``, then rename it, so that no reader sees half a file.
+    """Let ``fill`` write a new file next to ``path``, then rename it, so no reader sees a partial file.
 
     The new file has a random, free name, so nothing in the folder (a link, a pipe) is written through. An existing file
     with the final name is replaced, never followed.

@@ -1,6 +1,6 @@
 """Checks that a stored artifact matches its record, its recipe and its files, in archives and workspaces.
 
-An id represents content. The id of a run, batch, search, plan, study or map is the digest of its recipe, that of a
+An id identifies content. The id of a run, batch, search, plan, study or map is the digest of its recipe, that of a
 configuration the digest of its weights, and a scenario's record has the digest of its file. Mismatches are rejected.
 Whether a run really happened as recorded is not verifiable, so runs of an archive are marked as imported
 (:meth:`Workspace.mark_imported`).
@@ -53,10 +53,10 @@ def record_type(kind: ArtifactKind) -> type[Model]:
 def record_fault(
     kind: ArtifactKind, artifact_id: str, recipe: Recipe, record: dict[str, Any], folder: Path | None = None
 ) -> str:
-    """Return in a few words why an artifact is inconsistent; empty if it is consistent.
+    """Return a short text on why an artifact is inconsistent; empty if it is consistent.
 
     Args:
-        folder: The folder of its files; without it, the files are not read.
+        folder: The folder of its files; if it is None, the files are not read.
     """
     try:
         read = record_type(kind).model_validate(record)
@@ -80,9 +80,10 @@ def record_fault(
 def text_fault(kind: ArtifactKind, name: str, record: dict[str, Any]) -> str:
     """Return the problem with the name and the texts of a stored record; empty if they are fit for answers.
 
-    Each must be on one line, printable and of bounded length. New texts are made so before they are stored, but an
-    older workspace may have others. An archive's texts are converted on import (:func:`in_one_line`). A caller's text
-    in a search, a plan or a study, and the file of a configuration, stay unmodified.
+    Each must be on one line, printable and of bounded length. New texts are converted to this form before they are
+    stored, but an older workspace may have other texts. An archive's texts are converted on import
+    (:func:`in_one_line`). A caller's text in a search, a plan or a study, and the file of a configuration, stay
+    unmodified.
     """
     if kind not in _TEXTS_ON_ONE_LINE:
         return ""
@@ -109,7 +110,7 @@ def _texts(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _names_fault(names: Iterable[str]) -> str:
-    """Return the description of an invalid name from a planner program; empty if all names are valid.
+    """Return a description of the first invalid name from a planner program; empty if all names are valid.
 
     Newer versions refuse programs that print invalid names (:data:`~plannerforge.schemas.planning.PrintedName`).
     """

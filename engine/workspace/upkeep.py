@@ -104,7 +104,7 @@ def disagreements(workspace: Workspace) -> Iterator[Disagreement]:
 
 
 def _fault_of(workspace: Workspace, kind: str, artifact_id: str, name: str, recipe: str, record: str) -> str:
-    """Return why calls cannot read or trust a row, by reading it as they do; empty if they can."""
+    """Return why calls cannot read or trust a row, by reading it in the same way; empty if they can."""
     if kind not in ARTIFACT_KINDS or not ORDINARY_ID.fullmatch(artifact_id):
         return "its kind or its id is invalid"
     try:
@@ -146,7 +146,7 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
 
 
 def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[tuple[str, int]]:
-    """Remove what belongs to no record and, above a quota for the whole workspace, caches, least recently used first.
+    """Remove what belongs to no record and, above the workspace's quota, caches, least recently used first.
 
     Without a quota all caches stay. Since another server may use the workspace, everything younger than an hour stays.
 
@@ -170,7 +170,7 @@ def make_room(workspace: Workspace, *, quota_bytes: int | None = None) -> list[t
 
 
 class Quota:
-    """The size limit of a workspace: before something is stored, caches are removed, and a full workspace refuses.
+    """The size limit of a workspace: before something is stored, caches are removed; a full workspace refuses.
 
     Measuring a large workspace takes long, so its size is updated from the last measurement. A new measurement happens
     when the workspace seems full, and when the last one is old, since other servers write too.

@@ -1,1 +1,3 @@
-"""Extracts of whole countries: read once into tiles; any part can then be read as an ordinary map within a second."""
+"""Extracts of whole countries, read once into tiles.
+
+Any part can then be read as an ordinary map within a second."""

@@ -1,7 +1,7 @@
-"""Cuts a part of an extract as an ordinary map: finds it by name, reads it from tiles, writes it as .osm.
+"""Cuts a part out of an extract as an ordinary map: finds it by name, reads its tiles, writes it as .osm.
 
-The same request gives the same bytes. A part is a few kilometres wide: as wide as the requested place, but small enough
-to search its map in a second.
+The same request gives the same bytes. A part is as wide as the requested place, but at most a few kilometres, so that
+its map can be searched in a second.
 """
 
 import math
@@ -45,9 +45,9 @@ Position = tuple[float, float]
 
 @dataclass(frozen=True)
 class _Target:
-    """The centre of the requested place, its reach, its label, and the text that refers to something there.
+    """The centre of the requested place, its reach, its label, and the text that refers to something in it.
 
-    ``sites``: positions to use instead if not all of it can be cut out.
+    ``sites``: positions to use instead if the place is too large to be cut out as a whole.
     """
 
     middle: Position
@@ -59,7 +59,7 @@ class _Target:
 
 
 def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfExtract:
-    """Write the part of an extract that a request refers to as a map file; the path is empty if there is none.
+    """Write the part of an extract that a request refers to as a map file; the path is empty if there is no such part.
 
     Raises:
         ResourceFailure: the index cannot be read.
@@ -85,7 +85,7 @@ def cut_extract(request: CutExtractRequest, report: ProgressReporter) -> CutOfEx
 
 
 def _resolve_target(request: CutExtractRequest, store: TileStore) -> _Target | None:
-    """Resolve the text or the box in the extract; return None if it shows no such place."""
+    """Resolve the text or the box in the extract; return None if it contains no such place."""
     parts = place_parts((request.place or "")[:LONGEST_TEXT])
     facts = request.facts
     own = {facts.map_id, facts.place, facts.file_name, file_stem(facts.file_name), facts.country or ""}
@@ -105,7 +105,7 @@ def _resolve_target(request: CutExtractRequest, store: TileStore) -> _Target | N
 
 
 def _place_called(part: str, others: Sequence[PlaceArea], store: TileStore) -> PlaceArea | None:
-    """Return the largest place of a name, or the one nearest to a place given with it."""
+    """Return the largest place with a name, or the one nearest to a second place in the text."""
     bodies = store.places_called(place_keys(part) | place_keys(without_frame(part)))
     bodies = bodies or store.places_called(names_elsewhere(without_frame(part)))
     places = [PlaceArea.model_validate_json(body) for body in bodies]
@@ -131,7 +131,7 @@ def _anywhere(request: CutExtractRequest, store: TileStore) -> _Target | None:
 
 
 def _sites_in(box: Box | None, request: CutExtractRequest, store: TileStore) -> list[Position]:
-    """Return the sites of the type in a box and in the request's box; those of any type if there are none."""
+    """Return the sites of the type in a box and the request's box, or those of any type if there are none."""
     boxes = [each for each in (box, request.bbox) if each is not None]
     tiles = None if not boxes else tiles_in(boxes[0])
     for kind in dict.fromkeys((request.scenario_type, "any")):
@@ -144,8 +144,9 @@ def _sites_in(box: Box | None, request: CutExtractRequest, store: TileStore) -> 
 def _at_roads(
     roads: Sequence[str], area: PlaceArea | None, request: CutExtractRequest, store: TileStore
 ) -> _Target | None:
-    """Return the surroundings of a node of the road, or of the roads' crossing, with a site of the type nearby if
-    possible.
+    """Return the surroundings of a node of the road or of an intersection of the roads.
+
+    If possible, a site of the type is nearby.
 
     The search covers tiles outwards from the centre of the place, or from one that the seed chooses.
     """
@@ -174,7 +175,7 @@ def _at_roads(
 
 
 def _spots(roads: Sequence[str], tile: int, box: Box | None, store: TileStore) -> list[Position]:
-    """Return where all the roads meet in a tile and a box; all nodes for a single road or roads that never meet."""
+    """Return where the roads meet in a tile and a box; all their nodes if there is one road or they never meet."""
     inside = box_of_tile(tile)
     osm = store.read(inside)
     lines = [_nodes_of(road, osm) for road in roads]
@@ -194,7 +195,7 @@ def _keys_of(road: str) -> frozenset[str]:
 
 
 def _with_all_roads(roads: Sequence[str], box: Box | None, store: TileStore) -> list[int]:
-    """Return the tiles, of a box or all, that have a road of each name."""
+    """Return the tiles (in a box if given) that have a road of each name."""
     found: set[int] | None = None if box is None else set(tiles_in(box))
     for road in roads:
         tiles = set(store.tiles_with_road(_keys_of(road)))

@@ -102,7 +102,7 @@ def _can_go_on(index: Path) -> bool:
     """Return whether an index is of this version and, if complete, undamaged.
 
     Raises:
-        sqlite3.OperationalError: it cannot be read: the disk is full, or another process writes.
+        sqlite3.OperationalError: the index cannot be read: the disk is full, or another process is writing.
     """
     try:
         with closing(TileStore(index, writable=True)) as store:
@@ -197,8 +197,9 @@ def _elements(path: Path, positions: Path) -> Iterator[Any]:
 def give_pages_back(path: Path) -> None:
     """Release the pages of a shared file mapping from this process; they stay in the file.
 
-    osmium maps the positions, and a process keeps every page that it read as long as others leave it room. This does
-    nothing on systems that do not list mappings: they take pages back when memory is short.
+    osmium maps the positions into memory, and a process keeps every page that it read until other processes need the
+    memory. This function does nothing on systems that do not list mappings; such systems take pages back when memory is
+    short.
     """
     try:
         mapped = Path("/proc/self/maps").read_text(encoding="utf-8", errors="replace").splitlines()
@@ -213,10 +214,10 @@ def give_pages_back(path: Path) -> None:
 
 
 def _in_order(elements: Iterator[Any], name: str) -> Iterator[Any]:
-    """Yield nodes, then ways, then relations, each by id and once: a way before its nodes has no positions.
+    """Yield nodes, then ways, then relations, each once and by id; a way needs the positions of earlier nodes.
 
     Raises:
-        UnsafeInput: they come in another order.
+        UnsafeInput: the elements are in another order.
     """
     last = (0, False, -1)
     for element in elements:
@@ -245,7 +246,7 @@ def _node(element: Any) -> OsmNode | None:
 
 
 def _way(element: Any) -> tuple[OsmWay, list[tuple[int, int]]]:
-    """Return the way through the nodes that have a position, and their (latitude, longitude) in 1e-7 degrees."""
+    """Return a way through its nodes with positions, and their (latitude, longitude) in 1e-7 degrees."""
     refs, line = [], []
     if not element.deleted:
         for node in element.nodes:
@@ -288,7 +289,7 @@ class _Settlement(NamedTuple):
 
 
 def _areas(places: Iterable[_Settlement]) -> list[tuple[int, PlaceArea]]:
-    """Return settlements with their rank, the larger first; each reaches at most half way to the next of its size."""
+    """Return settlements by rank, largest first; each reaches at most half way to the next of its size."""
     from scipy.spatial import cKDTree
 
     ranked = sorted(places, key=lambda place: (place.rank, fold(place.names[0]), place.latitude, place.longitude))
@@ -333,7 +334,7 @@ def _find_sites(store: TileStore, report: ProgressReporter) -> None:
 
 
 def _road_keys(osm: OsmMap, tile: int) -> set[str]:
-    """Return the keys of all names and numbers of the roads through a tile."""
+    """Return the keys of the names and numbers of all roads through a tile."""
     return {
         key
         for way in osm.roads()
@@ -343,7 +344,7 @@ def _road_keys(osm: OsmMap, tile: int) -> set[str]:
 
 
 def _sites_in(osm: OsmMap, tile: int) -> Iterator[tuple[str, float, float, str]]:
-    """Yield the sites in a tile, from a map that also shows its surroundings."""
+    """Yield the sites in a tile, found on a map that also covers its surroundings."""
     if not osm.roads():
         return
     finder = SiteFinder(osm)

@@ -1,7 +1,8 @@
 """Stores an extract's content in tiles of a few kilometres, in one SQLite file.
 
-The elements of the file are staged as they come, with the tiles that they touch. Each tile is then packed into arrays.
-A part of the extract is read from the tiles that it touches, so its cost does not depend on the extract's size.
+The elements of the file are staged in the order of reading, with the tiles that they touch. Each tile is then packed
+into arrays. A part of the extract is read from the tiles that it touches, so its cost does not depend on the extract's
+size.
 """
 
 import io
@@ -104,7 +105,7 @@ def tiles_in(box: Box) -> list[int]:
 
 @dataclass(frozen=True)
 class _Tile:
-    """A tile's elements: nodes by id with position in units, ways by id with their nodes' places in ``node_ids``."""
+    """A tile's elements: nodes by id with position in units, ways by id with their nodes' indices in ``node_ids``."""
 
     node_ids: NDArray[np.int64]
     places: NDArray[np.int32]
@@ -150,7 +151,7 @@ class TileStore:
     # Progress
 
     def state(self, name: str) -> str:
-        """Return a stored note on the work, or an empty text."""
+        """Return a stored note on the work, or an empty text if there is none."""
         row = self._database.execute("SELECT value FROM state WHERE name = ?", (name,)).fetchone()
         return "" if row is None else str(row[0])
 
@@ -160,7 +161,7 @@ class TileStore:
         self._database.commit()
 
     def keep(self) -> None:
-        """Commit what was written: the log of changes would otherwise contain all of it a second time."""
+        """Commit what was written; otherwise the log of changes would contain all of it a second time."""
         self._database.commit()
 
     def is_sound(self) -> bool:
@@ -177,7 +178,7 @@ class TileStore:
     # Staging
 
     def begin_staging(self) -> None:
-        """Discard what interrupted work has staged."""
+        """Discard what an interrupted attempt has staged."""
         self._database.execute("DELETE FROM places")
         self._database.execute("DELETE FROM place_names")
         self.keep()
@@ -186,7 +187,7 @@ class TileStore:
         self._attach_staging()
 
     def end_staging(self) -> None:
-        """Note that staging is complete; first flush the staged data, because the note is in another file."""
+        """Note that staging is complete; flush the staged data first, because the note is in another file."""
         self.keep()
         self._database.execute("PRAGMA staging.wal_checkpoint(TRUNCATE)").fetchall()
         self.note("staged", "yes")
@@ -215,7 +216,7 @@ class TileStore:
         )
 
     def stage_relation(self, relation: OsmRelation) -> None:
-        """Stage a relation in every tile with a staged way of it."""
+        """Stage a relation in every tile that contains a staged way of the relation."""
         ways = [number for kind, number, _ in relation.members if kind == "way"]
         body = json.dumps([relation.relation_id, relation.members, dict(relation.tags)]).encode()
         tiles = {
@@ -295,7 +296,7 @@ class TileStore:
         return {kind: int(count) for kind, count in rows}
 
     def places_called(self, keys: Iterable[str]) -> list[str]:
-        """Return the places with one of the names, the larger first, as they were added."""
+        """Return the places with one of the names, larger ones first, as they were added."""
         wanted = sorted(set(keys))
         holes = ", ".join("?" * len(wanted))
         query = (
@@ -305,7 +306,7 @@ class TileStore:
         return [str(row[0]) for row in self._database.execute(query, wanted)]
 
     def largest_places(self, count: int) -> list[str]:
-        """Return the first places by rank, as they were added."""
+        """Return the places with the highest ranks, as they were added."""
         return [
             str(row[0])
             for row in self._database.execute("SELECT body FROM places ORDER BY rank, place LIMIT ?", (count,))
@@ -319,7 +320,7 @@ class TileStore:
         return [row[0] for row in self._database.execute(query, wanted)]
 
     def sites(self, kind: str, tiles: Sequence[int] | None = None) -> list[tuple[float, float]]:
-        """Return positions of the sites of a kind (``any`` for all), in some tiles or all, in a fixed order."""
+        """Return the positions of sites of a kind (``any`` for all), in some or all tiles, in a fixed order."""
         query, values = "SELECT latitude, longitude FROM sites", list[Any]()
         conditions = []
         if kind != "any":
@@ -344,7 +345,7 @@ class TileStore:
         return count
 
     def read(self, box: Box) -> OsmMap:
-        """Return the part of the extract in a box, with whole ways that enter it and whole relations of these ways."""
+        """Return the extract's part in a box, including whole ways that enter it and their whole relations."""
         sides = south, west, north, east = [round(side * _UNITS_PER_DEG) for side in box]
         nodes: dict[int, OsmNode] = {}
         ways: dict[int, OsmWay] = {}
@@ -402,7 +403,7 @@ class TileStore:
 
 
 def _tiles_along(places: Sequence[tuple[int, int]]) -> set[int]:
-    """Return the tiles that a line of (latitude, longitude) in units passes, and those at the corners that it cuts."""
+    """Return the tiles on a line of (latitude, longitude) in units, and those whose corners it cuts."""
     tiles = [tile_of(y / _UNITS_PER_DEG, x / _UNITS_PER_DEG) for y, x in places]
     found = set(tiles)
     for number, (one, other) in enumerate(pairwise(tiles)):
@@ -428,7 +429,7 @@ def _way_body(way: OsmWay, places: Sequence[tuple[int, int]]) -> bytes:
 
 
 def _packed(rows: Iterable[tuple[int, int, bytes]]) -> tuple[int, bytes]:
-    """Return the number of nodes and the arrays of a tile; of elements with one id, the last counts."""
+    """Return the number of nodes and the arrays of a tile; of elements with the same id, the last one counts."""
     places: dict[int, tuple[int, int]] = {}
     node_tags: dict[int, dict[str, str]] = {}
     ways: dict[int, tuple[NDArray[np.int64], dict[str, str]]] = {}

@@ -1,3 +1,4 @@
-"""Maps in other formats than OpenStreetMap: SUMO, CommonRoad, OpenDRIVE, Lanelet2. ``engine.maps`` exports the
-names.
+"""Maps in formats other than OpenStreetMap: SUMO, CommonRoad, OpenDRIVE, Lanelet2.
+
+``engine.maps`` exports the names.
 """

@@ -1,4 +1,4 @@
-"""Converts maps in other formats: an operation for a worker, because the files are foreign."""
+"""Converts maps in other formats, as an operation for a worker because the files are untrusted."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from .opendrive import convert_opendrive
 def convert_roads(request: ConvertMapRequest, report: ProgressReporter) -> ConvertedMap:
     """Write an OpenDRIVE file as a SUMO network, or a Lanelet2 map or CommonRoad file as a CommonRoad road network.
 
-    A SUMO network stays as it is; the result reports what its lanelets will lack.
+    A SUMO network is not changed; the result reports what its lanelets will lack.
 
     Raises:
         UnsafeInput: the file is hostile or broken, or has no road.

@@ -1,7 +1,7 @@
 """Rewrites an OpenDRIVE document so that netconvert can read it, with the same roads and the same routes over them.
 
-netconvert reads OpenDRIVE 1.4. It knows no namespace, no centre lane without a type, no arc of curvature 0, no signal
-without a type, no direct junction and no left-hand traffic. Each of these is valid in some version of the standard
+netconvert reads OpenDRIVE 1.4. It does not support namespaces, centre lanes without a type, arcs of curvature 0,
+signals without a type, direct junctions, or left-hand traffic. Each of these is valid in some version of the standard
 (ASAM OpenDRIVE 1.8: 9.4 arcs, 11.7 lanes, 10.3 traffic direction, 12.3 direct junctions). Each is therefore rewritten
 as an equivalent that netconvert can read.
 """
@@ -33,14 +33,14 @@ _STEPS = 200
 
 
 def without_namespaces(root: etree._Element) -> None:
-    """Replace the elements' names by their local names, in place."""
+    """Replace the elements' names with their local names, in place."""
     for element in root.iter(etree.Element):
         element.tag = etree.QName(element).localname
     etree.cleanup_namespaces(root)
 
 
 def traffic_rule(name: str, root: etree._Element) -> str:
-    """Return the file's driving side (``LHT`` or ``RHT``); a road without a rule takes that of the others.
+    """Return the file's driving side (``LHT`` or ``RHT``); a road without a rule takes the rule of the other roads.
 
     Raises:
         UnsafeInput: some roads have left-hand and some right-hand traffic, or a rule is unknown.
@@ -57,7 +57,7 @@ def traffic_rule(name: str, root: etree._Element) -> str:
 
 
 def repair(name: str, root: etree._Element) -> None:
-    """Rewrite what netconvert cannot read, in place; the traffic rule stays as it is.
+    """Rewrite what netconvert cannot read, in place; do not change the traffic rule.
 
     Raises:
         UnsafeInput: a direct junction refers to a road or lane that does not exist.
@@ -85,7 +85,7 @@ def repair(name: str, root: etree._Element) -> None:
 def _simplify(geometry: etree._Element) -> None:
     """Write a spiral with constant curvature as an arc, and an arc without curvature as a line.
 
-    netconvert divides by the curvature and by its change: a spiral that hardly changes it takes all memory.
+    netconvert divides by the curvature and by its change, so a spiral of almost constant curvature exhausts the memory.
     """
     spiral = geometry.find("spiral")
     if spiral is not None:
@@ -156,7 +156,7 @@ def _value(element: etree._Element, key: str) -> float:
 
 @dataclass(frozen=True)
 class _End:
-    """The start or end of a reference line: position in m and heading in rad, both in its own direction."""
+    """The start or end of a reference line: position in m, and heading in rad along the line."""
 
     x: float
     y: float
@@ -229,7 +229,7 @@ def _connect_directly(name: str, root: etree._Element, junction: etree._Element)
 
 @dataclass(frozen=True)
 class _Arm:
-    """A road at a direct junction, and which of its ends is there; for right-hand traffic."""
+    """A road at a direct junction, and which of its ends is at the junction; for right-hand traffic."""
 
     key: str
     road: etree._Element
@@ -240,7 +240,7 @@ class _Arm:
         return (lane > 0) == self.at_start
 
     def width_m(self, lane: int) -> float:
-        """Return the approximate width of a lane at the junction: the first of its widths there."""
+        """Return the approximate width of a lane at the junction: the first width of its section."""
         section = self.road.findall("lanes/laneSection")[0 if self.at_start else -1]
         found = next((one for one in section.iter("lane") if one.get("id") == str(lane)), None)
         width = None if found is None else found.find("width")
@@ -258,7 +258,7 @@ def _free_id(roads: dict[str, etree._Element]) -> str:
 
 
 def _joint(key: str, junction: str, before: _Arm, after: _Arm, pairs: list[tuple[int, int]]) -> etree._Element:
-    """Return a connecting road from one arm to another; ``pairs`` lists its lanes, from lane to lane."""
+    """Return a connecting road from one arm to another; ``pairs`` lists the lanes that it connects."""
     end = end_of(before.road, at_start=before.at_start)
     heading = end.heading_rad + (math.pi if before.at_start else 0.0)
     road = etree.Element("road", {"name": "", "length": repr(_JOINT_M), "id": key, "junction": junction})
@@ -292,7 +292,7 @@ def _connection(key: str, incoming: str, road: str, pairs: list[tuple[int, int]]
 
 
 def _cut_long_sections(road: etree._Element) -> None:
-    """Cut lane sections that are too long for one lanelet into equal ones; each lane is followed by itself."""
+    """Cut lane sections that are too long for one lanelet into equal parts; each lane continues in the next part."""
     lanes, length_m = road.find("lanes"), _value(road, "length")
     if lanes is None or length_m <= LONGEST_SECTION_M:
         return

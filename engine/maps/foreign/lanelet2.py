@@ -72,7 +72,7 @@ class _Relation:
 
 @dataclass(frozen=True)
 class _Lane:
-    """A lanelet: nodes of its bounds in driving direction, the ways they consist of, and its points."""
+    """A lanelet: the nodes of its bounds in driving direction, the ways that form the bounds, and its points."""
 
     key: int
     left_nodes: tuple[int, ...]
@@ -96,7 +96,7 @@ class _Plane:
 
     @cached_property
     def same(self) -> dict[int, int]:
-        """Map each node to the first at its place: some programs write a new node for every line that ends there."""
+        """Map each node to the first one at its position; some programs write a node for every line that ends there."""
         first: dict[tuple[int, int], int] = {}
         return {
             key: first.setdefault((round(x / SAME_PLACE_M), round(y / SAME_PLACE_M)), key)
@@ -174,7 +174,7 @@ def _relation(element: etree._Element) -> _Relation:
 
 
 def _plane(root: etree._Element) -> _Plane:
-    """Return every node in metres: projected around the middle of all, or by tags if a map has its own plane."""
+    """Return every node in metres, projected around the middle of all nodes or given by tags as plane coordinates."""
     from pyproj import Proj
 
     nodes = list(root.iterfind("node"))
@@ -271,7 +271,7 @@ def users_of(tags: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _chain(keys: tuple[int, ...], ways: Mapping[int, tuple[int, ...]]) -> tuple[int, ...]:
-    """Return the nodes of a bound in sequence; the bound may consist of several ways in any direction."""
+    """Return the nodes of a bound in sequence; it may consist of several ways, each in either direction."""
     parts = [ways[key] for key in keys if ways.get(key)]
     if not parts:
         return ()
@@ -290,7 +290,7 @@ def _area(ring: Points) -> float:
 
 
 def _level(left: Points, right: Points) -> tuple[Points, Points]:
-    """Return both bounds with the same number of points: each keeps its own, and gets one where the other has one."""
+    """Return the two bounds with the same number of points: each keeps its own and adds one per point of the other."""
     shares = [arc_length(line) / arc_length(line)[-1] for line in (left, right)]
     every = np.unique(np.concatenate(shares))
     kept = every[np.concatenate([[True], np.diff(every) > 1e-9])]

@@ -1,6 +1,6 @@
 """The lanelet network of a CommonRoad file as a map: traffic is generated on it unchanged, with its ids.
 
-A map is stored as a CommonRoad file of the road network alone (2020a, steps of 0.1 s). Vehicles and planning problems
+A map is stored as a CommonRoad file with only the road network (2020a, steps of 0.1 s). Vehicles and planning problems
 of a scenario are left out; signs replace the speed limits of format 2018b.
 """
 
@@ -46,7 +46,7 @@ _SHORTEST_STEP_S = 1e-3
 
 @dataclass(frozen=True)
 class LaneletMap(NetMap):
-    """A lanelet network as a map: the file at ``path`` with its lanelets, the net over them, and plain values of both.
+    """A lanelet network as a map: the file at ``path`` with its lanelets, the SUMO net, and plain values of each.
 
     ``is_located``: whether the file states its location on earth; otherwise the map has an artificial one.
     """
@@ -97,7 +97,7 @@ def read_lanelet_map(path: Path) -> LaneletMap:
 
 
 def write_network(source: Path, target: Path) -> tuple[str, ...]:
-    """Write the road network of a CommonRoad file alone; return descriptions of what was left out.
+    """Write only the road network of a CommonRoad file; return descriptions of what was left out.
 
     Raises:
         UnsafeInput: the file is hostile, broken or not a CommonRoad file.
@@ -140,7 +140,7 @@ def write_network(source: Path, target: Path) -> tuple[str, ...]:
 
 
 def _remove_invalid(root: etree._Element) -> int:
-    """Remove elements that violate the schema and have no use; return how many were removed."""
+    """Remove elements that violate the schema and are not needed; return how many were removed."""
     torn = [one for one in root.iterfind("intersection") if one.find("incoming") is None]
     torn += [one for one in root.iterfind("trafficSign") if one.find("trafficSignElement") is None]
     for element in torn:
@@ -168,9 +168,9 @@ _MOST_ROUNDS = 20
 
 
 def _remove_rejected(root: etree._Element) -> list[str]:
-    """Remove from a network what the schema rejects, each time the smallest element; return their names.
+    """Remove the elements of a network that the schema rejects, smallest first; return their names.
 
-    Lanelets stay even if they are wrong: traffic needs them, and the rules for networks report their faults.
+    Lanelets stay even if they are invalid: traffic needs them, and the rules for networks report their faults.
     """
     names = []
     for _ in range(_MOST_ROUNDS):
@@ -223,7 +223,7 @@ def cut_lanelets(lanelets: LaneletMap, center: tuple[float, float], radius_m: fl
     """Write the lanelets of a network within a circle around (x, y) in m, with their signs and lights.
 
     Returns:
-        Whether that is less than the whole network; nothing is written otherwise.
+        True if these are not all lanelets; otherwise nothing is written.
     """
     from shapely import Point, Polygon
 
@@ -269,7 +269,7 @@ def _no_location() -> etree._Element:
 
 
 def _replace_limits_by_signs(document: etree._Element, country: str) -> str:
-    """Replace speed limits of format 2018b by signs if CommonRoad has one for the country; describe the change."""
+    """Replace speed limits of format 2018b with signs, if CommonRoad has one for the country; describe the change."""
     number, next_id = speed_limit_number(country), _largest_id(document) + 1
     signs: dict[str, int] = {}
     for lanelet in document.iterfind("lanelet"):
@@ -304,7 +304,7 @@ def _largest_id(document: etree._Element) -> int:
 
 
 def _degrees(document: etree._Element) -> tuple[float, float] | None:
-    """Return the file's latitude and longitude, or None if it has none, or 999, CommonRoad's value for unknown."""
+    """Return the file's latitude and longitude; None if they are missing or 999, CommonRoad's value for unknown."""
     try:
         latitude = float(document.findtext("location/gpsLatitude") or "")
         longitude = float(document.findtext("location/gpsLongitude") or "")
@@ -315,7 +315,7 @@ def _degrees(document: etree._Element) -> tuple[float, float] | None:
 
 
 def _ground(document: etree._Element) -> GeoReference | None:
-    """Return the file's projection if its coordinates are in it, apart from a shift."""
+    """Return the file's projection if the file's coordinates are in that projection, except for a shift."""
     projection = (document.findtext("location/geoTransformation/geoReference") or "").strip()
     if PROJECTION.fullmatch(projection) is None:
         return None
@@ -331,7 +331,7 @@ def _ground(document: etree._Element) -> GeoReference | None:
 
 
 def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GeoReference:
-    """Return a plane on earth with the network's middle at the file's location, or at the artificial one."""
+    """Return a plane on earth with the network's middle at the file's location, or at the artificial location."""
     points = np.concatenate([lanelet.center_vertices[:, :2] for lanelet in loaded.scenario.lanelet_network.lanelets])
     x, y = (points.min(axis=0) + points.max(axis=0)) / 2
     if degrees is None:
@@ -342,7 +342,7 @@ def _around(loaded: LoadedScenario, degrees: tuple[float, float] | None) -> GeoR
 
 
 def _attribution(document: etree._Element, benchmark_id: str) -> str:
-    """Return the attribution for scenarios on the network: the file, and OpenStreetMap if its roads come from there."""
+    """Return the attribution for scenarios on the network: the file, and OpenStreetMap if it is the source."""
     origin = f"{document.get('source', '')} {document.get('affiliation', '')}".lower().replace(",", " ").split()
     osm = f"; {OSM_ATTRIBUTION}" if any(word.strip(".;()") in _OSM_WORDS for word in origin) else ""
     return f"road network of CommonRoad {one_line(benchmark_id)}{osm}"

@@ -1,4 +1,4 @@
-"""A user's SUMO network (.net.xml) as a map with the nodes, roads and tags that a site finder expects of OpenStreetMap.
+"""A user's SUMO network (.net.xml) as a map with nodes, roads and tags as a site finder expects from OpenStreetMap.
 
 Its numeric ids are created here, because a network has names for its roads and no OpenStreetMap ids.
 """
@@ -67,7 +67,7 @@ MOST_TRACED = 4_000
 def untraced_links(path: Path) -> list[str]:
     """Describe the drivable connections of a network that no lanelet can represent.
 
-    Empty for large networks, which are checked later, cut by cut.
+    The result is empty for large networks, which are checked later, cut by cut.
 
     Raises:
         UnsafeInput: the file is hostile, broken or not a SUMO network.
@@ -122,7 +122,7 @@ def _is_road(edge: NetEdge, net: SumoNet) -> bool:
 
 
 def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
-    """Pair each edge with the one back between the same junctions, if there is one that is not paired yet."""
+    """Pair each edge with an unpaired edge in the opposite direction between the same junctions, if there is one."""
     waiting: dict[tuple[str, str], list[NetEdge]] = {}
     for edge in edges:
         waiting.setdefault((edge.from_junction, edge.to_junction), []).append(edge)
@@ -141,7 +141,7 @@ def _roads(edges: list[NetEdge]) -> list[tuple[NetEdge, NetEdge | None]]:
 
 
 def _junctions(edges: list[NetEdge], net: SumoNet) -> dict[str, Points]:
-    """Return the junctions in the order of the edges, each in the middle of the ends of its roads."""
+    """Return the junctions in the order of the edges, each at the mean position of the ends of its roads."""
     ends: dict[str, list[Points]] = {}
     for edge in edges:
         line = _middle_line(edge, net)

@@ -1,4 +1,4 @@
-"""Converts OpenDRIVE files to SUMO networks with netconvert, and reports their location and what is lost."""
+"""Converts OpenDRIVE files to SUMO networks with netconvert; reports their location and what is lost."""
 
 import math
 import re
@@ -89,7 +89,7 @@ def convert_opendrive(source: Path, target: Path, scratch: Path) -> tuple[str, .
 
 
 def _frictions(root: etree._Element) -> frozenset[float | None]:
-    """Return the friction coefficients of lanes for vehicles, with None if a lane's value is impossible or missing."""
+    """Return the friction coefficients of lanes for vehicles; None for a lane with an impossible or missing value."""
     lanes = [lane for lane in root.iter("lane") if lane.get("type") in DRIVEN]
     stated = {one.get("friction") for lane in lanes for one in lane.iterfind("material")}
     stated |= {None for lane in lanes if lane.find("material") is None}
@@ -106,7 +106,7 @@ def _possible(text: str | None) -> float | None:
 
 
 def _state_friction(net: Path, friction: float) -> None:
-    """State the friction at all lanes of a network, as SUMO's networks do."""
+    """Write the friction into all lanes of a network, as in SUMO's own networks."""
     tree = etree.parse(net)
     for lane in tree.getroot().iter("lane"):
         lane.set("friction", f"{friction:g}")
@@ -196,7 +196,7 @@ _WHOLE = re.compile(r"[+-]?[0-9]{1,6}")
 
 
 def _lost(root: etree._Element) -> list[str]:
-    """Describe what the network does not contain of the file."""
+    """Describe the content of the file that the network lacks."""
     signals, objects = (sum(1 for _ in root.iter(tag)) for tag in ("signal", "object"))
     heights = any(
         float(one.get(key, "0") or 0)
@@ -244,7 +244,7 @@ def _has_location(net: Path) -> bool:
 
 
 def _set_artificial_place(net: Path) -> None:
-    """Give a network the artificial location, with its middle there."""
+    """Give a network the artificial location, at its middle."""
     tree = etree.parse(net)
     location = tree.getroot().find("location")
     if location is None:

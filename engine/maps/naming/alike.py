@@ -52,7 +52,7 @@ SHORTEST_BEGUN = 3
 
 
 def is_transliterated(typed: str, name: str) -> bool:
-    """Return whether one text is the other in another script, by their sounds."""
+    """Return whether two texts are the same name in different scripts, judging by sound."""
     scripts = _scripts(typed), _scripts(name)
     if scripts[0] == scripts[1] or not (scripts[0] | scripts[1]) <= _ALPHABETS:
         return False
@@ -65,8 +65,8 @@ def is_transliterated(typed: str, name: str) -> bool:
 def is_abbreviated(typed: str, name: str) -> bool:
     """Return whether the typed text has a name's words, some shortened (``V. del Corso``: ``Via del Corso``).
 
-    A shortened word has the first letter of the whole one and some later letters, in their order. It ends in a point,
-    or another word identifies the name.
+    A shortened word has the first letter of the whole one and some later letters, in order. It ends in a full stop, or
+    another word identifies the name.
     """
     words, held = _significant_words(typed), _significant_words(name)
     if len(words) != len(held) or words == held:
@@ -86,7 +86,7 @@ def is_with_kind(typed: str, name: str) -> bool:
 
 
 def _shortens(short: str, word: str) -> bool:
-    """Return whether letters are an initial or a contraction of a word, no longer than abbreviations are."""
+    """Return whether letters are an initial or contraction of a word, no longer than usual for abbreviations."""
     letters = iter(word)
     is_short = len(short) <= _LONGEST_SHORT and not _ROMAN.fullmatch(word)
     return is_short and short[0] == word[0] and all(letter in letters for letter in short)
@@ -94,14 +94,14 @@ def _shortens(short: str, word: str) -> bool:
 
 @lru_cache(maxsize=MOST_KEPT)
 def _significant_words(name: str) -> tuple[str, ...]:
-    """Return the words of a name in order, without particles; a single letter counts only as a shortened word."""
+    """Return the words of a name in order, without particles; single letters count only as shortened words."""
     words = words_of_name(name)
     told = without_particles([word for word in words if len(word) > 1])
     return tuple(word for word in words if len(word) == 1 or word in told)
 
 
 def is_long_enough(typed: str) -> bool:
-    """Return whether the typed text has the minimum length of a beginning, in its own script or in Latin.
+    """Return whether the typed text is long enough for the beginning of a name, in its own script or in Latin.
 
     One Chinese character is several Latin letters. Arabic and Hebrew write no vowels, so hardly any letters remain.
     """

@@ -45,7 +45,7 @@ class Settlement:
         return frozenset(key for name in self.names for key in place_keys(name))
 
     def reach_m(self, *, wide: bool = False) -> float:
-        """Return its radius in m: that of a disc with the density of an urban centre.
+        """Return its radius in m: the radius of a disc with its inhabitants at the density of an urban centre.
 
         ``wide``: use the density of an urban cluster, which includes its outskirts and exits.
         """
@@ -55,7 +55,7 @@ class Settlement:
 
 @lru_cache(maxsize=4096)
 def settlements_called(text: str) -> tuple[Settlement, ...]:
-    """Return the settlements that have a text as one of their names (case is ignored), the largest first."""
+    """Return the settlements with a text as one of their names (ignoring case), largest first."""
     name = unicodedata.normalize("NFC", text).strip()
     if not 2 <= len(name) <= _LONGEST_NAME:
         return ()
@@ -68,12 +68,12 @@ def settlements_called(text: str) -> tuple[Settlement, ...]:
 
 @lru_cache(maxsize=4096)
 def names_elsewhere(text: str) -> frozenset[str]:
-    """Return the keys of a text and of all names of settlements it may refer to (``Мюнхен``: those of Munich)."""
+    """Return the keys of a text and of all names of settlements that it may refer to (``Мюнхен``: Munich's names)."""
     return place_keys(text).union(*(settlement.keys for settlement in settlements_called(text)))
 
 
 def _cases(name: str) -> Iterator[str]:
-    """Yield the ways in which a name that was typed without regard to case may be written."""
+    """Yield the upper- and lower-case forms in which a typed name may be written."""
     yield name
     words = name.casefold().split(" ")
     yield " ".join(word.title() for word in words)

@@ -33,7 +33,7 @@ def fold(text: str) -> str:
 
 @cache
 def _codes() -> dict[str, str]:
-    """Return ISO 3166-1 alpha-3 by the key of a code or name; codes and ISO's own names precede the CLDR's."""
+    """Return ISO 3166-1 alpha-3 codes by key of a code or name; ISO's names take precedence over the CLDR's."""
     from iso3166 import countries
 
     codes: dict[str, str] = {}
@@ -52,7 +52,7 @@ def _codes() -> dict[str, str]:
 
 @lru_cache(maxsize=50_000)
 def latin(text: str) -> str:
-    """Transliterate a text to Latin letters and digits, without accents and digraphs for umlauts."""
+    """Transliterate a text to Latin letters and digits, without accents or digraphs for umlauts."""
     folded = fold(text)
     if not folded.isascii():
         from anyascii import anyascii
@@ -64,10 +64,10 @@ def latin(text: str) -> str:
 
 @lru_cache(maxsize=50_000)
 def place_keys(text: str) -> frozenset[str]:
-    """Return all keys of a place's name; two spellings mean the same place if they share one.
+    """Return all keys of a place's name; two spellings mean the same place if they share a key.
 
     ``Mölln``, ``Moelln`` and ``Molln`` share a key. Names in other languages are not included:
-    :func:`~plannerforge.engine.maps.naming.gazetteer.names_elsewhere` has them.
+    :func:`~plannerforge.engine.maps.naming.gazetteer.names_elsewhere` returns those.
     """
     lowered = unicodedata.normalize("NFC", text).casefold()
     spellings = {fold(lowered), fold(lowered.translate(_UMLAUTS))}
@@ -78,16 +78,16 @@ def place_keys(text: str) -> frozenset[str]:
 
 
 def country_code(text: str) -> str | None:
-    """Return ISO 3166-1 alpha-3 of a code or of a name in any language of the CLDR; None for anything else."""
+    """Return the ISO 3166-1 alpha-3 code for a code or a name in any language of the CLDR; None for other texts."""
     exact = fold(text)
     keys = (exact, fold(text.casefold().translate(_UMLAUTS)), _without_digraphs(exact))
     return next((code for key in keys if key and (code := _codes().get(key)) is not None), None)
 
 
 def countries_spelt_like(text: str) -> list[str]:
-    """Return ISO 3166-1 alpha-3 codes of countries with a similarly spelt name in any language, the nearest first.
+    """Return ISO 3166-1 alpha-3 codes of countries with a similarly spelt name in any language, closest first.
 
-    Codes are too short to be misspelt: each is one letter away from others.
+    Misspelt codes do not count, since each code is one letter away from other codes.
     """
     from rapidfuzz import process
     from rapidfuzz.distance import OSA
@@ -107,7 +107,7 @@ _SHORTEST_NAME, _MOST_MISSPELT = 4, 2
 def country_name(code: str) -> str:
     """Return the English name of a country by its ISO 3166-1 alpha-3 code, or the code itself if no country has it.
 
-    The ISO's inverted names (``Moldova, Republic of``) are shortened unless two countries share the beginning.
+    ISO's inverted names (``Moldova, Republic of``) are shortened unless two countries share the beginning.
     """
     from iso3166 import countries, countries_by_alpha3
 

@@ -27,7 +27,7 @@ Position = tuple[float, float]
 
 @dataclass(frozen=True)
 class Region:
-    """A state or province: its ISO 3166-2 code without the country (empty if unknown), keys of its names, its towns."""
+    """A state or province: ISO 3166-2 code without the country (empty if unknown), keys of its names, towns."""
 
     code: str
     names: frozenset[str]
@@ -66,7 +66,7 @@ def _turned(degrees: float) -> float:
 
 
 def region_of(text: str, country: str | None, latitude: float, longitude: float) -> bool:
-    """Return whether a text refers to a state or province of the country in which the position may be."""
+    """Return whether a text refers to a state or province of the country that a position may be in."""
     keys = place_keys(text)
     if country is None or all(keys.isdisjoint(region.names) for region in _regions(country)):
         return False

@@ -1,4 +1,4 @@
-"""Finds the places that an OpenStreetMap extract shows: settlements, their parts, addresses, administrative areas."""
+"""Finds the places in an OpenStreetMap extract: settlements, their parts, addresses, administrative areas."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -54,7 +54,7 @@ Position = tuple[float, float]
 
 @dataclass(frozen=True)
 class _Outline:
-    """A place of the map: its tags, its middle in degrees, and its reach (None if it is only a point)."""
+    """A place on the map: its tags, its middle in degrees, and its reach (None if it is only a point)."""
 
     tags: Mapping[str, str]
     middle: Position
@@ -67,7 +67,7 @@ class _Outline:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """All names, the one in the place's own language first."""
+        """All names, starting with the one in the local language."""
         return tuple(dict.fromkeys((*filter(None, (self.tags.get("name", "").strip(),)), *self.names)))
 
     @property
@@ -78,10 +78,11 @@ class _Outline:
 
 
 def places_shown(osm: OsmMap) -> list[str]:
-    """Return the names of the places that a map shows, the most important first, each once.
+    """Return the names of the places on a map, most important first, each once.
 
-    Importance follows the kind, then the inhabitants, then the area. A settlement known only from addresses has the
-    importance that GeoNames gives it. Parts of settlements in addresses and administrative areas follow.
+    Importance is decided by the kind of place, then by its inhabitants, then by its area. A settlement known only from
+    addresses has the importance that GeoNames gives it. Parts of settlements in addresses and administrative areas
+    follow.
     """
     outlines = _outlines(osm)
     ranked = [(one.rank, -one.people, -(one.reach_m or 0.0), one.own_names) for one in outlines]
@@ -109,7 +110,7 @@ def places_shown(osm: OsmMap) -> list[str]:
 
 
 def _addressed(osm: OsmMap, keys: tuple[str, ...]) -> list[str]:
-    """Return the values of these address tags: the most frequent first, in the order of the tags."""
+    """Return the values of these address tags, tag by tag, most frequent first."""
     counted: dict[str, Counter[str]] = {key: Counter() for key in keys}
     for tags in _all_tags(osm):
         for key in keys:
@@ -125,7 +126,7 @@ def _all_tags(osm: OsmMap) -> Iterator[Mapping[str, str]]:
 
 
 def _districts(osm: OsmMap) -> list[str]:
-    """Return the names of administrative areas with borders on the map, the smallest first."""
+    """Return the names of administrative areas with borders on the map, smallest first."""
     found: list[tuple[int, tuple[str, ...]]] = []
     for relation in osm.relations:
         level = relation.tags.get("admin_level", "")
@@ -138,7 +139,8 @@ def _districts(osm: OsmMap) -> list[str]:
 def _outlines(osm: OsmMap) -> list[_Outline]:
     """Return the places of a map: points and outlines in the order of the file.
 
-    An outline that crosses the edge of the extract is open, because the nodes beyond are missing; it counts as well.
+    An outline that crosses the edge of the extract is open, because the nodes beyond the edge are missing. It counts,
+    too.
     """
     found: list[tuple[Mapping[str, str], Position, float | None]] = []
     found += [(node.tags, node.position, None) for node in osm.nodes.values() if node.tags.get("place") in PLACE_KINDS]
@@ -166,10 +168,10 @@ def _middle_and_reach(points: list[Position]) -> tuple[Position, float]:
 
 
 def areas_shown(osm: OsmMap) -> tuple[PlaceArea, ...]:
-    """Return settlements and their parts with their locations, the more important first.
+    """Return settlements and their parts with their locations, most important first.
 
-    A place with a point and an outline is one place, located at its point. Without an outline, it reaches at most half
-    way to the next place of its size.
+    A place with a point and an outline is one place, located at its point. A place without an outline reaches at most
+    half way to the next place of its size.
     """
     places = sorted(enumerate(_outlines(osm)), key=lambda pair: (pair[1].rank, -pair[1].people, pair[0]))[:MOST_AREAS]
     merged: dict[str, PlaceArea] = {}

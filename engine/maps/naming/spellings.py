@@ -194,13 +194,13 @@ def _table() -> dict[str, Any]:
 
 
 def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the words that languages write between the two roads of a crossing, and those before both."""
+    """Return the words that languages use between the two roads of an intersection, and before the two roads."""
     return tuple(_table()["joining"]), tuple(_table()["corners"])
 
 
 @cache
 def _endings() -> dict[str, str]:
-    """Return the kinds of road that end words (``Hauptstr``, ``Storgatan``), the longer ends first."""
+    """Return the word endings that mean a kind of road (``Hauptstr``, ``Storgatan``), longest first."""
     meant: dict[str, str] = {}
     for kind, spellings in _table()["suffixes"].items():
         kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
@@ -210,10 +210,10 @@ def _endings() -> dict[str, str]:
 
 @cache
 def _meanings() -> dict[str, tuple[str, ...]]:
-    """Return the words that each spelling may stand for.
+    """Return the words that each spelling may represent.
 
-    These are our own words, one for all languages, and libpostal's abbreviations. An abbreviation stands for one of our
-    words if that is written like it, otherwise for the word that it shortens. A number's word stands for itself and for
+    The sources are our own words, one for all languages, and libpostal's abbreviations. An abbreviation represents one
+    of our words if the two are spelt alike, otherwise the word that it shortens. A number's word represents itself and
     the number.
     """
     found: dict[str, tuple[str, ...]] = {}
@@ -254,7 +254,7 @@ def road_readings(name: str) -> frozenset[frozenset[str]]:
 
 
 def _without_repeated_kinds(readings: list[list[str]]) -> list[list[str]]:
-    """Return the readings in which no two words are the same kind of road; all if every reading has such words.
+    """Return the readings that do not repeat a kind of road; all readings if every one of them does.
 
     ``C Street`` is a street called C, and not ``Calle Street``.
     """
@@ -265,7 +265,7 @@ def _without_repeated_kinds(readings: list[list[str]]) -> list[list[str]]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def road_keys(name: str) -> frozenset[str]:
-    """Return the keys of a road name: two names are spellings of one road if they share one."""
+    """Return the keys of a road name; two names are spellings of one road if they share a key."""
     keys = {" ".join(sorted(reading - _PARTICLES or reading)) for reading in road_readings(name)}
     joined = {fold(name), latin(name), *("".join(key.split()) for key in keys)}
     return frozenset(key for key in keys | joined | _number_keys(name) if key)
@@ -273,7 +273,7 @@ def road_keys(name: str) -> frozenset[str]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def whole_road_keys(name: str) -> frozenset[str]:
-    """Return the keys of the road that a numbered section belongs to (``中山北一路``: ``中山北路``), or nothing."""
+    """Return the keys of a numbered section's whole road (``中山北一路``: ``中山北路``); empty for other names."""
     found = _CHINESE_ROAD.fullmatch(name.strip())
     if found is not None and (found["section"] or found["part"]):
         return road_keys(found["stem"] + found["direction"] + found["kind"])
@@ -288,12 +288,12 @@ def whole_road_keys(name: str) -> frozenset[str]:
 
 
 def distinctive(words: Iterable[str]) -> frozenset[str]:
-    """Return the words that distinguish a road: neither its kind nor a direction."""
+    """Return the words that distinguish a road, without its kind and without directions."""
     return frozenset(words) - _KINDS - _DIRECTIONS - _PARTICLES - {"and", "saint"}
 
 
 def without_kinds(words: frozenset[str]) -> frozenset[str]:
-    """Return words without those that say which kind of road it is, and without particles."""
+    """Return the words without particles and without words for the kind of road."""
     return words - _KINDS - _PARTICLES
 
 
@@ -314,7 +314,7 @@ def always_says_kind(name: str) -> bool:
 
 
 def names_a_street(name: str) -> bool:
-    """Return True if a name says in every reading that it is a road; squares and places may be parts of a town."""
+    """Return True if a name means a road in every reading; squares and places may be parts of a town."""
     if _CHINESE_ROAD.fullmatch(name.strip()):
         return True
     readings = road_readings(name)
@@ -327,7 +327,7 @@ def words_of_name(name: str) -> tuple[str, ...]:
 
 
 def without_particles(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the words without articles and prepositions; all of them if there are no others."""
+    """Return the words without articles and prepositions; all words if there are no others."""
     return tuple(word for word in words if word not in _PARTICLES) or tuple(words)
 
 
@@ -355,10 +355,10 @@ def _word_readings(word: str) -> tuple[tuple[str, ...], ...]:
 
 
 def _is_ordinal(number: str, end: str) -> bool:
-    """Return True if letters behind a number make it an ordinal.
+    """Return True if the letters after a number make it an ordinal.
 
-    They are an ending that libpostal lists (``1st``, ``2nd``), or the end of the number's own word, as people write
-    ordinals in many languages (``4ta``: cuarta; ``7mo``: séptimo).
+    The letters must be an ending that libpostal lists (``1st``, ``2nd``), or the end of the ordinal's own word, as in
+    many languages (``4ta``: cuarta; ``7mo``: séptimo).
     """
     if end in _table()["ordinals"]:
         return True
@@ -368,7 +368,7 @@ def _is_ordinal(number: str, end: str) -> bool:
 
 
 def _chinese(name: str) -> tuple[tuple[str, ...], ...]:
-    """Return the words of a Chinese road name as one reading; empty for any other name."""
+    """Return the words of a Chinese road name as one reading; return nothing for any other name."""
     found = _CHINESE_ROAD.fullmatch(name.strip())
     if found is None:
         return ()

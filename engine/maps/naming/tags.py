@@ -70,7 +70,7 @@ def place_names_of(tags: Mapping[str, str]) -> list[str]:
 
 
 def _by_script(name: str) -> list[str]:
-    """Return the parts of a name that is written in two scripts (``Shubra حي شبرا``), or an empty list."""
+    """Return the parts of a name in two scripts (``Shubra حي شبرا``); empty for other names."""
     runs: list[tuple[bool, list[str]]] = []
     for word in name.split():
         is_latin = all(
@@ -89,7 +89,7 @@ def refs_of(tags: Mapping[str, str]) -> list[str]:
 
 
 def keys_of_road(tags: Mapping[str, str]) -> frozenset[str]:
-    """Return the keys of all names and numbers of a road; two spellings mean the same road if they share one."""
+    """Return the keys of all names and numbers of a road; two spellings mean the same road if they share a key."""
     return frozenset(
         key for name in (*names_of(tags), *refs_of(tags)) for key in (*road_keys(name), *whole_road_keys(name))
     )

@@ -1,1 +1,3 @@
-"""Places and roads from online services: Nominatim locates a place, Overpass returns its roads, answers are cached."""
+"""Places and roads from online services: Nominatim locates a place, and Overpass returns its roads.
+
+Answers are cached."""

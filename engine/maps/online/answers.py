@@ -1,7 +1,7 @@
 """Caches answers of map services on disk by question, so that the same question has the same answer.
 
-The mirror that answered does not matter. osmnx's own cache is not used: it depends on the mirror, has no limits of size
-and age, and leaves half a file if its process is killed.
+An answer is valid no matter which mirror gave it. osmnx's own cache is not used: it depends on the mirror, has no
+limits on size or age, and leaves half a file if its process is killed.
 """
 
 import gzip
@@ -40,14 +40,14 @@ class KeptAnswer(Generic[_Read]):
 class AnswerCache:
     """A folder of answers, one file each, written completely or not at all.
 
-    If all together exceed ``most_mb``, the least recently used ones are removed.
+    If the answers together exceed ``most_mb``, the least recently used ones are removed.
     """
 
     def __init__(self, folder: Path, most_mb: int, most_days: float) -> None:
         self._folder, self._most_bytes, self._most_s = folder, most_mb * _MIB, most_days * _DAY_S
 
     def find(self, question: str, *, however_old: bool = False) -> KeptAnswer[Any] | None:
-        """Return the answer to a question, or None if there is none, it is too old, or its file is damaged."""
+        """Return the answer to a question, or None if it is missing or too old, or its file is damaged."""
         path = self._path(question)
         try:
             kept = KeptAnswer(**json.loads(gzip.decompress(path.read_bytes())))
@@ -69,7 +69,7 @@ class AnswerCache:
         return kept
 
     def keep(self, kept: KeptAnswer[Any]) -> None:
-        """Store an answer; remove others if there is no room for all.
+        """Store an answer; remove other answers if there is not enough room.
 
         Raises:
             ResourceFailure: the disk is full or the folder cannot be written; then nothing is stored.

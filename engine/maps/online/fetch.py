@@ -1,6 +1,4 @@
-"""Fetches roads from Overpass: all of a place if it is small enough, otherwise those around sites that fit a
-request.
-"""
+"""Fetches roads from Overpass: all roads of a small place, or those around sites that fit a request."""
 
 import math
 import re
@@ -133,7 +131,7 @@ def _no_site_error(request: FetchMapRequest, name: str, held: list[SiteType], *,
 
 
 class _Area:
-    """The search area of a request: the boxes to fetch, the best first."""
+    """The search area of a request: the boxes to fetch, best first."""
 
     def __init__(self, request: FetchMapRequest, client: ServiceClient) -> None:
         self._request, self._client = request, client
@@ -143,7 +141,7 @@ class _Area:
         self.name = cited(place.label) if place is not None else f"the box {list(request.bbox or ())}"
 
     def cores(self) -> Iterator[Box]:
-        """Yield boxes within which sites may be taken; each fits into a download with its margin."""
+        """Yield boxes in which sites may be chosen; each box with its margin fits into one download."""
         whole = self._whole()
         if self._hinted:
             yield from self._about(self._spots_of_hinted_roads(whole))
@@ -155,7 +153,7 @@ class _Area:
 
     @property
     def _hinted(self) -> bool:
-        """Return whether a road is requested in a settlement that Nominatim does not know there."""
+        """Return whether the requested road is unknown to Nominatim in the requested settlement."""
         return self._place is not None and self._place.is_settlement and bool(self._place.roads)
 
     def _whole(self) -> Box:
@@ -175,7 +173,7 @@ class _Area:
     def _about(self, spots: Sequence[Spot]) -> Iterator[Box]:
         """Yield a core around each candidate, without overlaps, together with the neighbours that fit into it.
 
-        There is room for the requested scenarios, and for some that replace a failed one.
+        The boxes suffice for the requested scenarios, and for some that replace failed ones.
         """
         used: list[Box] = []
         for spot in spots:
@@ -191,7 +189,7 @@ class _Area:
             yield core
 
     def _spots(self, whole: Box) -> list[Spot]:
-        """Return the places of possible sites of the type, those nearest to the middle of the place first."""
+        """Return the positions of possible sites of the type, nearest to the middle of the place first."""
         middle = self._middle(whole)
         box = _bounded(whole, middle)
         lines = self._place.lines if self._place is not None else ()
@@ -227,7 +225,7 @@ class _Area:
         return [one for one in self._client.query(query).answer["elements"] if _has_position(one)]
 
     def _out_of_town(self, roads: list[Mapping[str, Any]], box: Box) -> list[Mapping[str, Any]]:
-        """Return roads without signs of a town and away from its middle; all if there are none."""
+        """Return the roads away from the town's middle and without signs of a town; all roads if there are none."""
         roads = [road for road in roads if not _indicates_town(road["tags"])] or roads
         towns = [(_position(one), one["tags"].get("place")) for one in self._found([_SETTLEMENTS], box)]
         far = {"city": 3 * OUT_OF_TOWN_M, "town": 1.5 * OUT_OF_TOWN_M, "hamlet": 0.4 * OUT_OF_TOWN_M}
@@ -274,7 +272,7 @@ def map_query(request: FetchMapRequest, core: Box) -> str:
 
 
 def margin_m(kind: ScenarioType) -> float:
-    """Return the metres fetched around a core, so that the cut around a site at its edge is complete."""
+    """Return the margin in metres around a core that makes the cut around a site at its edge complete."""
     return _MARGIN_M.get(kind, _USUAL_MARGIN_M)
 
 
@@ -303,7 +301,7 @@ def _about_spot(spot: Spot, reach_m: float) -> Box:
 
 
 def _at_least(box: Box) -> Box:
-    """Return the box, enlarged so that a site has room in it."""
+    """Return the box, enlarged if necessary to have room for a site."""
     middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
     return _around_both(box, _about_spot(middle, LEAST_CORE_M))
 
@@ -405,7 +403,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """Return a name for the map of a place: its settlement's, or its own if it is a settlement or has no known one."""
+    """Return a name for the map of a place: that of its settlement if known, otherwise the place's own."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 
@@ -414,7 +412,7 @@ def _file_stem(name: str) -> str:
 
 
 def write_osm(elements: Sequence[Mapping[str, Any]], box: Box, path: Path) -> None:
-    """Write elements of Overpass's JSON as OpenStreetMap XML, each once, by kind and id."""
+    """Write the elements of Overpass's JSON as OpenStreetMap XML, each once, ordered by kind and id."""
     import osmium
     from osmium.osm import Box as Bounds
     from osmium.osm import Location, mutable

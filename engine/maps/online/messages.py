@@ -1,7 +1,7 @@
-"""Validates answers of map services before use or storage: OpenStreetMap data and findings in the documented forms.
+"""Validates answers of map services before use or storage: OpenStreetMap data and places in their documented forms.
 
-Undocumented parts are left out. If an element has another form, the whole answer is rejected, and the next service is
-asked.
+Undocumented parts are left out. If an element has a different form, the whole answer is rejected, and the next service
+gets the request.
 
 Sources: Overpass API, output format JSON; OpenStreetMap API 0.6 (lengths of tags, ranges of coordinates); Nominatim,
 output format jsonv2.
@@ -22,7 +22,7 @@ def _not_boolean(value: object) -> object:
     """Return a value that is not a boolean, which pydantic would read as 0 or 1.
 
     Raises:
-        PydanticCustomError: it is one.
+        PydanticCustomError: the value is a boolean.
     """
     if isinstance(value, bool):
         raise PydanticCustomError("boolean", "a boolean is not a number")
@@ -126,7 +126,7 @@ class Finding(TypedDict):
 
 
 class NotReadable(ValueError):
-    """An answer in another form; the message states where and what is wrong."""
+    """Raised for an answer in a different form; the message states what is wrong, and where."""
 
 
 _Read = TypeVar("_Read")
@@ -141,7 +141,7 @@ def read_map_data(answer: object) -> MapData:
     """Return an answer of Overpass without undocumented parts.
 
     Raises:
-        NotReadable: it has another form.
+        NotReadable: the answer has a different form.
     """
     data: MapData = _read(_adapter(MapData).validate_python, answer)
     return data
@@ -151,7 +151,7 @@ def read_findings(answer: object) -> list[Finding]:
     """Return the places in an answer of Nominatim without undocumented parts.
 
     Raises:
-        NotReadable: it has another form.
+        NotReadable: the answer has a different form.
     """
     findings: list[Finding] = _read(_adapter(list[Finding]).validate_python, answer)
     return findings

@@ -1,6 +1,6 @@
 """Resolves the name of a place: asks Nominatim, and decides which of its results the user means.
 
-Nominatim knows settlements, roads and sights, but no crossings: these are found where the courses of their roads meet.
+Nominatim knows settlements, roads and sights, but no intersections. They are found where the courses of roads meet.
 """
 
 import math
@@ -64,7 +64,7 @@ def locate_place(request: LocateRequest, report: ProgressReporter) -> LocatedPla
 
     Raises:
         UnknownName: Nominatim knows no such place.
-        ServiceFailure: it cannot be reached.
+        ServiceFailure: Nominatim cannot be reached.
         NotPossible: the settings do not allow the request.
     """
     report(0.0, "looking up the place")
@@ -97,7 +97,7 @@ class _Search:
         self.service, self.kept = "", True
 
     def find(self, words: str) -> list[NamedPlace]:
-        """Return all findings of Nominatim in the given country, the most important first."""
+        """Return all of Nominatim's results in the given country, most important first."""
         parameters: dict[str, int | str] = {
             "q": words,
             "format": "jsonv2",
@@ -121,7 +121,7 @@ class _Search:
         return _pieces_joined([place for entry in answered.answer if (place := _place_of_finding(entry)) is not None])
 
     def crossing(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """Return the crossings of the roads, one for each town."""
+        """Return the intersections of the roads, one for each town."""
         found = [[place for place in self.find(f"{road}, {town}" if town else road) if place.lines] for road in roads]
         if not all(found):
             return []
@@ -129,20 +129,20 @@ class _Search:
         return crossings or (found[0] if town else [])
 
     def within(self, roads: Sequence[str], town: str) -> list[NamedPlace]:
-        """Return a town with roads that Nominatim does not know by these names; the map may know them."""
+        """Return a town with roads of names that Nominatim does not know but the map may have."""
         hints = tuple((road,) for road in roads)
         return [place.model_copy(update={"roads": hints}) for place in self.find(town) if place.is_settlement]
 
 
 def _roads_of_crossing(text: str) -> tuple[list[str], str] | None:
-    """Return the roads of a crossing and the town, or None if the text is not a crossing."""
+    """Return the roads of an intersection and the town, or None if the text is not an intersection."""
     parts = listed_parts(text)
     roads = crossing_parts(parts[0]) if parts else []
     return (roads, ", ".join(parts[1:])) if len(roads) == 2 else None
 
 
 def _place_of_finding(entry: Mapping[str, Any]) -> NamedPlace | None:
-    """Return a finding of Nominatim, or None if it has no name or no place on earth."""
+    """Return the place in a result of Nominatim, or None if it has no name or no position on earth."""
     try:
         address = entry.get("address", {})
         south, north, west, east = (float(value) for value in entry["boundingbox"])
@@ -187,7 +187,7 @@ def _names(entry: Mapping[str, Any]) -> list[str]:
 
 
 def _label(name: str, address: Mapping[str, Any]) -> str:
-    """Return a name with the town, the state and the country that distinguish it from others."""
+    """Return a place's name with the town, state and country that distinguish it from other places."""
     town = next((address[key] for key in ("city", "town", "village", "municipality", "county") if address.get(key)), "")
     far = [address[key] for key in ("state", "country") if address.get(key)]
     return ", ".join(dict.fromkeys(one_line(str(part)) for part in (name, town, *far) if part))
@@ -202,7 +202,7 @@ def _lines(shape: Mapping[str, Any]) -> tuple[tuple[tuple[float, float], ...], .
 
 
 def _pieces_joined(found: Iterable[NamedPlace]) -> list[NamedPlace]:
-    """Merge the ways of one road among the findings: OpenStreetMap splits a road wherever something changes."""
+    """Merge the ways of one road among the results; OpenStreetMap splits a road wherever something changes."""
     joined: list[NamedPlace] = []
     for place in found:
         same = next((index for index, other in enumerate(joined) if place.lines and _is_piece(place, other)), None)
@@ -236,10 +236,10 @@ def _apart_m(one: NamedPlace, other: NamedPlace) -> float:
 
 
 def _best_matches(found: Sequence[NamedPlace], words: str) -> list[NamedPlace]:
-    """Return the place that the text means, or several that are equally well known by this name.
+    """Return the place that the text means, or several places that are equally well known by this name.
 
     Raises:
-        UnknownName: only things have the name that are too unimportant to be meant by it alone.
+        UnknownName: all places with the name are too unimportant for the name alone to mean one of them.
     """
     settled = [place for place in found if place.is_settlement]
     of_first_kind = settled if found[0].is_settlement else [place for place in found if not place.is_settlement]
@@ -311,7 +311,7 @@ def _alpha2(code: str) -> str | None:
 
 
 def _country(address: Mapping[str, Any]) -> str | None:
-    """Return ISO 3166-1 alpha-3 for an address: the territory's if it has a code of its own."""
+    """Return the ISO 3166-1 alpha-3 code for an address: the territory's code if it has one of its own."""
     code = str(address.get("country_code", "")).upper()
     parts = {str(value).rpartition("-")[2] for key, value in address.items() if key.startswith("ISO3166-2-lvl")}
     own = sorted(parts & _TERRITORIES.get(code, frozenset()))

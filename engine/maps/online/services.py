@@ -1,9 +1,9 @@
 """Sends requests to Nominatim and Overpass with osmnx: only to the configured hosts, in turn, and with limits.
 
-osmnx makes the requests, identifies the program, and waits for a free slot at Overpass. The rest happens in a hook that
-requests calls with every response before its body is read (osmnx's setting ``requests_kwargs``). Redirects are not
-followed. An answer is read only up to a limit in bytes and seconds. A refusal (429, 504 …) becomes an exception with
-the service's retry time; osmnx would wait 55 s for it, again and again.
+osmnx makes the requests, identifies the program, and waits for a free slot at Overpass. The rest happens in a hook
+(osmnx's setting ``requests_kwargs``), which the library ``requests`` calls with every response before reading its body.
+Redirects are not followed. An answer is read only up to a limit in bytes and seconds. A refusal (429, 504 …) becomes an
+exception with the service's retry time; osmnx would wait 55 s each time, again and again.
 """
 
 import fcntl
@@ -55,7 +55,7 @@ _AGAIN = frozenset({429, 500, 502, 503, 504})
 
 
 class Trouble(Exception):
-    """A service gave no valid answer; ``again``: a retry may succeed, after ``wait_s`` seconds."""
+    """Raised if a service gave no valid answer; ``again``: a retry may succeed after ``wait_s`` seconds."""
 
     def __init__(self, what: str, *, again: bool = False, wait_s: float | None = None) -> None:
         super().__init__(what)
@@ -107,8 +107,8 @@ class _Guard:
         """Read the body of a good response; raise an error for any other.
 
         Raises:
-            Trouble: it is a redirect, an error status, a page instead of data, too slow, or incomplete.
-            NotPossible: it is larger than the limit.
+            Trouble: the response is a redirect, an error status, a page instead of data, too slow, or incomplete.
+            NotPossible: the response is larger than the limit.
         """
         del unused, options
         try:
@@ -134,7 +134,7 @@ class _Guard:
         response.raw = io.BytesIO(body)
 
     def _count(self, is_status: bool) -> None:
-        """Limit status requests: osmnx asks again and again while all slots are taken."""
+        """Limit status requests, since osmnx repeats them while all slots are taken."""
         self.status_reads += is_status
         if self.status_reads > _MOST_STATUS_READS:
             raise Trouble("its slots stay occupied")
@@ -173,7 +173,7 @@ class _Guard:
 
 
 def _too_much() -> NotPossible:
-    """Return the refusal of too large an answer; any other service would send as much."""
+    """Return the refusal of too large an answer; other services would send the same amount."""
     return NotPossible(
         f"the answer exceeds the limit of {MOST_BYTES // _MIB} MB of map data",
         next_step="choose a smaller bbox or a street of the place, or lower maps_km2",
@@ -212,10 +212,10 @@ class ServiceClient:
         self._give_up_at = time.monotonic() + MOST_SECONDS
 
     def search(self, parameters: Mapping[str, int | str]) -> Answered[list[Finding]]:
-        """Return the findings of Nominatim: a list of places in its format jsonv2.
+        """Return Nominatim's results: a list of places in its format jsonv2.
 
         Raises:
-            ServiceFailure: it cannot be reached, or gives no valid answer.
+            ServiceFailure: Nominatim cannot be reached, or gives no valid answer.
             NotPossible: the settings do not allow the request, and there is no cached answer.
         """
         base = self._services.nominatim_url
@@ -270,7 +270,7 @@ class ServiceClient:
         return answered
 
     def _cached(self, question: "_Question[_Read]", *, however_old: bool) -> "KeptAnswer[_Read] | None":
-        """Return the cached answer; remove an unreadable one, which an earlier version may have stored."""
+        """Return the cached answer; remove it if it is unreadable, as one from an earlier version may be."""
         kept = self._cache.find(question.text, however_old=however_old)
         if kept is None:
             return None
@@ -281,7 +281,7 @@ class ServiceClient:
             return None
 
     def _first_answer(self, question: "_Question[_Read]") -> "tuple[Answered[_Read] | None, list[str]]":
-        """Return the first answer with content, otherwise the first empty one; also the failures before it."""
+        """Return the first answer with content, otherwise the first empty answer, and the failures before it."""
         empty: Answered[_Read] | None = None
         troubles: list[str] = []
         urls = question.urls
@@ -305,7 +305,7 @@ class ServiceClient:
         return (None if empty is None else _with(empty, troubles)), troubles
 
     def _patiently(self, url: str, question: "_Question[_Read]") -> _Read:
-        """Return one service's answer; ask again once if that may help."""
+        """Return one service's answer; retry once if that may help."""
 
         def wait_s(state: RetryCallState) -> float:
             raised = state.outcome.exception() if state.outcome is not None else None
@@ -362,7 +362,7 @@ class ServiceClient:
 
     @contextmanager
     def _turn(self, host: str) -> Iterator[None]:
-        """Wait for a turn at a host: one request at a time for all processes on the workspace, with pauses between."""
+        """Wait for a turn at a host: all processes on the workspace send one request at a time, with pauses."""
         path = Path(self._services.cache) / f"{host.replace(':', '_')}.turn"
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a+b") as stream:
@@ -392,7 +392,7 @@ def _host_of(url: str) -> str:
 
 @contextmanager
 def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) -> Iterator[None]:
-    """Apply these settings to osmnx for one service; restore its own afterwards."""
+    """Apply these settings to osmnx for one service; restore osmnx's own settings afterwards."""
     from osmnx import settings
 
     ours = {
@@ -441,10 +441,10 @@ def _answer_of(question: _Question[_Read], url: str) -> _Read:
 
 
 def _check_reachable(url: str) -> None:
-    """Check within seconds that a host is reachable; a proxy checks this itself.
+    """Check within seconds that a host is reachable; behind a proxy, the proxy checks this.
 
     Raises:
-        Trouble: it is not.
+        Trouble: the host is not reachable.
     """
     from requests.utils import get_environ_proxies
 

@@ -1,4 +1,4 @@
-"""Determines the users of a road from OSM's access tags, and the barriers that block it.
+"""Determines the users of a road from OSM's access tags, and the barriers that block the road.
 
 A more specific key overrides a more general one, and a lane or direction overrides the whole road, as in OSM's
 documentation (https://wiki.openstreetmap.org/wiki/Key:access, "Transport mode restrictions"). Values count as in OSM's
@@ -37,7 +37,7 @@ _FOR_ONE: Mapping[str, RoadUser] = {"bus": "bus", "psv": "bus", "hgv": "truck", 
 
 
 def _says(value: str, user: RoadUser) -> bool | None:
-    """Return whether a tag's value opens a road to a user, or None if it does not decide this.
+    """Return whether a tag's value opens a road to a user, or None if the value does not decide this.
 
     In a list (``agricultural;forestry``), one opening value suffices.
     """
@@ -54,7 +54,7 @@ def _says(value: str, user: RoadUser) -> bool | None:
 
 
 def is_open(tags: Tags, user: RoadUser, direction: Direction | None = None, *, otherwise: bool = True) -> bool:
-    """Return whether the tags of a way or node open it to a road user (in a direction), else ``otherwise``."""
+    """Return whether tags open a way or node to a road user (in a direction); ``otherwise`` if they do not say."""
     for key in _KEYS[user]:
         for name in (f"{key}:{direction}", key) if direction else (key,):
             if name in tags and (verdict := _says(tags[name], user)) is not None:
@@ -82,7 +82,7 @@ _RULING = frozenset(
 
 
 def closing_tag(tags: Tags) -> str:
-    """Return the tag that closes a road to cars, as ``key=value``, or an empty text."""
+    """Return the tag that closes a road to cars, as ``key=value``; empty if there is none."""
     for key in _KEYS["car"]:
         for name in (key, f"{key}:forward", f"{key}:backward"):
             if name in tags and _says(tags[name], "car") is False:
@@ -100,7 +100,7 @@ def is_for_access_only(tags: Tags) -> bool:
 
 
 def conditional_tags(tags: Tags) -> list[str]:
-    """Return the access tags for certain times or vehicles only: a scenario has no time of day."""
+    """Return the access tags for certain times or vehicles only, since a scenario has no time of day."""
     ruling = {key for keys in _KEYS.values() for key in keys}
     return sorted(
         f"{key}={value}"
@@ -112,7 +112,7 @@ def conditional_tags(tags: Tags) -> list[str]:
 def lane_users(tags: Tags, direction: Direction, *, oneway: bool) -> list[frozenset[RoadUser]]:
     """Return the users of each lane in a direction, from left to right; empty if no tag distinguishes lanes.
 
-    A lane that is designated for buses is theirs alone unless a tag admits others.
+    A lane that is designated for buses is for buses only, unless a tag admits other vehicles.
     """
     lists = {
         key: values
@@ -124,7 +124,7 @@ def lane_users(tags: Tags, direction: Direction, *, oneway: bool) -> list[frozen
 
 
 def lane_values(tags: Tags, key: str, direction: Direction, *, oneway: bool) -> list[str]:
-    """Return the value of ``key:lanes`` for each lane in a direction, from left to right; empty without the tag."""
+    """Return the value of ``key:lanes`` for each lane in a direction, left to right; empty if there is no such tag."""
     text = tags.get(f"{key}:lanes:{direction}") or (tags.get(f"{key}:lanes", "") if oneway else "")
     return [part.strip() for part in text.split("|")] if text else []
 
@@ -169,7 +169,7 @@ def barrier_of(tags: Tags) -> str:
 
 
 def in_words(names: Iterable[str], most: int = 3) -> str:
-    """List names in order, each once, with the number of the others."""
+    """List the first names in order, each once, with the number of those left out."""
     different = list(dict.fromkeys(names))
     more = f" and {len(different) - most} more" if len(different) > most else ""
     return ", ".join(different[:most]) + more

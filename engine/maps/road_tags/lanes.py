@@ -1,7 +1,7 @@
 """Determines a road's lanes in either direction: number, arrows, widths, and bus lanes.
 
-After OSM's documentation: Key:lanes, Key:turn, Key:width, Lanes (https://wiki.openstreetmap.org/wiki/Lanes). Lists over
-lanes (``a|b|c``) run from left to right in their own direction.
+After OSM's documentation: Key:lanes, Key:turn, Key:width, Lanes (https://wiki.openstreetmap.org/wiki/Lanes). Lists of
+lane values (``a|b|c``) run from left to right, seen in the lanes' direction.
 """
 
 import math
@@ -25,9 +25,9 @@ _LEFT, _RIGHT = ("left", "sharp_left"), ("right", "sharp_right")
 
 @dataclass(frozen=True)
 class Side:
-    """The lanes of one direction, from left to right: their arrows, and which are for buses alone.
+    """The lanes of one direction, from left to right: their arrows, and which are for buses only.
 
-    ``turns``: values of ``turn:lanes``, empty if no arrow is known. ``widths_m``: the mapped width of each lane.
+    ``turns``: the values of ``turn:lanes``; empty if no arrow is known. ``widths_m``: the mapped width of each lane.
     """
 
     count: int | None = None
@@ -39,7 +39,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Lanes:
-    """The lanes of a road; ``notes`` lists by key what could not be drawn as tagged.
+    """The lanes of a road; ``notes`` lists by key the tags that could not be followed.
 
     ``oneway``: 1 and -1 for a road in one direction (along its nodes, against them), 0 for both. ``width_m``: width of
     the whole carriageway. ``too_narrow``: no car fits on it.
@@ -54,7 +54,7 @@ class Lanes:
 
 
 def oneway_of(tags: Tags) -> int:
-    """Return 1 for a road that cars use only along its nodes, -1 for one against them, 0 for both directions."""
+    """Return 1 if cars use a road only along its nodes, -1 if only against them, 0 if in both directions."""
     for key in ("oneway:motorcar", "oneway:motor_vehicle", "oneway:vehicle", "oneway"):
         value = tags.get(key, "")
         if value in _ONEWAY:
@@ -72,8 +72,8 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
     Args:
         tags: the road's tags.
         lefthand: whether traffic keeps left.
-        oneway: the direction, if it follows from more than the tags of lanes (access in one direction).
-        default: lanes in either direction if the tags do not state any.
+        oneway: the direction, if tags other than those of lanes determine it (access in one direction).
+        default: the number of lanes in each direction if the tags do not state it.
     """
     oneway = oneway_of(tags) if oneway is None else oneway
     notes = ["reversible"] if tags.get("oneway") == "reversible" else []
@@ -101,7 +101,7 @@ def lanes_of(tags: Tags, *, lefthand: bool, oneway: int | None = None, default: 
 
 
 def _side(tags: Tags, direction: Direction, oneway: int) -> Side:
-    """Return the lanes that the tags state for one direction; an empty side if it has no traffic."""
+    """Return the lanes that the tags state for one direction; an empty side if the direction has no traffic."""
     if (oneway > 0 and direction == "backward") or (oneway < 0 and direction == "forward"):
         return Side()
     alone = oneway != 0
@@ -135,14 +135,14 @@ def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
 
 
 def _trimmed(side: Side) -> Side:
-    """Return a side without lists that do not have one value per lane."""
+    """Return a side without the lists that do not have one value per lane."""
     count = min(side.count, _MOST_LANES) if side.count else None
     lists = {name: values for name in ("turns", "buses", "widths_m") if len(values := getattr(side, name)) == count}
     return Side(count, lists.get("turns", ()), lists.get("buses", ()), lists.get("widths_m", ()))
 
 
 def _shared_out(forward: Side, backward: Side, total: int | None, middle: int) -> tuple[Side, Side, list[str]]:
-    """Complete the lane counts of both directions from the tagged ones: total, forward, backward, middle."""
+    """Derive the lane counts of the two directions from the tagged counts: total, forward, backward, middle."""
     if total is None:
         return forward, backward, []
     through = max(total - middle, 0)
@@ -168,7 +168,7 @@ def _middle_lanes(tags: Tags) -> int:
 
 
 def _bus_lanes(tags: Tags, direction: Direction, alone: bool, lefthand: bool) -> int:
-    """Return the number of bus lanes, which are at the kerb, from tags that do not state which lanes they are."""
+    """Return the number of bus lanes at the kerb, from tags that do not state which lanes are for buses."""
     for key in ("lanes:psv", "lanes:bus"):
         for name in (f"{key}:{direction}", *([key] if alone else [])):
             if (count := _count(tags, name)) is not None:
@@ -181,7 +181,7 @@ def _bus_lanes(tags: Tags, direction: Direction, alone: bool, lefthand: bool) ->
 
 
 def _with_bus_lanes(side: Side, number: int, *, lefthand: bool) -> Side:
-    """Return a side with so many bus lanes at the kerb, unless its lists state which lanes they are."""
+    """Return a side with a number of bus lanes at the kerb, unless its lists state which lanes are for buses."""
     if not number or not side.count or any(side.buses):
         return side
     others = max(side.count - number, 0)
@@ -190,7 +190,7 @@ def _with_bus_lanes(side: Side, number: int, *, lefthand: bool) -> Side:
 
 
 def _with_widths(lanes: Lanes, tags: Tags, total: int | None, default: int) -> Lanes:
-    """Return lanes with the width of the road, and the consequences if a car does not fit."""
+    """Return lanes with the road's width, and with notes and changes if a car does not fit."""
     mapped = _metres(tags.get("width:carriageway", "")) or _metres(tags.get("width", ""))
     width = mapped or _metres(tags.get("est_width", ""))
     sides = [side for side, there in ((lanes.forward, lanes.oneway >= 0), (lanes.backward, lanes.oneway <= 0)) if there]
@@ -233,8 +233,9 @@ def _metres(text: str) -> float | None:
 
 
 def arrows(turns: Sequence[str]) -> tuple[str, ...]:
-    """Return the directions of lanes, left to right; lanes without arrows lead straight, the outer ones also to their
-    side.
+    """Return the directions of lanes, left to right.
+
+    Lanes without arrows lead straight on; the outer ones also lead to their side.
 
     A lane next to a right arrow leads to the right only if it has an arrow to the right, or if no other lane does.
     """

@@ -34,11 +34,11 @@ _SLOW_MOTORWAY_KMH = 90.0
 
 @dataclass(frozen=True)
 class LegalLimit:
-    """A limit in km/h, the kind of road that it applies to, and the code of the country or state with this law.
+    """A limit in km/h, the kind of road that it applies to, and the code of the country or state whose law it is.
 
     ``is_advice``: the law sets no limit, and this is the advised speed. ``states``: the number of states or provinces
-    considered if their laws differ; the most frequent limit applies then. ``is_default``: it is the limit of all roads
-    without a rule of their own.
+    considered if their laws differ; the most frequent limit applies then. ``is_default``: the limit is that of all
+    roads without a rule of their own.
     """
 
     kmh: float
@@ -157,8 +157,10 @@ _COMPARED = frozenset({"=", "!=", "~", "!~", "<", "<=", ">", ">="})
 
 
 def parse_filter(text: str) -> _Test:
-    """Return a test of tags from the table's language: ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``,
-    compared numbers, ``and``, ``or``, brackets.
+    """Return a test of tags from a text in the table's language.
+
+    The language has ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``, comparisons of numbers, ``and``,
+    ``or``, and brackets.
 
     Raises:
         ValueError: the text is not in that language.
@@ -167,7 +169,7 @@ def parse_filter(text: str) -> _Test:
 
 
 class _Parser:
-    """Descends over the tokens of a filter: or, and, not, single terms."""
+    """A recursive-descent parser for the tokens of a filter: or, and, not, single terms."""
 
     def __init__(self, tokens: list[str]) -> None:
         self._tokens, self._at = tokens, 0

@@ -101,7 +101,7 @@ def limit_of(tags: Tags, where: Jurisdiction, *, urban: bool, direction: Directi
 
 
 def signed_kmh(tags: Tags) -> float | None:
-    """Return the limit in km/h from a sign or a zone in a road's tags, without the law, or None."""
+    """Return the limit in km/h from a sign or a zone in a road's tags, ignoring the law, or None if there is none."""
     for _, value in _stated(tags, "forward"):
         if (kmh := _number(value)) is not None:
             return kmh
@@ -113,7 +113,7 @@ def signed_kmh(tags: Tags) -> float | None:
 
 
 def class_limits(tags: Tags) -> dict[str, float]:
-    """Return limits in km/h for trucks and for buses alone, by OSM's key of the vehicle (``hgv``, ``bus``)."""
+    """Return limits in km/h only for trucks and only for buses, by OSM's key of the vehicle (``hgv``, ``bus``)."""
     limits: dict[str, float] = {}
     for vehicle, keys in (("hgv", ("hgv", "goods")), ("bus", ("bus", "psv"))):
         for key in keys:
@@ -123,7 +123,7 @@ def class_limits(tags: Tags) -> dict[str, float]:
 
 
 def says_urban(tags: Tags) -> bool | None:
-    """Return whether a road's own tags put it inside a built-up area, or None if they do not decide this."""
+    """Return whether a road's own tags place it in a built-up area, or None if they do not decide this."""
     for key in _IMPLICIT_KEYS:
         found = _code(tags.get(key, ""))
         if found is not None and not found[1].isdecimal():
@@ -134,7 +134,7 @@ def says_urban(tags: Tags) -> bool | None:
 
 
 def conditional_limits(tags: Tags) -> list[str]:
-    """Return limits for certain times only and variable limits, as ``key=value``."""
+    """Return variable limits and limits for certain times only, as ``key=value``."""
     return sorted(
         f"{key}={value}"
         for key, value in tags.items()
@@ -143,7 +143,7 @@ def conditional_limits(tags: Tags) -> list[str]:
 
 
 def _stated(tags: Tags, direction: Direction) -> Iterator[tuple[str, str]]:
-    """Yield the tags that state a limit for cars in a direction, the most specific first."""
+    """Yield the tags that state a limit for cars in a direction, most specific first."""
     for key in ("maxspeed:motorcar", "maxspeed:motor_vehicle", "maxspeed"):
         for name in (f"{key}:{direction}", key):
             if tags.get(name):
@@ -155,7 +155,7 @@ def _stated(tags: Tags, direction: Direction) -> Iterator[tuple[str, str]]:
 
 
 def _number(text: str) -> float | None:
-    """Return the lowest speed in a value, in km/h; None if it has no speed or an implausible one."""
+    """Return the lowest speed in a value, in km/h; None if it has no number or an implausible one."""
     plain = text.partition("@")[0]
     speeds = [speed_kmh(part.strip().replace(",", ".")) for part in re.split(r"[;|/]\s*(?!h\b)", plain) if part.strip()]
     numbers = [kmh for kmh in speeds if kmh is not None and _SLOWEST_KMH <= kmh <= _FASTEST_KMH]
@@ -163,7 +163,7 @@ def _number(text: str) -> float | None:
 
 
 def _code(text: str) -> tuple[str, str] | None:
-    """Return the country and the kind of road (or the number of a zone) in a code; None for any other text."""
+    """Return the country and the kind of road (or a zone's number) that a code states; None for any other text."""
     match = _CODE.fullmatch(text.strip())
     if match is None or (match[2] not in _KINDS and not (match[2].isdecimal() and (match[1] or "zone" in text))):
         return None
@@ -178,7 +178,7 @@ def _place(code: str, where: Jurisdiction) -> Jurisdiction:
 
 
 def _unlimited(tags: Tags, where: Jurisdiction) -> Limit | None:
-    """Return the advised speed if the country's law has roads without a limit, or None."""
+    """Return the advised speed if the country's law has roads without a limit, otherwise None."""
     fast = {**tags, "dual_carriageway": "yes", "highway": "motorway"}
     limit = _legal(fast, where, urban=False, source="code")
     return limit if limit.legal is not None and limit.legal.is_advice else None

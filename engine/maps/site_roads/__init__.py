@@ -1,1 +1,1 @@
-"""The roads of a site: cut out of a map, with their pavements, and written as netconvert reads them."""
+"""The roads of a site: cut out of a map, with pavements, and written in the form that netconvert reads."""

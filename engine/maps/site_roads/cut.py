@@ -1,7 +1,7 @@
 """Cuts a few hundred metres around a site out of a map, as an extract of its own.
 
 Roads of an OpenStreetMap extract are followed to the circle and end on it, so that the inside is complete; everything
-else is left out. Roads of a user's SUMO network stay whole, as the user made them.
+else is left out. Roads of a user's SUMO network are kept whole and unchanged.
 """
 
 import math
@@ -62,7 +62,7 @@ def cut_map(
         The ways that were written (parts of a way count once).
 
     Raises:
-        NotPossible: there are too many roads in all or at one node to build a junction.
+        NotPossible: there are too many roads in total, or too many at one node to build a junction.
     """
     new_nodes = count(max(osm.nodes, default=0) + 1)
     new_ways = count(max((way.way_id for way in osm.ways), default=0) + 1)
@@ -120,7 +120,7 @@ def _written_tags(piece: _Piece, pavements: Pavements | None, reader: RoadReader
 
 
 def _between_barriers(piece: _Piece, new_nodes: Iterator[int], reader: RoadReader) -> Iterator[_Piece]:
-    """Yield the parts of a piece between the barriers that stop cars, each ending a little before them.
+    """Yield the parts of a piece between barriers that stop cars; each part ends a little before the barrier.
 
     Roads that meet at a barrier end there separately.
     """
@@ -144,7 +144,7 @@ def _between_barriers(piece: _Piece, new_nodes: Iterator[int], reader: RoadReade
 
 
 def _before(start: OsmNode, end: OsmNode, node_id: int) -> OsmNode:
-    """Return a new node ``BARRIER_GAP_M`` before the end of a segment: netconvert joins nodes at one place."""
+    """Return a new node ``BARRIER_GAP_M`` before a segment's end, since netconvert joins nodes at one position."""
     length = ground_distance_m(start.position, end.position)
     share = 1.0 - min(BARRIER_GAP_M / length, 0.4) if length > 0 else 0.5
     latitude = start.latitude + share * (end.latitude - start.latitude)
@@ -238,11 +238,11 @@ def cut_net(
 ) -> tuple[str, ...]:
     """Write the roads of the given classes within a circle around (latitude, longitude) as a network.
 
-    Coordinates, junctions and traffic lights stay those of the whole network. ``pavements``: add pavements to slow
-    roads without any, and crossings to junctions.
+    Coordinates, junctions and traffic lights are those of the whole network. ``pavements``: True to add pavements to
+    slow roads that have none, and crossings to junctions.
 
     Raises:
-        NotPossible: there is no such road, there are too many, or netconvert rejects the network.
+        NotPossible: there is no such road, there are too many of them, or netconvert rejects the network.
     """
     near = [way for way in net.roads(frozenset(classes)) if _distance_m(net, way, center) <= radius_m]
     if not near:

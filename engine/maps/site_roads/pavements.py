@@ -1,7 +1,7 @@
 """Determines the pavements of roads from a map, and guesses them if the map has no information.
 
 A map states pavements in tags of the road (``sidewalk``), or draws them as separate ways. If it does neither, streets
-in towns get pavements, because hardly any town has streets without; a note reports how much is guessed.
+in towns get pavements, because hardly any street in a town lacks them. A note reports how much is guessed.
 """
 
 import math
@@ -49,10 +49,10 @@ _DRAWN_WITHIN_M, _DRAWN_EVERY_M, _DRAWN_SHARE = 14.0, 10.0, 0.5
 
 @dataclass(frozen=True)
 class Pavements:
-    """Pavements of roads by way id, and how many km of road have them according to the map and to a guess.
+    """Pavements of roads by way id, and the km of road with pavements according to the map and to a guess.
 
-    ``crossings``: (latitude, longitude) of the crossings marked on the map. ``mid_block``: the nodes of those away from
-    junctions, on roads with pavements on both sides.
+    ``crossings``: (latitude, longitude) of the crossings marked on the map. ``mid_block``: the nodes of the crossings
+    away from junctions, on roads with pavements on both sides.
     """
 
     sides: Mapping[int, Sides]
@@ -62,7 +62,7 @@ class Pavements:
     mid_block: frozenset[int] = frozenset()
 
     def tags_of(self, way: OsmWay) -> dict[str, str]:
-        """Return a way's tags with its pavements as netconvert reads them; roads without any are closed to pedestrians.
+        """Return a way's tags with its pavements in netconvert's form; other roads are closed to pedestrians.
 
         Otherwise, netconvert would let pedestrians use the lanes of vehicles.
         """
@@ -143,7 +143,7 @@ def _is_crossing(node: OsmNode) -> bool:
 def _sides_of(
     way: OsmWay, near: Sequence[tuple[OsmNode, OsmNode]], footways: "_FootWays"
 ) -> tuple[Sides, Literal["map", "guess"]]:
-    """Return on which sides a road has pavements, and whether the map states this or it is a guess."""
+    """Return the sides of a road that have pavements, and whether the map states this or it is a guess."""
     if way.road_class in _NEVER or way.tags.get("motorroad") == "yes" or way.tags.get("foot") == "no":
         return "no", "map"
     stated = _stated_sides(way.tags)

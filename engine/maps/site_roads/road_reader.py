@@ -1,9 +1,9 @@
-"""Rewrites the roads of a site for netconvert: its own few tags replace all of OSM's tags for the same facts.
+"""Rewrites a site's roads for netconvert: a few tags that it understands replace all of OSM's tags.
 
 netconvert knows some of OSM's tags, and reads a few of them differently from their documentation. A site's roads are
 therefore written only with ``oneway``, ``lanes``, ``turn:lanes``, ``bus:lanes``, ``width`` and ``maxspeed``, computed
-here, and with a type of their own (``service=no_…``) if some vehicles may not use them. Notes report what was left out
-or computed without a sign.
+here, and with a type of their own (``service=no_…``) if some vehicles may not use them. Notes report what was left out,
+or computed although no sign is mapped.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -63,7 +63,7 @@ _SIDES = ("yes", "both", "left", "right", "separate")
 
 @dataclass
 class _Reported:
-    """Names of roads by the fact that a note reports of them."""
+    """Names of roads, by the fact that a note reports about them."""
 
     names: dict[str, list[str]] = field(default_factory=dict)
 
@@ -75,7 +75,7 @@ class RoadReader:
     """Reads the roads of one site, and collects the notes on them.
 
     Args:
-        built_up: of the whole map: the surroundings of a road determine whether it is in a town.
+        built_up: the built-up parts of the whole map: the surroundings of a road determine whether it is in a town.
         where: the country and states of the site.
         lefthand: whether traffic keeps left.
     """
@@ -123,7 +123,7 @@ class RoadReader:
         return kept
 
     def write_types(self, target: Path) -> None:
-        """Write the types of the roads that not every vehicle may use, as netconvert reads them; no file if all may."""
+        """Write the types of roads that not every vehicle may use, in netconvert's form; no file if there are none."""
         if self._types:
             root = etree.Element("types")
             root.extend(self._types[key] for key in sorted(self._types))
@@ -134,7 +134,7 @@ class RoadReader:
         self._reported.add("barrier", tag)
 
     def _oneway(self, way: OsmWay, name: str) -> int:
-        """Return the direction of a road by its tags, including access in one direction only."""
+        """Return the direction of a road according to its tags, including access in one direction only."""
         oneway = oneway_of(way.tags)
         forward, backward = users_of(way.tags, "forward"), users_of(way.tags, "backward")
         if oneway == 0 and bool(forward) != bool(backward):
@@ -182,7 +182,7 @@ class RoadReader:
         return inside >= _BUILT_UP_SHARE * len(points) or self._built_up.is_in_settlement(points[len(points) // 2])
 
     def _type_tags(self, way: OsmWay, users: frozenset[RoadUser], name: str) -> dict[str, str]:
-        """Return tags for a type of its own if some vehicles may not use a road or have a limit of their own on it."""
+        """Return tags for a road's own type, if some vehicles may not use it or have their own speed limit on it."""
         speeds = class_limits(way.tags)
         bus = {"bus": "yes"} if way.road_class == "service" and _opens_to_buses(way.tags) else {}
         if "car" not in users:
@@ -280,7 +280,7 @@ def _lane_tags(lanes: Lanes, *, lefthand: bool) -> dict[str, str]:
 
 
 def _lists_of(side: Side, direction: str, *, lefthand: bool) -> dict[str, str]:
-    """Return the lists over the lanes of a direction; netconvert mirrors left-hand roads, but not their arrows."""
+    """Return the lists of lane values in a direction; netconvert mirrors left-hand roads, but not their arrows."""
     tags = {}
     if any(turn not in ("", "none") for turn in side.turns):
         leading = arrows(side.turns)

@@ -1,1 +1,1 @@
-"""Finds the sites of each type on a map: rings, crossings and roads, and their surroundings."""
+"""Finds the sites of each type on a map: rings, intersections and roads, and their surroundings."""

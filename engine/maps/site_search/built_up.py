@@ -45,12 +45,12 @@ class BuiltUp:
 
     @property
     def is_mapped(self) -> bool:
-        """Return whether the map shows anything built up."""
+        """Return whether the map has any built-up part."""
         return not self._shapes.is_empty
 
     @cached_property
     def is_dense(self) -> bool:
-        """Return whether junctions are as dense as in towns, or a settlement is marked, for maps of roads alone."""
+        """Return whether junctions are as dense as in towns, or a settlement is marked, for maps with only roads."""
         roads = self._osm.roads()
         arms = Counter(key for way in roads for key in (*way.node_ids, *way.node_ids[1:-1]))
         junctions = sum(count > 2 for count in arms.values())
@@ -59,16 +59,17 @@ class BuiltUp:
         return named or junctions > TOWN_JUNCTIONS_PER_KM * length_km
 
     def is_in_settlement(self, node: OsmNode) -> bool:
-        """Return whether a node is in the core of a marked settlement, or of a part of one."""
+        """Return whether a node is in the core of a marked settlement, or of a part of a settlement."""
         return any(
             ground_distance_m(node.position, (area.latitude, area.longitude)) <= _CORE_SHARE * area.radius_m
             for area in self._settlements
         )
 
     def posted_kmh_around(self, way: OsmWay, middle: OsmNode) -> float | None:
-        """Return the median of the limits that are posted on the roads that meet a road, or on those near its middle.
+        """Return the median limit posted on the roads that meet a road, or on the roads near its middle.
 
-        Near its middle, two roads or more need a posted limit. Motorways, links and drives do not count.
+        The roads near its middle count only if two or more of them have a posted limit. Motorways, links and drives do
+        not count.
         """
         meeting = sorted(
             kmh for key in way.node_ids for other, kmh in self._posted_at.get(key, ()) if other != way.way_id
@@ -87,7 +88,7 @@ class BuiltUp:
 
     @cached_property
     def _posted_at(self) -> Mapping[int, list[tuple[int, float]]]:
-        """For each node, the roads there with their posted limits."""
+        """The roads at each node, with their posted limits."""
         at: dict[int, list[tuple[int, float]]] = {}
         for way, kmh in self._posted_ways:
             for key in dict.fromkeys(way.node_ids):

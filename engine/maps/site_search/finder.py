@@ -1,7 +1,7 @@
 """Finds the sites on a map: its roundabouts, signalised intersections, ramps, motorways and so on.
 
 A map of any kind and size is searched in at most n log n time: ``nearness`` finds what is nearby. If hundreds of roads
-meet or hundreds of sites share one place, the names of the first ones suffice.
+meet, or hundreds of sites share one position, only the first ones are named.
 """
 
 import math
@@ -53,7 +53,7 @@ MARKED_BY_NODES: frozenset[SiteType] = frozenset({"intersection", "signalised_in
 
 @dataclass(frozen=True)
 class SitePart:
-    """One of the places that a site was merged from: its position, its streets, and the node or way that marks it.
+    """One of the spots that were merged into a site: its position, streets, and the node or way that marks it.
 
     ``turns``: at a ramp, whether a link joins the main road there (``merge``) or leaves it (``exit``), or both.
     """
@@ -68,9 +68,9 @@ class SitePart:
 class Site:
     """A place on a map: its type, its middle in degrees, its streets, and the node or way that marks it.
 
-    ``parts``: the places that it was merged from, at most ``MOST_NAMED``; the streets are those of all parts.
-    ``only_passed``: the requested streets pass it, but no part is on all of them. ``by_links``: a street meets another
-    one there only over a link road that has its name.
+    ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
+    ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: one of the
+    streets reaches the junction only over a link road with the street's name.
     """
 
     kind: SiteType
@@ -100,7 +100,7 @@ class Site:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A candidate site without its streets; ``roads`` returns the roads that name it, once it is confirmed."""
+    """A candidate for a site, without streets; ``roads`` returns the roads that name it once it is confirmed."""
 
     kind: SiteType
     node: OsmNode
@@ -113,7 +113,7 @@ class _Spot:
         return self.node.position
 
     def streets(self) -> Iterator[str]:
-        """Yield names and numbers of its roads, and its own name."""
+        """Yield the names and numbers of its roads, and its own name."""
         for way in self.roads():
             yield from (name for name in (way.tags.get("name"), way.tags.get("ref")) if name)
         if "name" in self.node.tags:
@@ -141,7 +141,7 @@ class _Crossings:
         return self._ways_at.get(key, ())
 
     def of_streets(self) -> list[int]:
-        """Return junctions of different streets: neither one road that splits in two, nor motorways only."""
+        """Return junctions of different streets: not of one road that splits in two, and not only of motorways."""
         return [key for key in self.junctions if self._crosses(key) and not self._only_motorway(key)]
 
     def _crosses(self, key: int) -> bool:
@@ -153,7 +153,7 @@ class _Crossings:
 
 
 class SiteFinder:
-    """Finds the sites of one map; every kind is searched once, and sites have the order of the map.
+    """Finds the sites of one map; each kind is searched for once, and the sites are in the map's order.
 
     ``classes``: the road classes for sites, or empty for all; houses indicate a town in either case.
     """
@@ -167,7 +167,7 @@ class SiteFinder:
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
-        """Return all sites of a kind, with near ones merged; empty if the map has hardly any road."""
+        """Return all sites of a kind, with nearby ones merged; empty if the map has hardly any roads."""
         if kind not in self._found:
             sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
             self._found[kind] = tuple(
@@ -178,8 +178,9 @@ class SiteFinder:
     def find_by_links(self, kind: SiteType) -> list[Site]:
         """Return sites of a kind that ``find`` leaves out because links belong to them.
 
-        At a junction, a street reaches another one over a link with its name; the network decides whether a signalised
-        one gets lights. The ring of a roundabout may be made of links, or links with a street's name may enter it.
+        At such a junction, a street reaches a second street over a link with its name; if it is signalised, the network
+        decides whether it gets lights. At such a roundabout, the ring is made of links, or links with a street's name
+        enter it.
         """
         if kind == "roundabout" and self._road_m > LEAST_ROAD_M:
             return [replace(site, by_links=True) for site in _merged(self._rings(with_links=True))]
@@ -244,7 +245,7 @@ class SiteFinder:
 
     @cached_property
     def _streets(self) -> _Crossings:
-        """Junctions of roads that lead somewhere; a slip road leaves its road there, and crosses nothing."""
+        """Junctions of roads that lead somewhere, without slip roads, which only leave their road and cross nothing."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
@@ -273,7 +274,7 @@ class SiteFinder:
         return _Spot(kind, node, mark, partial(islice, ways, MOST_NAMED))
 
     def _roundabouts(self) -> list[_Spot]:
-        """Return closed rings of the roads in a site's cut, without links."""
+        """Return closed rings of the roads (not links) in a site's cut."""
         return self._rings(with_links=False)
 
     def _rings(self, *, with_links: bool) -> list[_Spot]:
@@ -303,7 +304,7 @@ class SiteFinder:
         return spots
 
     def _signals(self, crossings: _Crossings) -> Surroundings:
-        """Return the traffic signals on the roads that meet at the crossings."""
+        """Return the traffic signals on the roads that meet at the junctions."""
         return Surroundings(
             [
                 [self._metres(node)]
@@ -313,12 +314,12 @@ class SiteFinder:
         )
 
     def _has_lights(self, site: Site) -> bool:
-        """Return whether drivers reach a junction near the middle of a site at a signal, or soon after one."""
+        """Return whether drivers reach a junction near the middle of a site at a signal or soon after it."""
         return self._junctions_with_lights.any_within(self._metres(OsmNode(0, *site.position, {})), LIT_WITHIN_M)
 
     @cached_property
     def _junctions_with_lights(self) -> Surroundings:
-        """Junctions with lights of the roads in a site's cut.
+        """The junctions with lights on the roads in a site's cut.
 
         A light controls nothing unless two ways meet there and lead on, as where a road only splits or the map ends;
         netconvert leaves it out.
@@ -336,7 +337,7 @@ class SiteFinder:
         ]
 
     def _ramps(self) -> list[_Spot]:
-        """Return where a link leaves or joins a motorway, or a trunk road if there is no motorway."""
+        """Return the positions where links leave or join a motorway, or a trunk road if there is no motorway."""
         spots = []
         for key in self._with_links.junctions:
             classes = {way.road_class for way in self._with_links.ways_at(key)}
@@ -346,7 +347,7 @@ class SiteFinder:
         return spots
 
     def _turns_at(self, key: int) -> frozenset[Turn]:
-        """Return the turns that the links at a node of a main road provide, by their directions."""
+        """Return the turns that the links at a node of a main road provide, judging from their directions."""
         turns: set[Turn] = set()
         for way in self._with_links.ways_at(key):
             if way.road_class not in RAMP_LINKS:
@@ -378,7 +379,7 @@ class SiteFinder:
         return roads.values()
 
     def _meeting(self, way: OsmWay) -> tuple[OsmWay, ...]:
-        """Return the first roads that meet a way, including itself; callers need at most ``MOST_BEHIND``."""
+        """Return the first roads that meet a way, including the way itself; callers need at most ``MOST_BEHIND``."""
         if way.way_id not in self._met:
             at_nodes = (other for key in way.node_ids for other in islice(self._with_links.ways_at(key), MOST_BEHIND))
             found: dict[int, OsmWay] = {}
@@ -390,7 +391,7 @@ class SiteFinder:
         return self._met[way.way_id]
 
     def _passing(self, node: OsmNode) -> list[OsmWay]:
-        """Return the roads that pass near a ramp: an exit is also named after a road that it is at."""
+        """Return the roads that pass near a ramp, since an exit may also be named after such a road."""
         return [self._roads[index] for index in self._lines.lines_within(self._metres(node), NEAR_RAMP_M)]
 
     @cached_property
@@ -414,10 +415,10 @@ class SiteFinder:
         ]
 
     def _is_expressway(self, way: OsmWay) -> bool:
-        """Return True for a trunk road that drives like a motorway.
+        """Return True for a trunk road that resembles a motorway.
 
-        It is signed as one, or it is a one-way carriageway with a high limit, or without a signed limit and without a
-        street that meets it.
+        It is signed as an expressway, or it is a one-way carriageway with a high limit, or one that has no signed limit
+        and meets no street.
         """
         if way.tags.get("motorroad") == "yes":
             return True
@@ -449,7 +450,7 @@ class SiteFinder:
 
     @cached_property
     def _clear_m(self) -> float:
-        """The minimum distance of houses: larger on a town's map, because houses beyond its edge may be missing."""
+        """The minimum distance from houses: larger on a town's map, because houses beyond its edge may be missing."""
         dense = len(self._streets.junctions) > TOWN_JUNCTIONS_PER_KM * self._road_m / 1000
         lit = any(node.tags.get("highway") == "traffic_signals" for node in self.osm.nodes.values())
         return TOWN_CLEAR_M if dense or lit else RURAL_CLEAR_M
@@ -500,7 +501,7 @@ def _ways_along(crossings: _Crossings, nodes: Sequence[int]) -> Iterator[OsmWay]
 
 
 def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean latitude and longitude in degrees, also across the antimeridian."""
+    """Return the mean latitude and longitude in degrees, even across the antimeridian."""
     latitudes, longitudes = zip(*positions, strict=True)
     if max(longitudes) - min(longitudes) > HALF_TURN_DEG:
         longitudes = tuple(longitude % (2 * HALF_TURN_DEG) for longitude in longitudes)
@@ -509,7 +510,7 @@ def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _merged(spots: list[_Spot]) -> list[Site]:
-    """Merge candidates of one kind that are close together to sites with the streets of all."""
+    """Merge candidates of one kind that are close together into sites with the streets of all of them."""
     groups: list[list[_Spot]] = []
     firsts = Gathering(MERGE_M)
     for spot in spots:
@@ -532,7 +533,7 @@ def _merged(spots: list[_Spot]) -> list[Site]:
 
 
 def _site_of(kind: SiteType, parts: tuple[SitePart, ...], positions: Sequence[tuple[float, float]]) -> Site:
-    """Return a site of these parts in the middle of the positions, marked by the first part."""
+    """Return a site made of these parts, at the middle of their positions and marked by the first part."""
     streets = tuple(sorted({street for part in parts for street in part.streets}))
     return Site(kind, *_middle(positions), streets, parts[0].mark, parts)
 
@@ -540,7 +541,8 @@ def _site_of(kind: SiteType, parts: tuple[SitePart, ...], positions: Sequence[tu
 def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
     """Return points evenly spaced along a way without its ends: one per ``SPACING_M``, and at least one.
 
-    The number is limited by its nodes: a way of few nodes around the world would have a hundred thousand.
+    The number of nodes limits the number of points: a way of few nodes around the world would have a hundred thousand
+    points.
     """
     nodes = [osm.nodes[key] for key in way.node_ids]
     total = length_m(osm, way)
@@ -559,7 +561,7 @@ def _spaced_points(osm: OsmMap, way: OsmWay) -> list[OsmNode]:
 
 
 def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
-    """Return the nodes that roads reach from at least two nodes, and from which one leads on."""
+    """Return the nodes that roads reach from at least two nodes, and from which a road leads on."""
     ways_in: dict[int, set[int]] = {}
     leads_on: set[int] = set()
     for way in roads:
@@ -573,7 +575,7 @@ def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
 
 
 def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:
-    """Return the nodes with a traffic signal, and those that roads reach from one within ``AHEAD_M``.
+    """Return the nodes with a traffic signal, and those within ``AHEAD_M`` after such a node along roads.
 
     Maps show signals at the junction or at the stop line, and netconvert gives lights to what is ahead in the direction
     of travel. A signal that drivers reach after a junction belongs to another junction.

@@ -1,4 +1,4 @@
-"""Finds what is nearby on a map, at a cost of n log n, even in crowded places.
+"""Finds what is nearby on a map in n log n time, even in crowded areas.
 
 A long line is examined in short pieces, because its distance to a point costs as much as it has nodes.
 """
@@ -15,7 +15,7 @@ _PIECE_NODES = 32
 
 
 class Gathering:
-    """Positions, no two of them closer together than ``reach_m``.
+    """A set of positions, no two of which are closer together than ``reach_m``.
 
     Positions are sorted into cubes with an edge length of ``reach_m``, in Earth-centred coordinates. A chord is never
     longer than the distance on the ground, so a position within reach is in the same cube or in an adjacent one.
@@ -27,7 +27,7 @@ class Gathering:
         self.positions: list[Place] = []
 
     def near(self, position: Place) -> int | None:
-        """Return the number (from 0, in order) of the first position closer than the reach, or None."""
+        """Return the number (from 0) of the first position closer than the reach, or None if there is none."""
         x, y, z = self._cube(position)
         around = (
             self._cubes.get((x + i, y + j, z + k), ()) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1)
@@ -41,7 +41,7 @@ class Gathering:
         return min(found, default=None)
 
     def add(self, position: Place) -> int:
-        """Add a position that is near no other one; return its number."""
+        """Add a position that is not near any other position; return its number."""
         self.positions.append(position)
         self._cubes.setdefault(self._cube(position), []).append(len(self.positions) - 1)
         return len(self.positions) - 1
@@ -57,7 +57,7 @@ class Surroundings:
     """Points, lines and areas in metres, searched by distance from a point.
 
     Args:
-        lines: each a sequence of (x, y); one with a single vertex is a point.
+        lines: each a sequence of (x, y); a line with a single vertex is a point.
         areas: outlines of areas, closed or not.
     """
 
@@ -77,11 +77,11 @@ class Surroundings:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether there is nothing at all."""
+        """Return whether there are no points, lines or areas."""
         return len(self._tree) == 0
 
     def any_within(self, point: tuple[float, float], distance_m: float) -> bool:
-        """Return whether anything is within a distance of a point."""
+        """Return whether any point, line or area is within a distance of a point."""
         from shapely import Point
 
         nearest = self._tree.query_nearest(Point(*point), max_distance=distance_m, all_matches=False)

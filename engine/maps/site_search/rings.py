@@ -1,7 +1,7 @@
-"""Finds closed rings of one-way roads tagged as a roundabout, drawn as one way or as several.
+"""Finds closed rings of one-way roads tagged as a roundabout, drawn as one or several ways.
 
 A map may show half a ring (the other half is beyond the border, or a node of it is missing), and anything may be tagged
-as a roundabout; no network has one there.
+as a roundabout. In such cases, the network has no roundabout.
 """
 
 from collections.abc import Iterable
@@ -79,8 +79,8 @@ class Rings:
 
 
 def direction_of(way: OsmWay) -> int:
-    """Return 1 for a way driven from its first node, -1 for one driven to it, 0 for both directions.
+    """Return 1 for a way driven from its first node, -1 for a way driven to it, 0 for a way in both directions.
 
-    This matches the way as its cut is written for netconvert.
+    The result matches the cut of the way as it is written for netconvert.
     """
     return oneway_of(way.tags)

@@ -1,1 +1,1 @@
-"""Rules that check a road network: one function under ``@rule`` each, in the module of its subject."""
+"""Rules that check a road network: each is a function under ``@rule``, in the module of its subject."""

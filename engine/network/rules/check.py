@@ -1,6 +1,6 @@
-"""Runs all rules on a network: module by module and, within one, in the order in which they are written.
+"""Runs all rules on a network: module by module and, within a module, in order of definition.
 
-To add one, write its function under ``@rule`` in the module of its subject, its defect in the tests, and its line in
+To add a rule, write its function under ``@rule`` in the module of its subject, its defect in the tests, and its line in
 ``docs/rules.md``.
 """
 
@@ -31,13 +31,13 @@ def check_file(path: Path) -> CheckedFile:
 
 
 def check_network(document: RoadDocument) -> tuple[RuleFinding, ...]:
-    """Return the rules' findings about a network, errors before warnings, otherwise in rule order."""
+    """Return the rules' findings on a network: errors before warnings, and each in the order of the rules."""
     findings = [finding for rule in all_rules() for finding in rule.check(document)]
     return tuple(sorted(findings, key=lambda finding: finding.severity))
 
 
 def summarise_findings(findings: Iterable[RuleFinding], severity: Severity) -> tuple[str, ...]:
-    """Summarise the findings of one severity: each rule once, with the number of places and the first of them."""
+    """Summarise the findings of one severity: each rule once, with the number of positions and the first one."""
     by_rule: dict[str, list[RuleFinding]] = {}
     for finding in findings:
         if finding.severity == severity:

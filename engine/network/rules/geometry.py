@@ -169,7 +169,7 @@ def too_tight(document: RoadDocument) -> Iterator[Defect]:
 
 
 def _tightest_quarter_turn(center: Points) -> tuple[float, Points]:
-    """Return radius and beginning of the shortest piece that turns by 90°; infinite if there is none."""
+    """Return the radius and beginning of the shortest piece that turns by 90°; infinite if there is none."""
     best, place = float("inf"), center[0]
     if len(center) < 3:
         return best, place

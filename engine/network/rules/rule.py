@@ -1,4 +1,6 @@
-"""Defines rules and their findings: a function under ``@rule``; its name is the rule's id."""
+"""Defines rules and their findings.
+
+A rule is a function under ``@rule``; the function's name is the rule's id."""
 
 import inspect
 from collections.abc import Callable, Iterator

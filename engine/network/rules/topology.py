@@ -186,7 +186,7 @@ def overlapping_lanelets(document: RoadDocument) -> Iterator[Defect]:
 
 
 def _unrelated(lanelets: list[LaneletElement], pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the pairs (n, 2) of lanelets, by number, that lead the same way and are unrelated."""
+    """Return the pairs (n, 2) of lanelets, by number, that lead in the same direction and are unrelated."""
     unrelated = [
         not _are_related(lanelets[i], lanelets[j]) and _same_direction(lanelets[i], lanelets[j])
         for i, j in pairs.tolist()
@@ -196,14 +196,14 @@ def _unrelated(lanelets: list[LaneletElement], pairs: NDArray[np.int64]) -> NDAr
 
 
 def _are_related(lanelet: LaneletElement, other: LaneletElement) -> bool:
-    """Return whether both begin or end at one lanelet (a fork, a merge), or one follows the other."""
+    """Return whether two lanelets fork from or merge into the same lanelet, or one follows the other."""
     fork = set(lanelet.predecessors) & set(other.predecessors) or set(lanelet.successors) & set(other.successors)
     in_line = other.lanelet_id in lanelet.successors + lanelet.predecessors
     return bool(fork) or in_line
 
 
 def _same_direction(lanelet: LaneletElement, other: LaneletElement) -> bool:
-    """Return whether two lanelets lead the same way, to about 45°."""
+    """Return whether two lanelets lead in the same direction, to within about 45°."""
     ahead, ahead_there = (each.center[-1] - each.center[0] for each in (lanelet, other))
     return float(ahead @ ahead_there) > 0.7 * float(np.linalg.norm(ahead) * np.linalg.norm(ahead_there))
 

@@ -76,7 +76,7 @@ class _LaneTable:
 
 @dataclass(frozen=True)
 class JunctionPath:
-    """A path from one edge's lane to another's: the lanelet it leaves, those inside the junction, the one it enters."""
+    """A path from lane to lane of two edges: the lanelet it leaves, those inside the junction, the one it enters."""
 
     entry: int
     through: tuple[int, ...]
@@ -119,19 +119,19 @@ class NetLayout:
 
     @cached_property
     def lane_of(self) -> dict[int, tuple[str, int]]:
-        """Lanelet outside junctions → its edge and lane index."""
+        """Map each lanelet outside junctions to its edge and lane index."""
         return _lanes_by_lanelet(self.edges)
 
     @cached_property
     def internal_edge_of_path(self) -> dict[int, str]:
-        """Index of a path → the id of its internal edge, ``:junction_link``."""
+        """Map the index of a path to the id of its internal edge, ``:junction_link``."""
         return {
             path: f":{junction}_{link}" for junction, paths in self.links.items() for link, path in enumerate(paths)
         }
 
     @cached_property
     def paths_through(self) -> dict[int, tuple[int, ...]]:
-        """Lanelet inside a junction → indices of the paths that use it."""
+        """Map each lanelet inside a junction to the indices of the paths that use it."""
         through: dict[int, list[int]] = {}
         for index, path in enumerate(self.paths):
             for key in path.through:
@@ -140,7 +140,7 @@ class NetLayout:
 
     @cached_property
     def incoming_lanes(self) -> dict[str, tuple[tuple[str, int], ...]]:
-        """Junction → the lanes that lead into it, in SUMO's order."""
+        """Map each junction to the lanes that lead into it, in SUMO's order."""
         incoming: dict[str, list[tuple[str, int]]] = {junction: [] for junction in self.links}
         for edge, (_, junction) in self.ends.items():
             incoming[junction] += [(edge, lane) for lane in range(len(self.edges[edge]))]
@@ -148,7 +148,7 @@ class NetLayout:
 
     @cached_property
     def lanelets_of_lane(self) -> dict[str, tuple[int, ...]]:
-        """SUMO lane id → its lanelets (several only inside junctions; no lanelet for a mere joint)."""
+        """Map each SUMO lane id to its lanelets (several only inside junctions; none for a mere joint)."""
         normal = {f"{edge}_{lane}": (key,) for key, (edge, lane) in self.lane_of.items()}
         internal = {f"{edge}_0": self.paths[path].through for path, edge in self.internal_edge_of_path.items()}
         return normal | internal
@@ -218,7 +218,7 @@ def _find_paths(table: _LaneTable, interior: frozenset[int]) -> tuple[JunctionPa
     """Return all paths from a lane outside junctions to the next lane outside, in ascending order of the lanelets.
 
     Raises:
-        NotPossible: nested forks make too many.
+        NotPossible: nested forks lead to too many paths.
     """
     paths: list[JunctionPath] = []
     followed = 0
@@ -262,10 +262,10 @@ def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | N
 
 
 def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
-    """Return the crossing lanelets of each lanelet that has any.
+    """Return, for each lanelet that crosses others, the lanelets that it crosses.
 
     Raises:
-        NotPossible: more meet than in any road network.
+        NotPossible: more lanelets meet than in any real road network.
     """
     from shapely import LineString
 
@@ -346,7 +346,7 @@ def _group_into_edges(table: _LaneTable, interior: frozenset[int]) -> dict[str, 
 
 
 def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, int]:
-    """Return lanelet → the lanelet to its left in the same edge; each is the left neighbour of at most one."""
+    """Map lanelets to the lanelet on their left in the same edge; each is the left neighbour of at most one."""
     outside = [key for key in table.lanes if key not in interior]
     candidates: dict[int, int] = {}
     for key in outside:
@@ -367,7 +367,7 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
 
 
 def _chain(start: int, next_of: dict[int, int]) -> tuple[int, ...]:
-    """Return a lanelet and its chain of neighbours to the last one, or until the chain repeats."""
+    """Return a lanelet and its chain of neighbours, up to the last one or until the chain repeats."""
     chain = dict.fromkeys([start])
     last = start
     while last in next_of and next_of[last] not in chain:
@@ -377,7 +377,7 @@ def _chain(start: int, next_of: dict[int, int]) -> tuple[int, ...]:
 
 
 def _side_by_side(first: _DrivableLane, second: _DrivableLane) -> bool:
-    """Return whether two lanes begin and end level and close enough to be lanes of one edge."""
+    """Return whether the ends of two lanes are level and close enough for the lanes to share an edge."""
     if not 1 / _LENGTH_RATIO < first.length_m / second.length_m < _LENGTH_RATIO:
         return False
     widest = 1.5 * (first.width_m + second.width_m) + _LARGEST_STAGGER_M
@@ -400,7 +400,7 @@ def _junctions(
     lane_of: Mapping[int, tuple[str, int]],
     interior: _JunctionInterior,
 ) -> dict[str, tuple[str, str]]:
-    """Return the from and to junction of every edge: ends with a common path or crossing paths are one junction."""
+    """Return the from and to junctions of every edge; ends with a common path or crossing paths share a junction."""
     from scipy.cluster.hierarchy import DisjointSet
 
     groups = DisjointSet((edge, side) for edge in edges for side in ("start", "end"))

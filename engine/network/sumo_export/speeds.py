@@ -1,9 +1,9 @@
 """Sets the speed of each lane: from posted limits, recorded speeds, and curves.
 
-A lane has the posted speed limit, or 50 km/h if the file posts no limit, and more if a vehicle was recorded faster.
-Curves lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the
-friction circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For these,
-``slow_places`` returns where to slow down, for a co-simulation that sets SUMO's speeds step by step.
+A lane has the posted speed limit, or 50 km/h if the file posts none, and more if a vehicle was recorded faster. Curves
+lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the friction
+circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For such lanelets,
+``slow_places`` returns where to slow down. A co-simulation that sets SUMO's speeds step by step uses the result.
 """
 
 import math
@@ -36,7 +36,7 @@ _RECORDED_NEAR_M = 10.0
 
 
 def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
-    """Return the lowest speed limit in m/s that signs post, for lanelets that have one."""
+    """Return the lowest posted speed limit in m/s of each lanelet that has one."""
     limits = {
         int(sign.traffic_sign_id): speeds[0]
         for sign in network.traffic_signs
@@ -54,7 +54,7 @@ def posted_speeds(network: "LaneletNetwork") -> dict[int, float]:
 class SlowPlaces:
     """Arc lengths (n,) in m on a lane, ascending, and the speed in m/s (n,) in its curve there.
 
-    ``hardest_mps``: the highest speeds (n,) that tyres hold there.
+    ``hardest_mps``: the highest speeds (n,) at which tyres hold in these curves.
     """
 
     stations_m: Values
@@ -65,7 +65,7 @@ class SlowPlaces:
 def lowered_by_curves(
     layout: NetLayout, straight_mps: Mapping[int, float], friction: float | None = None
 ) -> dict[int, float]:
-    """Return speeds in m/s by lanelet, each at most what its sharpest curve allows on a road of some friction."""
+    """Return speeds in m/s by lanelet, each at most what its sharpest curve allows on a road with this friction."""
     lanes = layout.table.lanes
     return {key: min(speed, curve_speed(lanes[key].center, friction=friction)) for key, speed in straight_mps.items()}
 
@@ -77,7 +77,7 @@ def straight_speeds(
 
     Args:
         layout: the network.
-        recorded_mps: the fastest speed recorded on each lanelet; missing ones count as slow.
+        recorded_mps: the fastest speed recorded on each lanelet; a lanelet without one counts as slow.
         posted_mps: the speed limit of each lanelet that has one.
     """
     wanted = {}
@@ -90,11 +90,12 @@ def straight_speeds(
 
 
 def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M, friction: float | None = None) -> float:
-    """Return the speed in m/s at which a polyline's sharpest curve gives the comfortable lateral acceleration; may be
-    inf.
+    """Return the speed in m/s at which a polyline's sharpest curve is comfortable; it may be infinite.
+
+    At this speed the curve gives the comfortable lateral acceleration.
 
     A line shorter than the smoothing kernel loses most of its turn when it is smoothed alone. Its curvature between
-    straights counts too.
+    straight extensions therefore counts, too.
     """
     curvature = maximum_curvature(shape, sigma_m)
     if length_m(shape) < 2 * _KERNEL * sigma_m:
@@ -105,7 +106,7 @@ def curve_speed(shape: Points, sigma_m: float = _SMOOTHING_M, friction: float | 
 
 
 def _between_straights(shape: Points, beside_m: float) -> Points:
-    """Return a polyline with a straight before and after it."""
+    """Return a polyline with a straight extension at each end."""
     points = without_repeats(shape)
     if len(points) < 2:
         return points
@@ -116,10 +117,10 @@ def _between_straights(shape: Points, beside_m: float) -> Points:
 def slow_places(
     shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = (), friction: float | None = None
 ) -> SlowPlaces:
-    """Return where a polyline's curves require less than a speed, and the speeds there, by the same rule.
+    """Return where a polyline's curves require less than a speed, and the speeds there, as ``curve_speed`` does.
 
-    If a vehicle was recorded faster, the speed is higher, as far as tyres hold: an apparent curve may be a kink of a
-    coarse line. ``recorded``: arc lengths in m on the polyline and speeds there.
+    If a vehicle was recorded faster, the speed is higher, up to the limit of the tyres, because an apparent curve may
+    be a kink in a coarse line. ``recorded``: arc lengths in m on the polyline, and the recorded speeds at these points.
     """
     stations, curvature = curvatures(shape, _SMOOTHING_M)
     comfortable = comfortable_mps2(friction)

@@ -4,8 +4,8 @@ netconvert is not involved: it would move 99.9 % of the lanes by more than half 
 network file, version 1.20 (https://sumo.dlr.de/docs/Networks/SUMO_Road_Networks.html). The same input gives the same
 bytes. Lengths are in metres, speeds in m/s.
 
-Right of way where paths through a junction meet: the turn rule for oncoming traffic, else right before left. A traffic
-light of a lanelet applies to the paths that leave it in the light's directions. Its programme is a ``tlLogic``
+Where paths through a junction meet, right of way follows the turn rule for oncoming traffic, else right before left. A
+traffic light of a lanelet applies to the paths that leave it in the light's directions. Its programme is a ``tlLogic``
 (https://sumo.dlr.de/docs/Simulation/Traffic_Lights.html) with the phase of time step 0 first and no offset.
 """
 
@@ -190,12 +190,12 @@ def _points(shape: Points) -> str:
 
 
 def _bits(row: "_Table") -> str:
-    """Return SUMO's bit string: the first link is the last bit."""
+    """Return the links as SUMO's bit string, in which the first link is the last bit."""
     return "".join("1" if value else "0" for value in row[::-1])
 
 
 def _path_shape(layout: NetLayout, path: JunctionPath) -> Points:
-    """Return the shape from the end of the lane that is left to the beginning of the one that is entered."""
+    """Return the shape of a path from the end of the lane before it to the beginning of the lane after it."""
     lanes = layout.table.lanes
     entry, exit_ = lanes[path.entry].center, lanes[path.exit].center
     points = [entry[-1]]
@@ -237,19 +237,19 @@ class Link:
 
     @cached_property
     def box(self) -> tuple[float, float, float, float]:
-        """Least and greatest coordinates of the shape: x, y, x, y in m."""
+        """The smallest and largest coordinates of the shape: x, y, x, y in m."""
         low, high = self.shape.min(axis=0), self.shape.max(axis=0)
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     def may_cross(self, other: "Link") -> bool:
-        """Return whether the boxes around both shapes overlap; otherwise the shapes cannot cross."""
+        """Return whether the boxes around the two shapes overlap; otherwise the shapes cannot cross."""
         mine, theirs = self.box, other.box
         return mine[0] <= theirs[2] and theirs[0] <= mine[2] and mine[1] <= theirs[3] and theirs[1] <= mine[3]
 
 
 @dataclass(frozen=True)
 class _RightOfWay:
-    """For the links of one junction: ``foes`` meet (symmetric); ``yields[i, j]``: link i gives way to link j."""
+    """The right of way among the links of a junction: ``foes[i, j]``: they meet; ``yields[i, j]``: i gives way to j."""
 
     foes: _Table
     yields: _Table
@@ -299,7 +299,7 @@ def _meet(layout: NetLayout, first: Link, second: Link) -> bool:
 def _first_yields(first: Link, second: Link) -> bool:
     """Return whether the first of two conflicting paths yields to the second.
 
-    A path with lanelets of its own yields to a mere joint of two edges. Between parallel ones, the lanelets' ids
+    A path with lanelets of its own yields to a mere joint of two edges. Between parallel paths, the lanelets' ids
     decide.
     """
     if bool(first.path.through) != bool(second.path.through):
@@ -360,14 +360,14 @@ class Signal:
 
 @dataclass(frozen=True)
 class _Signalling:
-    """The light of each path through a junction: index of the path → (light, position in the light's states)."""
+    """The light of each path in a junction: maps the path's index to the light and the position in its states."""
 
     signals: tuple[Signal, ...]
     places: Mapping[int, tuple[Signal, int]]
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...], layout: NetLayout, links: Mapping[int, Link]) -> "_Signalling":
-        """Assign every path its light: of several, the one for the fewest directions."""
+        """Assign every path its light: if there are several, the light for the fewest directions."""
         standing: dict[int, list[Signal]] = {}
         for signal in signals:
             for key in signal.lanelets:
@@ -405,7 +405,7 @@ class _Signalling:
 def signals_of(network: "LaneletNetwork", step_s: float, first_step: int = 0) -> tuple[Signal, ...]:
     """Return the working lights of a lanelet network that belong to a lanelet and have a cycle, by ascending id.
 
-    ``first_step``: the time step at which their phases begin, for a simulation from that step on.
+    ``first_step``: the time step at which their phases begin, for a simulation that starts at that step.
     """
     places: dict[int, set[int]] = {}
     for lanelet in network.lanelets:
@@ -429,7 +429,7 @@ def signals_of(network: "LaneletNetwork", step_s: float, first_step: int = 0) ->
 
 
 def _phases(light: "TrafficLight", step_s: float, first_step: int) -> tuple[tuple[float, str], ...]:
-    """Return the cycle from a time step on, which may be inside one of its elements."""
+    """Return the cycle starting at a time step, which may be inside one of the cycle's elements."""
     cycle = light.traffic_light_cycle
     elements = [phase for phase in (cycle.cycle_elements or ()) if phase.duration > 0] if cycle and light.active else []
     if not elements:

@@ -2,9 +2,9 @@
 
 ``valid_solution`` of commonroad-drivability-checker takes 0.1 to 0.9 s per trajectory, most of it to check that each
 step is feasible. It searches for the acceleration and steering rate that lead nearest to the next state, and checks
-that they lead within 2 cm and 0.03 rad of it. In a step of 0.1 s the motion is so nearly linear in both that the search
-has a closed form, which this module computes for all steps at once. Only steps near a tolerance or a vehicle limit go
-to the checker's own search; a drivable motion has very few of them.
+that they lead within 2 cm and 0.03 rad of that state. In a step of 0.1 s the motion is so nearly linear in these two
+inputs that the search has a closed form, which this module computes for all steps at once. Only steps near a tolerance
+or a vehicle limit go to the checker's own search; a drivable motion has very few of them.
 
 The other criteria: a state meets the goal (CommonRoad's ``GoalRegion``), the body touches no road user, and no part of
 it is ever outside the lanelets, neither in a gap between them nor beyond the end of the map. The start is the planning
@@ -47,9 +47,7 @@ _NEAR_LIMIT = 0.999
 
 @dataclass(frozen=True)
 class DrivenStates:
-    """A driven motion of the centre, one entry per state: positions (n, 2), headings, speeds and steering
-    angles (n,).
-    """
+    """A driven motion of the centre, by state: positions (n, 2), headings, speeds and steering angles (n,)."""
 
     positions: Points
     headings_rad: Values
@@ -87,7 +85,7 @@ def refusal(
 
 
 def meets_goal(driven: DrivenStates, goal: "GoalRegion") -> bool:
-    """Return whether any state meets the goal by ``PlanningProblem.goal_reached``; the last state is checked first."""
+    """Return whether any state meets the goal by ``PlanningProblem.goal_reached``, last state first."""
     from commonroad.scenario.state import KSState
 
     for index in reversed(range(len(driven.speeds_mps))):
@@ -149,7 +147,7 @@ def _sections_under(network: "LaneletNetwork", near: "BaseGeometry") -> list["Ba
 
 
 def _section(network: "LaneletNetwork", lanelet: "Lanelet") -> tuple[set[int], Points, Points]:
-    """Return the ids of a lanelet and its neighbours, and their leftmost and rightmost bounds in its direction."""
+    """Return the ids of a lanelet and its neighbours, and the leftmost and rightmost bounds among them."""
     members = {lanelet.lanelet_id}
     bounds = []
     for to_left in (True, False):
@@ -206,7 +204,7 @@ class _Steps:
         )
 
     def judged(self, vehicle: VehicleParameters, step_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which steps have a clear verdict, and which steps are good.
+        """Return which steps have a clear verdict, and which of the steps are drivable.
 
         The errors in x, y, speed and heading are nearly linear in acceleration and steering rate. Gauss-Newton
         iterations from the mean acceleration, within the limits, therefore replace the search.

@@ -5,7 +5,7 @@ Each desired speed has a reason, a :data:`SpeedReason`:
 - ``goal_mean``: the mean speed that brings the ego to the middle of the goal by the middle of its time;
 - ``goal_end``: the mean speed that still brings it there by the end of the goal's time;
 - ``goal_interval``: the middle of the goal's speed interval, inside the goal or if the goal has no position;
-- ``speed_limit``: the cruising speed of the lane, if the goal sets no speed or no longer sets one;
+- ``speed_limit``: the cruising speed of the lane, if the goal does not (or no longer) set a speed;
 - ``curve``: the highest speed for the curve ahead, if that is lower than the cruising speed.
 
 For comparisons, :class:`ReferenceDesiredSpeed` keeps the rule of the Frenetix reference loop.
@@ -65,11 +65,11 @@ def curve_speeds_mps(
 
 
 class CruisingSpeed:
-    """The speed that lanes and curves along a reference path call for, regardless of the goal.
+    """The speed that suits the lanes and curves along a reference path, regardless of the goal.
 
-    It is the lowest limit that is posted on the route's lanelet. Lanelets without a limit have the usual speed of their
-    type, or the ego's initial speed if that is higher, since the traffic there is then faster. Curves reduce the speed
-    to a comfortable lateral acceleration, and the ego brakes comfortably before them.
+    The basis is the lowest limit that is posted on the route's lanelet. Lanelets without a limit have the usual speed
+    of their type, or the ego's initial speed if that is higher, since the traffic there is then faster. Curves reduce
+    the speed to a comfortable lateral acceleration, and the ego brakes comfortably before them.
     """
 
     def __init__(
@@ -104,14 +104,13 @@ def _usual_mps(lanelet: "Lanelet") -> float:
 
 
 class DesiredSpeed:
-    """The desired speed on the way to a goal: set by the goal until its time interval ends, then by the lane and its
-    curves.
+    """The desired speed on the way to a goal: set by the goal, and after its time interval by the lane and its curves.
 
     For a goal with a position, it is the mean speed that reaches the goal's middle by the middle of the time interval
-    or, once that has passed, by its end. In the latter case it is at most the cruising speed, or the present speed if
-    that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a goal that has one
-    but no position, it is the middle of the speed interval. In all other cases, and after the time interval, it is the
-    cruising speed. It always stays within 5 m/s of the present speed.
+    or, once that has passed, by its end. After the middle it is at most the cruising speed, or the present speed if
+    that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a goal with a speed
+    interval but no position, it is the middle of that interval. In all other cases, and after the time interval, it is
+    the cruising speed. It always stays within 5 m/s of the present speed.
 
     An ego inside a goal without a speed interval still aims for the goal's middle, and waits there until the time
     interval ends.
@@ -175,7 +174,7 @@ class DesiredSpeed:
         return min(max(by_end, 0.0), max(cruising[0], ego.speed_mps)), "goal_end"
 
     def _mean_to(self, left_m: float, step: int, ego: EgoState) -> float | None:
-        """Return the mean speed in m/s over a distance until a step, or None if the step has passed."""
+        """Return the mean speed in m/s that covers a distance by a step, or None if the step has passed."""
         left_s = (step - ego.step) * self._step_s
         return left_m / left_s if left_s > 0 else None
 
@@ -184,8 +183,8 @@ class ReferenceDesiredSpeed(DesiredSpeed):
     """The rule of the Frenetix reference loop, for comparisons.
 
     It uses the mean speed to the middle of the goal by the middle of its time, or the goal's speed interval, otherwise
-    the present speed. The latter applies inside a goal without a speed interval, so the ego leaves it too early, and
-    everywhere after the middle of the time. A standing ego then never starts again.
+    the present speed. It keeps the present speed inside a goal without a speed interval, so the ego leaves the goal too
+    early. It also does so everywhere after the middle of the time, so a standing ego never starts again.
     """
 
     def _wanted_speed(self, ego: EgoState, here_m: float) -> tuple[float, SpeedReason]:

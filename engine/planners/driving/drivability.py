@@ -31,7 +31,7 @@ _ROUNDING = 1e-3
 
 
 def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, step_s: float) -> Limit | None:
-    """Return the limit that a trajectory of the centre breaks, or None; the trajectory's speeds are the rear axle's."""
+    """Return the limit that a trajectory of the centre breaks, or None; its speeds are those of the rear axle."""
     slips, turns = broken_limits(trajectory.headings_rad[None], trajectory.speeds_mps[None], vehicle, step_s)
     return "friction" if slips[0] else "curvature" if turns[0] else None
 
@@ -39,9 +39,7 @@ def violated_limit(trajectory: PlannedTrajectory, vehicle: VehicleParameters, st
 def broken_limits(
     headings_rad: Points, speeds_mps: Points, vehicle: VehicleParameters, step_s: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return which of n motions break the friction limit and which the curvature limit; inputs have shape
-    (n, steps).
-    """
+    """Return which motions break the friction limit and which the curvature limit; inputs are (n, steps)."""
     speed = 0.5 * (speeds_mps[:, 1:] + speeds_mps[:, :-1])
     yaw_rate = np.diff(headings_rad, axis=1) / step_s
     along = np.diff(speeds_mps, axis=1) / step_s
@@ -112,7 +110,7 @@ _LimitName = Literal["speed", "acceleration", "friction", "steering angle", "ste
 def _excess(
     name: _LimitName, values: Values, limits: Values, unit: str, step_s: float, *, first: int = 0
 ) -> Iterator[LimitExcess]:
-    """Yield the entry farthest above its limit, if there is one; ``first`` is the state of the first entry."""
+    """Yield the entry farthest above its limit, if any; ``first`` is the number of the first entry's state."""
     index = int((values - limits).argmax())
     value, limit = float(values[index]), float(limits[index])
     if value > limit * (1 + _ROUNDING):

@@ -1,11 +1,11 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
-A plan is a sequence of states, and no steering may lead from one to the next. Here the rear axle moves as in the
-kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020). With speed v,
-steering angle δ and wheelbase L, the heading turns by v · tan δ / L, and the inputs of a time step are a constant
-acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the front
-axle as near as possible to the whole plan, a least-squares problem with bounds: the vehicle starts to steer before a
-corner that turns in faster than its wheels do.
+A plan is a sequence of states, and possibly no steering leads from one state to the next. Here the rear axle moves as
+in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020): with
+speed v, steering angle δ and wheelbase L, the heading turns by v · tan δ / L, and the inputs of a time step are a
+constant acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the
+front axle as near as possible to the whole plan, which is a least-squares problem with bounds. If a corner is too
+abrupt for the rate at which the wheels turn, the vehicle starts to steer before it.
 
 The driven motion is the result of this integration, so the wheels always roll and the steering rate never exceeds its
 limit. The vehicle follows a drivable plan to within millimetres.
@@ -51,7 +51,7 @@ class FollowedPlan:
     """The motion with which the vehicle follows a plan.
 
     ``deviation_m``: the largest lateral distance of the rear axle from the plan; ``within_tyres``: True if tyres and
-    engine allow the plan's accelerations; if not, those of ``trajectory`` are smaller.
+    engine allow the plan's accelerations; if not, the accelerations of ``trajectory`` are smaller.
     """
 
     trajectory: PlannedTrajectory
@@ -60,7 +60,7 @@ class FollowedPlan:
 
 
 def is_on_plan(plan: PlannedTrajectory, index: int, ego: EgoState, within_m: float) -> bool:
-    """Return True if the vehicle is within ``within_m`` of its position in a state of the plan."""
+    """Return True if the vehicle is within ``within_m`` of its planned position in a state of the plan."""
     if not 0 <= index < len(plan.positions):
         return False
     away = plan.positions[index] - ego.position
@@ -139,12 +139,12 @@ class _Track:
         return cls(plan.positions[:, 0] - back * cos, plan.positions[:, 1] - back * sin, headings, sin, cos)
 
     def across(self, driven: _Rolled) -> Values:
-        """Return how far to the left of the plan a motion is at every state but the first, in m."""
+        """Return a motion's offset to the left of the plan in m, at every state but the first."""
         away_x, away_y = driven.x_m - self.x_m, driven.y_m - self.y_m
         return np.asarray((away_y * self.cos - away_x * self.sin)[1:])
 
     def turned(self, driven: _Rolled) -> Values:
-        """Return how far a motion's heading is to the left of the plan's at every state but the first, in rad."""
+        """Return a motion's heading relative to the plan's in rad (left positive), at every state but the first."""
         turn = driven.headings_rad - self.headings_rad
         return np.asarray((turn - math.tau * round(float(turn[0]) / math.tau))[1:])
 
@@ -241,7 +241,7 @@ class _Problem:
         return _solve(self.matrix, self.right)
 
     def across(self, unknown: Values) -> Values:
-        """Return how far to the left of the plan the linear problem predicts the motion, in m."""
+        """Return the motion's offset to the left of the plan in m, as the linear problem predicts it."""
         return np.asarray(self.gain @ unknown + self.offset)
 
     def steering_for(self, unknown: Values) -> Values:
@@ -302,7 +302,7 @@ def _linearise(
 
 @lru_cache(maxsize=64)
 def _mean_angles(steps: int, step_s: float) -> Points:
-    """Return each step's mean steering angle (rows) as a function of all steps' rates and the first angle (columns)."""
+    """Return the matrix of mean angles per step (rows) by the steps' rates and the first angle (columns)."""
     matrix = np.tril(np.full((steps, steps + 1), step_s), -1)
     matrix[np.arange(steps), np.arange(steps)] = 0.5 * step_s
     matrix[:, -1] = 1.0
@@ -310,7 +310,9 @@ def _mean_angles(steps: int, step_s: float) -> Points:
 
 
 def _solve_bounded(matrix: Points, right: Values, bounds: Values, best: Values) -> Values:
-    """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x, M positive definite; ``best`` is x without bounds.
+    """Return the x with |x| ≤ bounds that minimises x·M·x/2 − b·x; ``best`` is the minimum without bounds.
+
+    M is positive definite.
 
     Uses a primal-dual interior-point method (Nocedal and Wright, "Numerical Optimization", 2006, chapter 16.6). The
     number of rounds hardly depends on the number of active bounds.
@@ -338,7 +340,7 @@ def _solve_bounded(matrix: Points, right: Values, bounds: Values, best: Values) 
 
 
 def _solve(matrix: Points, right: Values) -> Values:
-    """Return the x with M·x = b for a symmetric positive definite M; takes half the time of a general solver."""
+    """Return the x with M·x = b for a symmetric positive definite M, in half the time of a general solver."""
     from scipy.linalg.lapack import dposv
 
     found: Values = dposv(matrix, right)[1]

@@ -1,4 +1,4 @@
-"""Locates an ego on its reference path, and gives the speed that the built-in planners want there."""
+"""Locates an ego on its reference path, and gives the desired speed of the built-in planners at its position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

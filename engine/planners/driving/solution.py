@@ -116,9 +116,7 @@ def mean_steering_angles(steps: RunSteps, step_s: float, wheelbase_m: float, lar
 
 
 def steering_of(headings_rad: Points, speed: Points, step_s: float, wheelbase_m: float) -> Points:
-    """Return the unlimited steering angle in rad at every state (n,), the mean of those for the turns before and after
-    it.
-    """
+    """Return the unlimited steering angle in rad at every state (n,): the mean for the turns around it."""
     turned = np.diff(np.unwrap(headings_rad))
     mean_speed = 0.5 * (speed[1:] + speed[:-1])
     moving = mean_speed > STANDING_MPS

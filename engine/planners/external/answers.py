@@ -1,4 +1,4 @@
-"""Reads the answers of program planners without trust; each kind of error is a failure with its own reason."""
+"""Reads the untrusted answers of program planners; each kind of error is a failure with its own reason."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -25,7 +25,7 @@ def read_message(model: type[_Message], answered: bytes, failed: Failed) -> _Mes
     """Return the message in an answer.
 
     Raises:
-        PlannerFailure: The answer is empty, not JSON, in another form, or contains a number that is not finite.
+        PlannerFailure: The answer is empty, not JSON, in a different form, or contains a number that is not finite.
     """
     if not answered.strip():
         raise failed("not_json", "wrote no answer to standard output")

@@ -1,6 +1,7 @@
-"""Checks a user's planner on a scenario for breaches of the contract, and for the outcome of its drive.
+"""Checks a user's planner on a scenario: its breaches of the contract, and the outcome of its drive.
 
-The planner drives in the loop among the recorded traffic, as in a run, and plans again from its observations there.
+The planner drives in the loop among the recorded traffic, as in a run, and then plans again from the observations of
+that drive.
 """
 
 import traceback
@@ -34,9 +35,9 @@ class PlannerCheck:
 
     ``breaches``: its breaches of the contract, as text. ``outcome``, ``reason``: how the drive ended, among the
     recorded traffic or on an empty road. ``asked_again``: the number of observations at which a class also planned with
-    each weight and parameter at both ends of its range; ``unmoved``: those that changed no plan.
-    ``raised``: the traceback of the planner's exception, or a program's standard error. ``took``: the planning time, as
-    text. ``beyond_vehicle``: the vehicle limits that the driven motion exceeds.
+    each weight and parameter at the two ends of its range; ``unmoved``: the weights and parameters that changed no
+    plan. ``raised``: the traceback of the planner's exception, or a program's standard error. ``took``: the planning
+    time, as text. ``beyond_vehicle``: the vehicle limits that the driven motion exceeds.
     """
 
     scenario_id: str
@@ -51,7 +52,7 @@ class PlannerCheck:
 
 
 class _Recorder:
-    """Drives as another planner does and records that planner's task and observations."""
+    """Wraps a planner, drives as it does, and records its task and observations."""
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
@@ -71,7 +72,7 @@ def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: 
     """Drive the first planning problem of a CommonRoad file with the preset Default, and check every plan.
 
     A class plans again at the first observation and at one in the middle, after a reset and in a new instance; a
-    program only at the first. A class also plans with each weight at both ends of its range, at every observation of
+    program only at the first. A class also plans with each weight at the two ends of its range, at every observation of
     the drive until two plans differ.
 
     Args:
@@ -195,7 +196,7 @@ def _moves(
     name: str,
     ends: tuple[float, float],
 ) -> bool:
-    """Return True if a plan differs between both ends of a range, or if the planner fails at an end."""
+    """Return True if the plans at the two ends of a range differ, or if the planner fails at one of the ends."""
 
     def planned(value: float, observation: Observation) -> Plan:
         configuration = task.configuration.model_copy(update={"weights": task.configuration.weights | {name: value}})

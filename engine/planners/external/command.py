@@ -1,6 +1,4 @@
-"""A program as a planner: it is called once per run, and the loop follows its trajectory as one plan for
-the whole run.
-"""
+"""A program as a planner: it is called once per run, and its trajectory is the plan for the whole run."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,8 +54,7 @@ class CommandDriver:
         self._task = task
 
     def plan(self, observation: Observation) -> Plan:
-        """Return the rest of the trajectory; no trajectory if it has ended, or if the vehicle cannot drive its next
-        steps.
+        """Return the rest of the trajectory, or none if it has ended or the vehicle cannot drive its next steps.
 
         Raises:
             PlannerFailure: The program broke a limit, or its answer is invalid.

@@ -43,7 +43,7 @@ def check_planner(make: Callable[[], Planner], task: PlanningTask, observation: 
 
 
 def plan_breaches(plan: object, observation: Observation, step_s: float) -> list[str]:
-    """Return the breaches of the contract in one answer, which may be of any type for a user's planner."""
+    """Return the breaches of the contract in one answer, which may be of any type if the planner is a user's."""
     if not isinstance(plan, Plan):
         return [f"plan() returned {type(plan).__name__}, not a Plan"]
     breaches = _figure_breaches(plan)
@@ -70,7 +70,7 @@ def _figure_breaches(plan: Plan) -> list[str]:
 
 
 def _debug_breaches(debug: object) -> list[str]:
-    """Return the debug values that cannot be stored; values beyond the bounds are dropped and break nothing."""
+    """Return the debug values that cannot be stored; values beyond the bounds are dropped without a breach."""
     if not isinstance(debug, DebugValues):
         return [f"debug is {type(debug).__name__}, not DebugValues"]
     wrong = [name for name, values in vars(debug).items() if not isinstance(values, Mapping)]

@@ -1,8 +1,8 @@
 """Discovers user-supplied planners from package metadata and the environment, and imports them only when used.
 
 Planners come from the entry points of the group ``plannerforge.planners`` and from ``PLANNERFORGE_PLANNERS``, through
-which the server passes the programs in its settings to its workers. Unusable planners are discovered too, with the
-reason. The server's process never imports other people's code: a separate process reads a planner's declaration.
+which the server passes the programs in its settings to its workers. Unusable planners are listed, too, with the reason.
+The server's process never imports other people's code: a separate process reads a planner's declaration.
 """
 
 import hashlib
@@ -81,7 +81,7 @@ class Found:
     fault: str = ""
 
     def own(self) -> OwnPlanner:
-        """Import the entry point's object into this process and return it; only workers do this.
+        """Import the entry point's object into this process and return it; only workers may call this.
 
         Raises:
             PlannerFailure: The object cannot be imported, or is not an ``OwnPlanner``.
@@ -122,7 +122,7 @@ class Found:
 
     @property
     def version(self) -> str:
-        """A digest of the planner's own source, so that an edited planner runs again."""
+        """A digest of the planner's own source; a changed digest makes an edited planner run again."""
         if self.here is not None:
             return _digest(self.here.source, [])
         return _digest("" if self.command is None else self.command.model_dump_json(), self.sources)
@@ -142,7 +142,7 @@ class Found:
 
 
 def found_planners(built_in: Collection[str]) -> dict[str, Found]:
-    """Return user-supplied planners by name; a malformed, duplicate or built-in name sets ``fault``.
+    """Return the user-supplied planners by name; a malformed, duplicate or built-in name sets ``fault``.
 
     Raises:
         PlannerFailure: The environment variable is malformed.
@@ -204,7 +204,7 @@ def _planners_of_process() -> dict[str, Found]:
 
 
 def _path_times() -> tuple[tuple[str, int], ...]:
-    """Return the folders with installed packages and their modification times; reading all metadata takes 20 ms."""
+    """Return the folders of installed packages with their modification times, as reading metadata takes 20 ms."""
     folders = [Path(entry or ".") for entry in sys.path]
     return tuple((str(folder), folder.stat().st_mtime_ns) for folder in folders if folder.exists())
 
@@ -263,7 +263,7 @@ def _digest(text: str, files: list[Path]) -> str:
 
 @cache
 def _digest_of(text: str, files: tuple[tuple[Path, int, int], ...]) -> str:
-    """Return a digest of contents; modification times and sizes are only the cache's key."""
+    """Return a digest of the files' contents; modification times and sizes are only the cache's key."""
     digest = hashlib.sha256(text.encode())
     for path, _, _ in files:
         digest.update(path.name.encode() + path.read_bytes())
@@ -297,8 +297,9 @@ def _imported_versions() -> dict[str, str]:
 
 @cache
 def _load_declaration(value: str, version: str) -> PlannerDeclaration:
-    """Return the declaration of the object at ``module:name``, from another process, since the import may crash or
-    hang.
+    """Return the declaration of the object at ``module:name``, from a separate process.
+
+    The import may crash or hang.
 
     Raises:
         ValueError: The object cannot be imported; the message gives the reason.
@@ -320,7 +321,7 @@ def _load_declaration(value: str, version: str) -> PlannerDeclaration:
 
 
 def print_declaration(value: str) -> None:
-    """Print the declaration of the object at ``module:name`` as JSON; this runs in the separate process."""
+    """Print the declaration of the object at ``module:name`` as JSON; runs in the separate process."""
     from ...execution import limit_memory
 
     answer = os.dup(1)

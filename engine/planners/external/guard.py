@@ -1,4 +1,4 @@
-"""The process between a worker and a program planner; it is run by its path and imports nothing of this package.
+"""The process between a worker and a program planner; it is started by path and imports nothing from this package.
 
 ``guard.py PARENT_PID MEMORY_BYTES FILE_BYTES PROGRAM ARGUMENT…`` starts the program within the limits, leads its
 process group, and exits with the program's status. If the worker dies, the whole group ends.
@@ -51,7 +51,7 @@ def _become(memory_bytes: int, file_bytes: int, command: list[str]) -> None:
 
 
 def _end_group(signal_number: int, frame: FrameType | None) -> None:
-    """Remove the working folder, as the lost worker would have done, and end the group."""
+    """Remove the working folder on behalf of the lost worker, and end the process group."""
     del signal_number, frame
     import shutil
     from pathlib import Path

@@ -82,7 +82,7 @@ class _Guarded:
         return drivable(plan, self._task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return candidates of the last step if the planner offers them; only lines of finite points count.
+        """Return the last step's candidates if the planner offers them; lines with non-finite points are dropped.
 
         Raises:
             PlannerFailure: The planner raised an exception.

@@ -111,7 +111,7 @@ def _rounded(values: Values) -> tuple[float, ...]:
 
 
 def _others(obstacles: Sequence[PredictedObstacle]) -> list[dict[str, object]]:
-    """Return the others of a step as fields of ``OtherMessage``.
+    """Return the other road users at a step as fields of ``OtherMessage``.
 
     All numbers are rounded together, since numpy is slow for small arrays. The whole message is validated later.
     """
@@ -159,7 +159,7 @@ def _line(points: Points) -> Line:
 
 
 def _goals(task: PlanningTask) -> list[GoalMessage]:
-    """Return the goal states, starting with those that the reference path leads to."""
+    """Return the goal states, starting with those to which the reference path leads."""
     from commonroad.planning.goal import GoalRegion
 
     ahead = task.goal_ahead
@@ -182,7 +182,7 @@ def _goal_state(goal: Goal) -> GoalMessage:
 
 
 def _lanelets(task: PlanningTask) -> list[LaneletMessage]:
-    """Return the lanelets within the sensor radius of the reference path, in order of id."""
+    """Return the lanelets within the sensor radius around the reference path, in order of id."""
     import shapely
 
     around = shapely.LineString(task.reference.points).simplify(1.0).buffer(SENSOR_RADIUS_M)

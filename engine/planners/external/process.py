@@ -1,7 +1,7 @@
 """A program that answers requests, one line of JSON each, within limits of time, memory, output and disk.
 
 A one-shot program answers once per run (:meth:`PlannerProcess.ask`), a stepwise one repeatedly
-(:meth:`PlannerProcess.exchange`). The same code reads, limits and ends both.
+(:meth:`PlannerProcess.exchange`). The same code reads, limits and ends the two kinds.
 
 A violation raises a :class:`PlannerFailure` with a ``reason``; after that, the program and its process group are gone.
 """
@@ -101,7 +101,7 @@ class PlannerProcess:
         return self._exited() is None
 
     def fresh_folder(self, given: Path) -> Path:
-        """Return an empty folder for one run with a copy of a file, which does not count towards the limit."""
+        """Return a new folder with a copy of a file, for one run; the copy does not count towards the disk limit."""
         folder = self.folder / "run"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
@@ -117,7 +117,7 @@ class PlannerProcess:
         self._log_bytes = 0
 
     def ask(self, request: bytes) -> bytes:
-        """Send a one-line request; return one line of a long-lived program, or the whole output of a program that ends.
+        """Send a one-line request; return one line, or the whole output of a program that is not long-lived.
 
         Raises:
             PlannerFailure: The program broke a limit, ended with an error, or ended without an answer.
@@ -152,7 +152,7 @@ class PlannerProcess:
         self.close()
 
     def close(self) -> None:
-        """End the program with everything that it started, and remove its folder."""
+        """End the program and everything that it started, and remove its folder."""
         if self._process.returncode is not None:
             return
         with suppress(ProcessLookupError):
@@ -296,8 +296,7 @@ class PlannerProcess:
 
 
 def _quote_log(log: str) -> str:
-    """Return the part of standard error that an error quotes: a Python program's exception, otherwise the end of the
-    log.
+    """Return the part of the log that an error quotes: a Python exception, otherwise the end of the log.
 
     Libraries may log after an exception, and a truncated traceback is useless.
     """

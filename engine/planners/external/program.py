@@ -12,9 +12,7 @@ from .stepwise import StepwiseDriver
 
 
 def program_driver(name: str, declared: CommandPlanner, scenario: ScenarioFile) -> CommandDriver | StepwiseDriver:
-    """Return a new planner that calls the program; a stepwise program does not get the file, which contains
-    the future.
-    """
+    """Return a new planner that calls the program; a stepwise program gets no file, since it contains the future."""
     if declared.protocol == "stepwise":
         return StepwiseDriver(name, declared, scenario.scenario_id)
     return command_driver(name, declared, scenario)

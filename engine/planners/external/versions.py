@@ -1,7 +1,7 @@
 """Names the version of a planner: the declared version, git's description of its source, or a digest.
 
-The digest of the source follows either name, since it changes with an edit that is not declared or committed yet. Git
-is queried only for names and object ids: no hook, filter, monitor or remote of a repository is run or contacted.
+The digest of the source is appended in each case, since it changes with edits that are not yet declared or committed.
+Git is queried only for names and object ids: no hook, filter, monitor or remote of a repository is run or contacted.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ _SETTINGS = ("-c", "core.hooksPath=/dev/null", "-c", "core.fsmonitor=false")
 
 
 def version_in_words(found: Found) -> str:
-    """Return text such as ``v1.2 (a1b2c3d)``: the declared version, git's or the package's, with the digest.
+    """Return text such as ``v1.2 (a1b2c3d)``: the version that is declared, from git or the package, and the digest.
 
     This imports the planner's class for its declaration, so only workers may call it.
     """
@@ -41,9 +41,9 @@ def _declared(found: Found) -> str:
 
 
 def described_by_git(sources: Sequence[Path]) -> str:
-    """Return ``git describe`` of the commit with the first source file, with ``-dirty`` if a file differs.
+    """Return ``git describe`` of the commit that has the first source file, with ``-dirty`` if a file differs.
 
-    Empty if that file is not in a commit, git is not installed, or git takes too long.
+    The result is empty if that file is not in a commit, git is not installed, or git takes too long.
     """
     files = [path.resolve() for path in sources if path.is_file()]
     return _described(tuple(files), tuple(_stamps(files))) if files else ""
@@ -81,7 +81,7 @@ def _committed(folder: Path) -> dict[Path, str]:
 
 
 def _blob_id(path: Path, like: str) -> str:
-    """Return git's object id for the content of a file, with the algorithm of another id."""
+    """Return git's object id for the content of a file, computed with the algorithm of a given id."""
     content = path.read_bytes()
     algorithm = "sha256" if len(like) == hashlib.sha256().digest_size * 2 else "sha1"
     return hashlib.new(algorithm, b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()

@@ -1,1 +1,1 @@
-"""FISS: iterative search over sampled end states, by its authors' C++ core; the planner is in ``planner.py``."""
+"""FISS: iterative search over sampled end states, with its authors' C++ core; the planner is in ``planner.py``."""

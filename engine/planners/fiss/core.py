@@ -12,12 +12,12 @@ Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
   centre (a tractrix), the speeds are the rear axle's, and the centre starts in the direction in which a turning vehicle
   moves.
 - It normalises headings to ±π at every state, so we do not use them.
-- It has no limit of the steering rate, and checks neither friction nor steering at low speed. We check again what the
+- It has no limit on the steering rate, and checks neither friction nor steering at low speed. We check again what the
   vehicle can drive (``driving/drivability.py``).
 - Its lateral motion is a polynomial of time only, so a standing vehicle would slide sideways to the lane's centre.
   Below ``LOW_SPEED_MPS`` the vehicle keeps its offset.
 - Without a hint it finds the nearest point of the whole line, so on a path that crosses itself it could put the ego on
-  another lap. Every projection of the ego starts at its last station.
+  the wrong lap. Every projection of the ego starts at its last station.
 - It also places an ego that heads against the path, with a negative speed along it.
 - It accepts a desired speed below 0; its grid of speeds then has one speed, 0.
 - Its refinement (``fiss_plus``) takes the middle of a band as the lane's centre, whatever the band's own centre. Bands
@@ -162,13 +162,14 @@ class PathLine:
         return self._reference.follower().place(point)[0]
 
     def curve_speed_mps(self, station_m: float, ahead_m: float) -> float:
-        """Return the speed at which no curve within a distance ahead needs more than the lateral acceleration."""
+        """Return the highest speed at which no curve within a distance ahead needs more lateral acceleration."""
         first, last = np.searchsorted(self._stations, (station_m, station_m + ahead_m))
         return float(self._curve_mps[first : last + 1].min(initial=math.inf))
 
     def start(self, ego: EgoState, vehicle: VehicleParameters, near_m: float) -> "fiss_planner.FrenetState | None":
-        """Return the ego's centre in the line's frame, or None if the ego heads against the line or is past a curve's
-        centre.
+        """Return the ego's centre in the line's frame, or None if it has no valid position.
+
+        This is the case if the ego heads against the line or is beyond the centre of a curve.
 
         ``near_m``: the approximate station of the ego.
         """
@@ -280,7 +281,7 @@ class DrivenPlan:
     trajectory: PlannedTrajectory
 
     def index_of(self, ego: EgoState) -> int | None:
-        """Return the ego's index on the plan, or None if it does not follow the plan."""
+        """Return the ego's index on the plan, or None if the ego does not follow the plan."""
         index = ego.step - self.first_step
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
@@ -298,7 +299,7 @@ def braking_trajectory(
     step_s: float,
     horizon_s: float,
 ) -> PlannedTrajectory:
-    """Brake evenly to a standstill along the path, at the offset that the ego drifts to while it brakes.
+    """Return even braking to a standstill along the path, at the offset that the ego drifts to while braking.
 
     The drift fades with the speed: its share of the speed along the path is constant.
     """

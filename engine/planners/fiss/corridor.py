@@ -2,7 +2,7 @@
 
 Lane 0 is the band around the path itself, as wide as the lane under it, so a path that changes lanes leads the planner
 from one lane to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, if a lane change
-is allowed. A missing lane has a band of zero width: the core samples no end states in bands that are narrower than the
+is allowed. A missing lane has a band of zero width. The core samples no end states in bands that are narrower than the
 vehicle, and a band of zero width adds nothing to the road.
 """
 
@@ -57,7 +57,7 @@ class Bands:
     left: LaneBand
 
     def off_route(self, station_m: float) -> tuple[bool, bool]:
-        """Return whether the route never changes to the lane on the right, and on the left, of a station."""
+        """Return whether the route never changes to the right lane, and never to the left lane, at a station."""
         index = min(int(np.searchsorted(self.stations_m, station_m)), len(self.stations_m) - 1)
         return not self.right.is_next[index], not self.left.is_next[index]
 
@@ -80,7 +80,7 @@ class Bands:
 def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
     """Return the bands along a reference path, from its start to its end.
 
-    Only lanes of the route count, their successors, and lanes to which a lane change leads from them. A marking that
+    Only the lanes of the route, their successors, and lanes that a lane change reaches from these count. A marking that
     must not be crossed excludes a lane, unless the route itself changes to it.
     """
     length_m = float(arc_length(reference.points)[-1])
@@ -119,7 +119,7 @@ def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[in
 class _Section:
     """The cross-section of a lane at one station of the path, with its edges as offsets in m.
 
-    ``place``: the position of its lanelet in the route; None if it is not part of it.
+    ``place``: the position of its lanelet in the route; None if the lanelet is not part of the route.
     """
 
     station: int
@@ -134,7 +134,7 @@ class _Section:
         return (self.right_m + self.left_m) / 2
 
     def comes_after(self, other: "_Section") -> bool:
-        """Return True if the route changes to this lane from the other."""
+        """Return True if the route changes to this lane from the other lane."""
         return self.place is not None and other.place is not None and self.place > other.place
 
 

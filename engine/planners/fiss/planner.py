@@ -7,7 +7,7 @@ the road; if that fails, all candidates are generated, and the ego drives the ch
 
 If no candidate passes, the planner falls back in its authors' order: the rest of its last plan, a plan without the hard
 distances to others, a plan that considers collisions for only 2.5 s, and braking. We add two searches before it brakes.
-The first is without the core's margins, since an ego that is already closer to another, as in a queue, would never get
+The first is without the core's margins, since an ego that is already too close to a road user, would never get
 a plan. The second may exceed the desired speed, since braking in front of a follower does not help.
 
 Sources: Sun, Liu, Yin, Ang: FISS: A Trajectory Planning Framework Using Fast Iterative Search and Sampling Strategy for
@@ -188,7 +188,7 @@ class Fiss:
         return result
 
     def _hurrying_mps(self, step: _Step) -> float:
-        """Return the speed that the ego reaches within half of the horizon, as far as curves allow it.
+        """Return the speed that the ego can reach within half of the horizon, if curves allow it.
 
         The core samples no speeds above its target, so without this an ego that is slower than its followers could only
         brake.
@@ -208,7 +208,7 @@ class Fiss:
         return self._corridors[costs]
 
     def _kept_offset(self, step: _Step) -> "fiss_planner.Corridor":
-        """Return a corridor around the offset that a slow ego has, or drifts to."""
+        """Return a corridor around the offset that a slow ego has or drifts to."""
         horizon_s = self._task.configuration.settings.horizon_s
         offset = step.start.d + step.start.d_d * horizon_s / 4
         half = self._bands.half_width_at(step.start.s)
@@ -230,7 +230,7 @@ class Fiss:
         return None
 
     def _followed(self, trajectory: PlannedTrajectory, step: _Step) -> PlannedTrajectory:
-        """Return the motion with which the vehicle follows a trajectory, at any distance from it."""
+        """Return the motion with which the vehicle follows a trajectory, however far it deviates."""
         return follow(trajectory, step.observation.ego, self._task.vehicle, self._task.step_s).trajectory
 
     def _trajectory(self, candidate: "fiss_planner.Trajectory", step: _Step) -> PlannedTrajectory:
@@ -258,9 +258,7 @@ class Fiss:
         return self._plan_of(followed.trajectory, step, costs_of(self._driven.candidate))
 
     def _brake(self, step: _Step) -> Plan:
-        """Stand still, or brake as hard as the tyres allow on the path; return no plan if the vehicle cannot brake at
-        all.
-        """
+        """Stand still, or brake as hard as the tyres allow on the path; return no plan if braking is impossible."""
         ego, task = step.observation.ego, self._task
         self._driven, self._has_braked = None, True
         horizon_s = task.configuration.settings.horizon_s

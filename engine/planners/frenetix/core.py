@@ -210,7 +210,7 @@ def initial_state(
 
 @dataclass(frozen=True)
 class SamplingSettings:
-    """The reference's sampling, by default at level 2: nine values per axis; durations from 1.1 s in steps of 0.3 s."""
+    """The reference's sampling, by default at level 2: nine values per axis, durations 1.1 s, 1.4 s and so on."""
 
     horizon_s: float = 3.0
     shortest_s: float = 1.1
@@ -220,8 +220,7 @@ class SamplingSettings:
 
     @property
     def followed_within_m(self) -> float:
-        """Largest distance of the vehicle from a candidate that it follows: half the distance between two sampled
-        offsets.
+        """The largest distance of the vehicle from a candidate that it follows, half the spacing of sampled offsets.
 
         Farther away the vehicle is nearer to another candidate, and the costs belong to a motion that it does not
         drive.
@@ -380,9 +379,7 @@ _CONSTANT = {
 def collision_probability(
     weight: float, step: PlanningStep, vehicle: VehicleParameters
 ) -> costs.CalculateCollisionProbabilityFast:
-    """Return the core's term ``prediction``, which is kept out of the handler since it takes longer than all other
-    terms.
-    """
+    """Return the core's term ``prediction``; it is not in the handler, since it takes longer than all other terms."""
     counted = [(obstacle, _last_within_reach(obstacle, step, vehicle)) for obstacle in step.observation.obstacles]
     predictions = {o.obstacle_id: _core_prediction(o, last, step.frame) for o, last in counted if last > 0}
     return costs.CalculateCollisionProbabilityFast(
@@ -391,7 +388,7 @@ def collision_probability(
 
 
 def _last_within_reach(obstacle: PredictedObstacle, step: PlanningStep, vehicle: VehicleParameters) -> int:
-    """Return the last step ahead at which the core can count an obstacle, or 0 if it never can.
+    """Return the last step ahead at which the core can count an obstacle, or 0 if there is no such step.
 
     The core counts no obstacle farther than √50 m from the ego's box at the same step. After a share of the horizon, a
     candidate is at most that share of ``reach_m`` away, plus its lateral offset.

@@ -5,8 +5,8 @@ have the meaning of the Frenetix reference's Python terms; responsibility is our
 
 **Responsibility** measures proximity to others for which the ego would be to blame. The idea is that of Geisslinger,
 Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
-2023): a risk counts against the ego only if it enters the area that the other may legally reach. A road user that
-leaves its own lane or ignores the right of way is to blame itself. The rules and formulas below are ours.
+2023): a risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
+user that leaves its own lane or ignores the right of way is itself to blame. The rules and formulas below are ours.
 
 For every candidate and obstacle, the conflict is the step with the smallest gap between their rectangles; it costs
 ``exp(−gap / 2 m)`` if the ego is responsible. An obstacle's legal reach is its corridor, the lanelets of its direction
@@ -21,7 +21,7 @@ under it and all their successors, from full braking (8 m/s²) to acceleration (
 6. Within that reach the ego is responsible if it has left its own corridor, or if it drives parallel to the other with
    its body over the edge of the other's lane. If the corridors meet, the one that must give way is responsible: by
    signs (yield or stop, priority, crosswalks), otherwise by right before left, left turns after oncoming traffic, and
-   in a merge the one behind.
+   in a merge the vehicle behind gives way.
 
 Simplifications: traffic lights and speed limits are ignored, traffic drives on the right, headings keep their present
 values, and a car that has cut in counts as ahead from the next planning step.
@@ -96,9 +96,7 @@ def _lane_center_offset(batch: CandidateBatch) -> Values:
 
 
 def responsibility(batch: CandidateBatch) -> Values:
-    """Return per candidate the sum of ``exp(−smallest gap / 2 m)`` over obstacles that the ego is responsible for,
-    (n,).
-    """
+    """Return the sums (n,) of ``exp(−smallest gap / 2 m)`` over obstacles that the ego is responsible for."""
     total = np.zeros(len(batch.x_m))
     nearness = _Nearness(batch)
     horizon_s = batch.x_m.shape[1] * batch.step_s
@@ -122,8 +120,9 @@ def responsibility(batch: CandidateBatch) -> Values:
 class _Nearness:
     """Gaps between the candidates' rectangles and an obstacle's rectangle, except at the present step.
 
-    In the obstacle's frame the ego counts by its bounding box, which is exact if both are parallel or at right angles.
-    The gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate can be within 8 m.
+    In the obstacle's frame the ego counts by its bounding box, which is exact if the two rectangles are parallel or at
+    right angles. The gaps are evaluated every 0.2 s, including the last step, except at steps where no candidate can be
+    within 8 m.
     """
 
     def __init__(self, batch: CandidateBatch) -> None:

@@ -125,9 +125,7 @@ class Frenetix:
         return [copied_trajectory(samples[i], step.frame, step.ego, self._task.vehicle).positions for i in chosen]
 
     def _feasible(self, matrix: Points, step: PlanningStep) -> "_Feasible":
-        """Return the feasible candidates with their cheap terms, and count the others by the constraint that rejects
-        them.
-        """
+        """Return the feasible candidates with their cheap terms; count the others by the constraint that they break."""
         add_step_functions(self._handler, self._weights, step)
         began = perf_counter()
         screening = Screening.of(matrix, step, self._task.vehicle, self._weights)
@@ -207,7 +205,7 @@ class Frenetix:
         return self._drive(chosen, "stopping", step)
 
     def _limit(self, sample: "frenetix.TrajectorySample", step: PlanningStep) -> Limit | None:
-        """Return the limit of the vehicle that a candidate breaks."""
+        """Return the vehicle limit that a candidate breaks, or None."""
         vehicle = self._task.vehicle
         return violated_limit(copied_trajectory(sample, step.frame, step.ego, vehicle), vehicle, self._task.step_s)
 
@@ -229,11 +227,11 @@ class Frenetix:
 
 
 class _Feasible:
-    """The feasible candidates of a planning step by ascending cost, the same objects in every iteration.
+    """The feasible candidates of a planning step by ascending cost; every iteration yields the same objects.
 
-    The core generates the candidates that screening leaves undecided, and of the others only the cheapest, on demand,
-    since generating and copying them takes most of a planning step. ``count``: the number of feasible candidates;
-    ``others``: the number of infeasible candidates by the constraints that they broke.
+    The core generates the candidates that screening leaves undecided. Of the other candidates, it generates only the
+    cheapest on demand, since generating and copying candidates takes most of a planning step. ``count``: the number of
+    feasible candidates; ``others``: the number of infeasible candidates by the constraints that they broke.
     """
 
     def __init__(

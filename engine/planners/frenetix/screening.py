@@ -1,4 +1,4 @@
-"""Predicts which candidates the core would reject, and a lower bound of the others' costs, before it generates them.
+"""Predicts which candidates the core would reject, and lower bounds of the costs, before the core generates them.
 
 The core takes ten times as long to generate, check and copy a candidate as the closed forms below, and of 800
 candidates a planning step uses only some dozens. This module therefore computes the constraints and the cheap cost
@@ -197,9 +197,7 @@ class _Motions:
 
 
 def _excess(above: Points, error: Points | float, counted: _Flags, unknown: _Flags) -> tuple[_Flags, _Flags]:
-    """Return in which rows a counted value is certainly above zero, and in which it may be; ``unknown`` allows any
-    value.
-    """
+    """Return in which rows a value is certainly above zero, and in which it may be; ``unknown`` allows any."""
     sure = (above > error) & counted & ~unknown
     maybe = ((above > -error) & counted) | unknown
     return np.asarray(sure.any(axis=1)), np.asarray(maybe.any(axis=1))
@@ -252,8 +250,9 @@ def _jerk(coefficients: Points, time_s: float) -> Values:
 
 
 def _along(quartic: Points, steps: _Steps, step: PlanningStep) -> tuple[tuple[Points, ...], _Flags]:
-    """Return speed, half acceleration, the path's curvature, its derivative and heading; and whether the path is long
-    enough (n,).
+    """Return the longitudinal motion, the path next to it, and whether the path is long enough (n,).
+
+    The motion is speed and half acceleration; the path is curvature, its derivative and heading.
 
     After the end state the speed stays constant.
     """
@@ -272,9 +271,7 @@ def _along(quartic: Points, steps: _Steps, step: PlanningStep) -> tuple[tuple[Po
 
 
 def _across(quintic: Points, steps: _Steps) -> tuple[Points, Points, Points]:
-    """Return the offset, its derivative and half of its second derivative; after the end state the offset
-    is constant.
-    """
+    """Return the offset, its derivative and half its second derivative; the offset is constant after the end."""
     offset, drift, half_change = _values(quintic, steps.times_s)
     drift[~steps.is_checked] = half_change[~steps.is_checked] = 0.0
     return offset, drift, half_change

@@ -160,7 +160,7 @@ class Samples:
         return np.asarray(start.speed_mps + (self.target_mps - start.speed_mps)[:, None] * gained)
 
     def travelled_m(self, start: Start, times_s: Points) -> Points:
-        """Return the distance covered after times of shape (m,) or (n, m): shape (n, m)."""
+        """Return the distances covered after times of shape (m,) or (n, m), as (n, m)."""
         ramp = self.ramp_s[:, None]
         within, after = np.minimum(times_s, ramp), np.maximum(times_s - ramp, 0.0)
         change = (self.target_mps - start.speed_mps)[:, None]
@@ -250,8 +250,8 @@ def candidates(
 def _stations_after(path: PathTable, start: Start, offsets_m: Values, way_m: Values) -> Values:
     """Return the stations at which primitives of a length and end offset end, shape (n,).
 
-    Lateral motion takes up distance, and at an offset the distance is longer or shorter than the path's, depending on
-    the curvature between.
+    Lateral motion uses up distance. At an offset, the distance is longer or shorter than along the path, depending on
+    the curvature.
     """
     aside = offsets_m - start.offset_m
     ahead = np.sqrt(np.maximum(way_m**2 - 1.2 * aside**2, (0.3 * way_m) ** 2))
@@ -287,7 +287,7 @@ def _ends(path: PathTable, start: Start, samples: Samples, way_m: Values, statio
 def _along(
     path: PathTable, start: Start, samples: Samples, station_m: Values, times_s: Values
 ) -> tuple[Motions, Values]:
-    """Return the motions along the path behind the primitives' ends, and the stations at their last step.
+    """Return the motions along the path after the primitives' ends, and the stations at their last step.
 
     The headings continue those of the start, whatever multiple of 2π the path's headings have.
     """
@@ -324,7 +324,7 @@ class Driven:
         return is_on_plan(self.trajectory, ego.step - self.first_step, ego, within_m)
 
     def rest(self, path: PathTable, step: int, step_s: float) -> Candidates | None:
-        """Return the rest at a later step, continued along the path at its last speed, or None if it ends askew."""
+        """Return the rest at a later step, continued along the path at its last speed; None if it ends at an angle."""
         gone, before = step - self.first_step, self.chosen
         if not before.goes_on[0]:
             return None

@@ -74,7 +74,7 @@ class ChannelBatch:
         return low, np.array([self.x_m.max(), self.y_m.max()]) + _FARTHEST_M
 
     def near(self, obstacle: PredictedObstacle) -> bool:
-        """Return True if an obstacle comes near any candidate."""
+        """Return True if an obstacle comes close to any candidate."""
         low, high = self._box
         return bool(((obstacle.positions >= low) & (obstacle.positions <= high)).all(axis=1).any())
 

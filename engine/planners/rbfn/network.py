@@ -57,7 +57,7 @@ class PrimitiveEnds:
 
 @dataclass(frozen=True)
 class Motions:
-    """States of n rear axles at m times, each of shape (n, m): positions in m, headings in rad, speeds, curvatures."""
+    """States of n rear axles at m times, each of shape (n, m): positions, headings, speeds, curvatures."""
 
     x_m: Points
     y_m: Points
@@ -167,7 +167,9 @@ def _summed(gains: Points) -> Points:
 def motion_primitives(
     network: PrimitiveNetwork, speed_mps: float, curvature_per_m: float, ends: PrimitiveEnds, times_s: Values
 ) -> tuple[Motions, _Flags]:
-    """Return the primitives to n ends at m times, and whether the network knows each: trained inputs, and a small miss.
+    """Return the primitives to n ends at m times, and whether the network knows each of them.
+
+    It knows a primitive if the training covered its inputs and its end is missed only slightly.
 
     They start at the origin with the heading along x. After its duration a primitive stays at its end.
     """

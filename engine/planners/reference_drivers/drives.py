@@ -1,9 +1,10 @@
-"""A reference driver in the ego's place, among others that move as recorded and do not react to it.
+"""A reference driver in the ego's place, among road users that move as recorded and do not react to it.
 
-Until the driver reacts, the ego moves by a :class:`NominalMotion`: as driven, or along its lane at its initial speed.
+Until the driver reacts, the ego follows a :class:`NominalMotion`: as driven, or along its lane at its initial speed.
 After that it brakes as the driver wants, keeps its speed in between, and follows the same path. A drive ends when the
-ego stands or the two can no longer meet; an ego that still rolls has not prevented anything. If a track ends earlier,
-the other continues straight at its last speed, or keeps braking to a standstill if it braked.
+ego stands, or when the ego and the other road user can no longer meet. An ego that still rolls has not prevented the
+collision. If the other road user's track ends earlier, it continues straight at its last speed, or keeps braking to a
+standstill if it was braking.
 """
 
 from collections.abc import Sequence
@@ -102,7 +103,7 @@ class DriverScene:
 
     ``body``: length and width in m. ``met``: the road user that it collided with, extended beyond its track by
     :func:`going_on`; ``met_until``: the last step of its track. ``others``: all others. On the driven path, a driver
-    reacts only to ``met``, since the ego has already reacted to the others. On its lane it reacts to all.
+    reacts only to ``met``, since the ego has already reacted to the others. On its lane, it reacts to all of them.
     """
 
     nominal: NominalMotion
@@ -182,7 +183,7 @@ class DriverScene:
         return Driven(np.array(stations), np.array(speeds), brakes_from, stands=False)
 
     def _is_over(self, index: int, met: Seen | None, speed: float, wanted: float | None) -> bool:
-        """Return True if the other moves evenly and neither it nor the ego can reach the other any more."""
+        """Return True if ``met`` moves evenly, and it and the ego can no longer reach each other."""
         if met is None or self.first_step + index <= self.met_until or met.slowing_mps2 > 0:
             return False
         if met.is_passed:
@@ -199,7 +200,7 @@ class DriverScene:
         return met is not None and met.is_passed and met.along_mps <= speed
 
     def _seen(self, index: int, station: float, met: Seen | None) -> tuple[Seen, ...]:
-        """Return what the driver sees: ``met`` unless another hides it, and on its lane all others."""
+        """Return what the driver sees: ``met`` unless it is hidden, and on its lane all others."""
         if not self._watched:
             return () if met is None else (met,)
         if self.nominal.was_driven and (met is None or not met.is_in_way):
@@ -285,7 +286,7 @@ class DriverScene:
         return self.is_clear(self.drive(driver, takes_over))
 
     def latest_takeover(self, driver: ReferenceDriver, last: int) -> int | None:
-        """Return the latest state at which the driver may take over, at most ``last``; None if the first is too late.
+        """Return the latest state for a takeover, at most ``last``; None if even the first state is too late.
 
         Uses bisection: the driver prevents the collision from that state, but not from the next one.
         """
@@ -299,7 +300,7 @@ class DriverScene:
 
 
 def going_on(track: Track, last_step: int, step_s: float) -> Track:
-    """Return a track extended to a step: straight at its last speed, and still braking to a standstill if it braked."""
+    """Return a track extended to a step, straight at its last speed, or braking to a standstill if it braked."""
     count = last_step - track.last_step
     if count <= 0:
         return track

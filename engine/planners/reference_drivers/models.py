@@ -46,7 +46,7 @@ class Brakes:
         return self.full_mps2 / self.build_up_s
 
     def on_road(self, friction: float | None) -> "Brakes":
-        """Return the brakes on a road with some friction; the deceleration builds up at the same rate."""
+        """Return the brakes on a road with this friction; the deceleration builds up at the same rate."""
         full = self.full_mps2 if friction is None else min(self.full_mps2, friction * GRAVITY_MPS2)
         return self if full == self.full_mps2 else Brakes(full, full / self.jerk_mps3)
 
@@ -100,9 +100,7 @@ class Seen:
         return self.past_m <= 0
 
     def is_in_way_before_passed(self, closing_mps: float, later_s: float = 0.0) -> bool:
-        """Return True if it enters the path from the side at its present rate before the driver is past it (plus a
-        delay).
-        """
+        """Return True if it enters the path from the side before the driver is past it (plus a delay)."""
         if self.nearing_mps <= 0 or closing_mps <= 0:
             return False
         return self.aside_m / self.nearing_mps <= self.past_m / closing_mps + later_s
@@ -271,13 +269,13 @@ def _since(before_s: float | None, now_s: float, holds: bool) -> float | None:
 
 @dataclass(frozen=True)
 class _Alertness:
-    """The time since when a situation has been unsafe, and since when it has been safe again; None if it is not."""
+    """The times since which a situation has been unsafe or safe again; None if it is not."""
 
     unsafe_since_s: float | None = None
     safe_since_s: float | None = None
 
     def after(self, is_unsafe: bool, now_s: float, calm_s: float) -> "_Alertness":
-        """Return the alertness after one more step; after a while without danger, a driver is calm again."""
+        """Return the alertness after one more step; a driver becomes calm after a while without danger."""
         if is_unsafe:
             return _Alertness(now_s if self.unsafe_since_s is None else self.unsafe_since_s)
         if self.unsafe_since_s is None:
@@ -313,12 +311,11 @@ class _RespondingDriver(ABC):
 
 @dataclass(frozen=True)
 class FuzzyDriver(_RespondingDriver):
-    """The driver of the fuzzy safety model, which brakes early and gently, and harder as the situation becomes more
-    unsafe.
+    """The driver of the fuzzy safety model, which brakes early and gently, and harder in more unsafe situations.
 
     ``gentle_mps2``, ``hard_mps2``: its own comfortable and hardest deceleration. ``front_mps2``: that of the leader.
     ``standstill_m``: the gap that it keeps when standing. ``margin_m``: added to the safe distance. ``earlier_s``: the
-    largest delay, after the driver is past, with which another may still enter the path.
+    largest delay, after the driver is past, with which a road user may still enter the path.
     """
 
     gentle_mps2: float = 4.0
@@ -355,9 +352,9 @@ class FuzzyDriver(_RespondingDriver):
         return _share_between(gap_m - self.standstill_m, safe, unsafe)
 
     def critical_share(self, gap_m: float, own_mps: float, front_mps: float, felt_mps2: float) -> float:
-        """Return the critical metric: 0 if gentle braking suffices for a leader at constant speed, 1 if hard braking
-        does not.
-        """
+        """Return the critical metric.
+
+        For a leader at constant speed, it is 0 if gentle braking suffices, and 1 if hard braking does not."""
         if own_mps <= front_mps:
             return 0.0
         going_on = max(felt_mps2, -self.gentle_mps2)
@@ -370,13 +367,13 @@ class FuzzyDriver(_RespondingDriver):
 
 
 def _share_between(value: float, none: float, all_: float) -> float:
-    """Return 0 from one value on, 1 up to a smaller one, and a linear share between."""
+    """Return 0 at or above one value, 1 at or below a smaller value, and a linear share between them."""
     return float(value < all_) if none <= all_ else min(max((none - value) / (none - all_), 0.0), 1.0)
 
 
 @dataclass(frozen=True)
 class RssDriver(_RespondingDriver):
-    """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to another are unsafe.
+    """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to a road user are unsafe.
 
     The longitudinal distance is definition 1 for a road user in the driver's direction, without acceleration during the
     response (a driver that keeps its speed), and definition 2 for an oncoming one. The lateral distance is definition 6
@@ -400,13 +397,13 @@ class RssDriver(_RespondingDriver):
         return math.inf if self.is_unsafe(seen, moment.own_mps) else 0.0
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
-        """Return True if both distances to another are below the safe ones."""
+        """Return True if both distances to a road user are below the safe ones."""
         if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
             return False
         return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)
 
     def safe_distance_m(self, own_mps: float, front_mps: float) -> float:
-        """Return the safe longitudinal distance to another with a speed along the path (negative: it is oncoming)."""
+        """Return the safe longitudinal distance to a road user with a speed along the path (negative if oncoming)."""
         own = own_mps * self.response_s + own_mps**2 / (2 * self.own_mps2)
         if front_mps >= 0:
             return max(own - front_mps**2 / (2 * self.front_mps2), 0.0)
@@ -414,7 +411,7 @@ class RssDriver(_RespondingDriver):
         return own + theirs
 
     def safe_aside_m(self, nearing_mps: float) -> float:
-        """Return the safe lateral distance to another that approaches at a speed; 0 if it does not approach."""
+        """Return the safe lateral distance to a road user that approaches at a speed; 0 if it does not approach."""
         if nearing_mps <= 0:
             return 0.0
         later = nearing_mps + self.across_mps2 * self.response_s
@@ -432,7 +429,7 @@ class FullBraking:
         return "full_braking"
 
     def begin(self) -> None:
-        """Return no memory; there is nothing to remember."""
+        """Return no memory, since there is nothing to remember."""
 
     def react(self, memory: None, moment: Moment) -> tuple[None, float | None]:
         """Brake fully, whatever the driver perceives."""
@@ -450,7 +447,7 @@ class KeepLane:
         return "keep_lane"
 
     def begin(self) -> None:
-        """Return no memory; there is nothing to remember."""
+        """Return no memory, since there is nothing to remember."""
 
     def react(self, memory: None, moment: Moment) -> tuple[None, float | None]:
         """Do nothing."""

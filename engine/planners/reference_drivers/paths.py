@@ -26,7 +26,7 @@ _NARROW = ("pedestrian", "bicycle", "motorcycle")
 
 @dataclass(frozen=True)
 class DriverPath:
-    """A line of points (n, 2) with the driver's headings (n,) there; straight after its end."""
+    """A line of points (n, 2) with the driver's headings (n,) at these points; it continues straight after its end."""
 
     points: Points
     headings_rad: Values
@@ -62,7 +62,7 @@ class DriverPath:
 
     @cached_property
     def _line(self) -> Points:
-        """The line for projections: without repeated points, and with the extension behind its end."""
+        """The line for projections: without repeated points, and with the extension beyond its end."""
         end = float(self.headings_rad[-1])
         after = self.points[-1] + AHEAD_M * np.array([math.cos(end), math.sin(end)])
         return np.vstack([without_repeats(self.points), after])
@@ -124,7 +124,7 @@ class OnPath:
         return gaps
 
     def seen(self, step: int, station_m: float, body: tuple[float, float], step_s: float) -> Seen | None:
-        """Return how a driver with its centre at a station perceives it, or None if it is absent at the step.
+        """Return how a driver with its centre at a station perceives the road user; None if it is absent at the step.
 
         ``body``: length and width of the driver's vehicle.
         """

@@ -2,7 +2,7 @@
 
 The models do not define the driving while they do not react. With ``follows`` the planner drives like the Intelligent
 Driver Model (``idm.py``): to the goal, at its time headway behind others, braking at most comfortably. Without it, it
-keeps its lane and its initial speed until it reacts, and after that the speed that it then has, like the reference
+keeps its lane and its initial speed until it reacts, and after reacting the speed that it then has, like the reference
 drivers of verdicts. Its model perceives the others as observed when the plan is made; within a plan they move as
 predicted. The lateral motion and the speeds in curves are those of the Intelligent Driver Model.
 """
@@ -132,7 +132,7 @@ class ReferencePlanner(IntelligentDriver):
         return min(max(acceleration, -self._weights["deceleration_mps2"]), in_bend)
 
     def _ahead(self, observation: Observation, center_m: float) -> "_Ahead":
-        """Return the others along the path near the ego."""
+        """Return the other road users along the path near the ego."""
         points = self._task.reference.points
         near = (self._stations >= center_m - _BEHIND_M) & (self._stations <= center_m + _AHEAD_M)
         first = int(np.argmax(near))

@@ -1,9 +1,9 @@
-"""Traffic that reacts to the ego: SUMO drives the others, one step at a time.
+"""Traffic that reacts to the ego: SUMO drives the other road users, one step at a time.
 
-Before every step of SUMO the ego is moved to its driven pose, and after the step its speed is set. The others thus see
-it as they see one another, one step late. A driven vehicle starts at its first recorded state (or at the one of the
-ego's first step). From then on SUMO drives it along its recorded route and beyond. It obeys the traffic lights of the
-file. A process can run one such simulation at a time.
+Before every step of SUMO the ego is moved to its driven pose, and after the step its speed is set. The other vehicles
+thus see the ego as they see one another, one step late. A driven vehicle starts at its first recorded state (or at the
+one of the ego's first step). From then on SUMO drives it along its recorded route and beyond. It obeys the traffic
+lights of the file. A process can run one such simulation at a time.
 """
 
 import math
@@ -106,9 +106,7 @@ def _insert(sumo: Sumo, actor: Actor) -> bool:
 
 
 class _ReactiveTraffic:
-    """The others of one run; ``on_recording`` are those that SUMO could not take over, so they followed their
-    recordings.
-    """
+    """The other road users of a run; those in ``on_recording`` followed it, since SUMO could not take them over."""
 
     def __init__(
         self, sumo: Sumo, roles: TrafficRoles, ego_edges: tuple[str, ...], ego: EgoState, vehicle: VehicleParameters
@@ -178,7 +176,7 @@ class _ReactiveTraffic:
         return hit
 
     def _may_start(self, actor: Actor, ego: EgoState) -> bool:
-        """Return True if it is time and the position is free; a vehicle that would have to hit another one waits.
+        """Return True if it is time and the position is free; a vehicle waits if it would have to hit another one.
 
         SUMO's departures wait in the same way.
         """

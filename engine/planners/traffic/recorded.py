@@ -1,4 +1,4 @@
-"""The others in a run: the interface that the simulation loop needs (:class:`Traffic`), and the others as recorded."""
+"""The other road users in a run: the interface for the loop (:class:`Traffic`), and recorded traffic."""
 
 import math
 from collections.abc import Iterable, Mapping, Set
@@ -56,7 +56,7 @@ class Traffic(Protocol):
 
 
 class RecordedTraffic:
-    """Dynamic and static obstacles that follow their recordings; environment and phantom obstacles have no bodies.
+    """Dynamic and static obstacles as recorded; environment and phantom obstacles have no bodies.
 
     ``moving``: a track for every dynamic obstacle, including set-based predictions and obstacles without any
     prediction; ``standing``: static obstacles as tracks of one state. Obstacles in ``without`` are left out.

@@ -91,7 +91,7 @@ class ScriptedActor:
 
     @property
     def motion(self) -> Track:
-        """Its motion without slowing down, as far as it is known."""
+        """The known part of its motion without slowing down."""
         return self._motion
 
     @property
@@ -169,8 +169,8 @@ class ScriptedActor:
     def _choose_pace(self, ego: _Ego) -> None:
         """Brake if that delays contact with the ego, otherwise return gently to the script's pace.
 
-        If both options meet the ego at the same time, it brakes for an ego ahead, but not for one that comes from
-        behind.
+        If it meets the ego at the same time with either option, it brakes for an ego ahead, but not for one that comes
+        from behind.
         """
         step_s, hardest = self._scene.step_s, self._vehicle.hardest_braking_mps2
         speed = max(float(self._motion.speeds_mps[self.index]), STANDING_MPS)
@@ -185,7 +185,7 @@ class ScriptedActor:
             self._pace = faster
 
     def _meets_after_s(self, ego: _Ego, pace: float, braking_mps2: float = 0.0) -> float:
-        """Return when it meets the ego at constant speed and heading; infinite if not within the braking time."""
+        """Return the time until it meets the ego at constant speed and heading; infinite beyond the braking time."""
         step_s, state, motion = self._scene.step_s, ego.state, self._motion
         speed = max(float(motion.speeds_mps[self.index]) * pace, STANDING_MPS)
         forward = np.array([math.cos(state.heading_rad), math.sin(state.heading_rad)])

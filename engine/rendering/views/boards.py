@@ -33,7 +33,7 @@ def write_view(request: ViewRequest, report: ProgressReporter) -> ViewWritten:
     Raises:
         UnsafeInput: The file of a scenario cannot be read.
         ResourceFailure: The steps of a run cannot be read, or the file cannot be written.
-        NotPossible: The view has more than 16 MiB.
+        NotPossible: The view is larger than 16 MiB.
     """
     view = player_view(request) if request.kind == "player" else board_view(request, report)
     report(0.95, "read")
@@ -50,7 +50,7 @@ def write_view(request: ViewRequest, report: ProgressReporter) -> ViewWritten:
 
 @dataclass(frozen=True)
 class _Side:
-    """The properties that define a column of a board; ``batch_id`` is empty for runs that were given one by one."""
+    """The properties that define a board's column; ``batch_id`` is empty for runs that were given one by one."""
 
     batch_id: str
     config_id: str
@@ -96,7 +96,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
 
 
 def _placed(request: ViewRequest) -> Iterable[tuple[_Side, RunSource]]:
-    """Yield each run with its column, in column order: batches as given, then runs outside all batches."""
+    """Yield each run with its column, in column order: batches in the given order, then runs outside batches."""
     sources = {source.record.run_id: source for source in request.runs}
     named = [(one.batch_id, [sources[run_id] for run_id in one.runs]) for one in request.batches]
     of_batches = {run_id for one in request.batches for run_id in one.runs}
@@ -116,7 +116,7 @@ def _problem(record: RunRecord) -> tuple[str, int]:
 
 
 def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
-    """Return a column with a title from its configuration and from what distinguishes it from the others."""
+    """Return a column titled by its configuration and by what distinguishes it from the other columns."""
     parts = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),

@@ -130,9 +130,10 @@ class DriveView(Model):
     ``series``: further values per driven state, by name with unit. ``planned`` and ``told``: numbers and texts per
     planning step, including the planner's debug values. ``areas``: the polygons that it reported.
 
-    ``acceleration_cmps2``: along the path; ``gap_cm`` to the nearest other, ``nearest`` its id, ``collision_cs``: time
-    to collision in 1/100 s; None means no other within 60 m, or no collision course. ``costs``, ``rejected``: as
-    stored, one value per planning step. ``others``: the motion of reactive traffic. ``figures``: metrics in words.
+    ``acceleration_cmps2``: along the path. ``gap_cm``: the gap to the nearest road user; ``nearest``: its id.
+    ``collision_cs``: time to collision in 1/100 s. None means no road user within 60 m, or no collision course.
+    ``costs``, ``rejected``: as stored, one value per planning step. ``others``: the motion of reactive traffic.
+    ``figures``: metrics in words.
     """
 
     run_id: str
@@ -209,7 +210,7 @@ class BoardMetric(Model):
 
 
 class BoardRun(Model):
-    """A run of a board: its position, its outcome, its metrics in the board's order.
+    """A run on a board: its position, its outcome, its metrics in the board's order.
 
     ``flip``: set if exactly one of this run and the first column's run in its row reached the goal, and both were
     valid.
@@ -227,7 +228,7 @@ class BoardRun(Model):
 class BoardView(Model):
     """The whole content of a board.
 
-    ``scenes`` and ``drives`` (by run): what its player shows without a request; ``lost``: cells without a run.
+    ``scenes`` and ``drives`` (by run): what its player can show without a request. ``lost``: the cells without a run.
     """
 
     format: int = VIEW_FORMAT

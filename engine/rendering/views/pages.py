@@ -23,12 +23,14 @@ A board opens its runs in a player, so its page can show both.
 
 
 def empty_page(kind: ViewKind) -> str:
-    """Return the page without data, which requests them from the host that shows it; the host sets its policy."""
+    """Return the page without data, which it requests from its host; the host sets the page's policy."""
     return _page(kind, title="PlannerForge", data="", policy="")
 
 
 def filled_page(kind: ViewKind, title: str, data: str) -> str:
-    """Return the page with its data, a JSON text; by hash, it runs only the page's own script, and it loads nothing."""
+    """Return the page with its data, a JSON text.
+
+    A hash allows only the page's own script to run, and the page loads nothing."""
     digest = base64.b64encode(hashlib.sha256(_scripts(kind).encode()).digest()).decode()
     policy = (
         '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; '

@@ -260,7 +260,7 @@ def _signals(content: ScenarioContent, origin: Points) -> Iterable[SignalView]:
 
 
 def drive_view(source: RunSource, path: DrivenPath, scenario: ScenarioSource, origin: Points) -> DriveView:
-    """Return a run over a scene, with its nearest others and its moments."""
+    """Return a run over a scene, with its nearest road users and its moments."""
     record, steps = source.record, read_steps(source)
     if steps is None:
         raise ValueError(f"{record.run_id} was driven, so it has steps")
