@@ -218,7 +218,7 @@ class FindScenariosResult(Result):
         if self.fallback:
             lines.append("FALLBACK, not matches (with their unmet conditions):")
             lines += [_line(scenario, requested) for scenario in self.fallback]
-        headline = f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, {self.method})."
+        headline = f"{self.total} of {self.catalogue} scenarios match ({self.search_id}, method {self.method})."
         return Answer(headline, decided, listed=lines)
 
     def _step(self, stage: StageCount) -> str:

@@ -276,7 +276,7 @@ def parse_selector(text: str) -> Selector:
             raise InvalidRequest(
                 f"'{text}' needs a whole number after '{kind}:'",
                 valid=[f"{kind}:1"],
-                next_step="write it like this",
+                next_step="give the number of vehicles",
                 given=text,
             )
         return Selector(kind, argument, negated)

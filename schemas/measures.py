@@ -400,7 +400,7 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "risk_score",
-        "risk score (0 a collision, 5 negligible)",
+        "risk score (0 = collision, 5 = negligible)",
         "of 5",
         "higher",
         "the most dangerous time of a run by gap and time to collision: 0 a collision, 5 negligible",
@@ -565,7 +565,7 @@ MEASURES: tuple[Measure, ...] = (
     ),
     Measure(
         "maximum_steering_rate_radps",
-        "fastest steering",
+        "peak steering rate",
         "rad/s",
         "lower",
         "fastest turning of the front wheels that the driven path requires",

@@ -455,7 +455,7 @@ class ModifyScenarioResult(Result):
         most, _ = self._most(_MOST_TOUCHED)
         distances = ", ".join(f"{vehicle.vehicle_id}: {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
         least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
-        return [f"Largest distance from the recording: {distances}{least}."] if moved else []
+        return [f"Largest deviation from the recording: {distances}{least}."] if moved else []
 
     def _previously_standing(self) -> list[str]:
         """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
@@ -526,11 +526,11 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    ego = "an ego that ignores the edited traffic" if blind else "the ego"
+    ego = "an ordinary ego that cannot see the edited traffic" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 
-_RISK = "risk score (0 worst, 5 best)"
+_RISK = "risk score (0 = collision, 5 = negligible)"
 
 
 def _danger_figures(danger: EgoDanger) -> dict[str, str]:

@@ -650,7 +650,10 @@ def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
     """Return a line if findings were requested and no finding suggests a weight."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
-    return ["These runs suggest no change of a weight; optimize_planner searches for one on several scenarios."]
+    return [
+        "These runs do not suggest changing any weight; "
+        "optimize_planner searches for better weights on several scenarios."
+    ]
 
 
 def _stated(result: AnalyzeResultsResult) -> list[Finding]:
@@ -692,7 +695,7 @@ def _finding_text(finding: Finding) -> str:
         tried = "not tried yet; trial=true tries it" if change.tried is None else change.tried.in_words()
         parts.append(f"Suggestion: {change.direction} {change.weight} of {change.config_id} ({change.why}; {tried}).")
     if finding.next_step:
-        parts.append(f"See {finding.next_step}.")
+        parts.append(f"Try {finding.next_step}.")
     times = {moment.run_id: moment.time_s for moment in reversed(finding.moments)}
     ids = (f"{run_id} ({times[run_id]:.1f} s)" if run_id in times else run_id for run_id in finding.run_ids)
     parts.append(f"Runs: {_listed(ids, 2, finding.run_count)}")

@@ -106,22 +106,21 @@ class Prevention(Model):
     def in_words(self) -> str:
         """Return which drivers prevent it from which start, and until when."""
         until = self.by_steering_until_s
-        aside = "" if until is None else f"; steering aside until {until:.1f} s prevents it"
+        aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
             starts = " or from the start" if self.drivers else ""
             return (
                 f"no reference driver prevents it from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
             )
-        prevents = [] if self.by_braking_until_s is None else [f"full braking until {self.by_braking_until_s:.1f} s"]
-        prevents += [] if until is None else [f"steering aside until {until:.1f} s"]
+        prevents = (
+            [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
+        )
+        prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
             none = f"no reference driver prevents it from just before the contact ({REFERENCE_DRIVERS_DO}){aside}"
             return f"{none}{self._start_in_words()}"
-        others = [
-            *self._drivers(prevents=False),
-            *(["steering aside"] if self.steering_tried and until is None else []),
-        ]
+        others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
@@ -131,11 +130,11 @@ class Prevention(Model):
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
         if not yes:
-            return "; from the start, no driver prevents it"
+            return "; if in control from the start, no driver prevents it"
         if not no:
-            return "; from the start, all drivers prevent it"
+            return "; if in control from the start, all drivers prevent it"
         verb = "prevent" if len(yes) > 1 or yes[0].endswith("drivers") else "prevents"
-        return f"; from the start, {_listed(yes, 'and')} {verb} it"
+        return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
         """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
@@ -164,7 +163,7 @@ _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
     "fsm": "UN R157's fuzzy driver",
     "rss": "RSS",
     "keep_lane": "keeping lane and speed",
-    "evading": "steering aside",
+    "evading": "swerving",
 }
 
 
@@ -389,7 +388,7 @@ class Contact(Model):
             "crossing": f"hit crossing {other}, ego's {self.ego_side} against its {self.other_side}",
             "side": f"touched {other} {self._alignment}, ego's {self.ego_side} against its {self.other_side}",
             "into_standing": f"drove into standing {other}, ego's {self.ego_side} against its {self.other_side}",
-            "onto_standing_ego": f"stood still and was hit by {other} from {directions[self.ego_side]}",
+            "onto_standing_ego": f"was hit by {other} from {directions[self.ego_side]} while stationary",
             "road_boundary": "left the road",
             "unclear": f"collided with {other}",
         }

@@ -226,7 +226,7 @@ def _named_in_sentences(text: str) -> dict[str, str]:
     """
     first: dict[str, str] = {}
     later: dict[str, str] = {}
-    for sentence in re.split(r"(?<=[.;])\s+", text):
+    for sentence in re.split(r"(?<=[.;:])\s+|\s+-\s+(?=`)", text):
         plain = sentence.rstrip(".;")
         begins = re.match(r"`(\w+)`:? (?:(?:is|are) )?(.+)", plain)
         if begins is not None:

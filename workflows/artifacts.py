@@ -27,7 +27,7 @@ from .results import lineages, run_record, with_versions
 
 _NEXT = {
     "running": "repeat get_job with the same job_id",
-    "done": "use the finished ids, for example in analyze_results",
+    "done": "use the ids above, for example in analyze_results",
     "failed": "correct the error and repeat the call; finished work is reused",
     "cancelled": "finished results stay; repeat the call to resume",
     "interrupted": "its server stopped; repeat the call to resume, finished work is reused",

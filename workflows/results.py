@@ -122,7 +122,7 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
         raise InvalidRequest(
             f"'{word}' is a {kind}, not a run or batch",
             valid=[*(one.artifact_id for one in made), *WORDS],
-            next_step="use the run or batch id that run_planner gave",
+            next_step="use the run or batch id that run_planner returned",
             remedies=[
                 *(instead(word, one.artifact_id, "results") for one in made),
                 *([calling("run_planner", scenarios=[word])] if kind == "scenario" else []),

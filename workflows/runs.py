@@ -523,4 +523,4 @@ def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str |
         return f"describe_scenario of {run.scenario_id} with detail checks, then modify_scenario"
     if run.outcome == "goal_reached":
         return f"analyze_results with results ['{run.run_id}'], or render it"
-    return f"analyze_results with results ['{run.run_id}'], detail timeline, or render it as animation"
+    return f"analyze_results with results ['{run.run_id}'], detail timeline, or render it as an animation"

@@ -242,9 +242,9 @@ def _cost(
     if not first or not second:
         return None
     if len({configuration_id(side.config_id) for side in sides}) > 1:
-        why = "configurations weigh differently"
+        why = "the configurations use different weights"
     elif len({side.config_id for side in sides}) > 1:
-        why = "another version of the planner may weigh differently"
+        why = "another version of the planner may weigh the terms differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
         why = "the predictions differ"
     else:
@@ -639,12 +639,12 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
     if code in ("better", "worse", "mixed"):
         return f"{code.capitalize()}: {fact}."
     if _is_alike(test):
-        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} points (95 %)."
+        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95 %)."
     if test.scenarios < FEWEST_PAIRS:
         return f"{fact}; too few {'pairs' if test.scenarios == test.pairs else 'scenarios'} for a test."
     if code == "flips_too_few":
         return f"{fact}; too few flips for a test, which needs {FEWEST_PAIRS} scenarios that differ."
-    enough = f"about {test.needed} scenarios are needed to show a difference of {100 * _MARGIN:.0f} points"
+    enough = f"about {test.needed} scenarios are needed to show a difference of {100 * _MARGIN:.0f} percentage points"
     if code == "tie":
         return f"{fact}; {enough}."
     if test.p is not None and test.p < LEVEL:

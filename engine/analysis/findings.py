@@ -170,9 +170,9 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     yield Finding(
         name="unforeseen",
         statement=(
-            f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other moved "
-            f"differently than predicted 1 s before; as predicted, the gap would have been {median(gaps):.1f} m "
-            f"(median){evidence.among_hits}."
+            f"In {len(missed)} of {len(known)} collisions that the ego could have prevented, the other vehicle moved "
+            f"differently than predicted 1 s earlier; had it moved as predicted, the gap would have been "
+            f"{median(gaps):.1f} m (median){evidence.among_hits}."
         ),
         figures={"runs": len(missed), "of": len(known), "median_gap_m": median(gaps), **evidence.sampled_hits},
         run_ids=_ids(missed),
@@ -636,8 +636,8 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
                     figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),
                     alternatives=(
-                        "a term that is equal for all candidates decides nothing, however large: differences between "
-                        "candidates are not recorded"
+                        "the term may be the same for all candidates, and then decides nothing, however large; the "
+                        "differences between candidates are not recorded"
                     ),
                 )
 

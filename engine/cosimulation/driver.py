@@ -117,7 +117,7 @@ def behaviour_from(
             raise UnknownName(
                 f"there is no behaviour preset '{preset}'",
                 valid=closest(preset, _PRESET_VALUES),
-                next_step="give one of these, or set single parameters with 'params'",
+                next_step="give one of these, or set individual parameters with 'params'",
                 complete=True,
             )
         values = presets()[name] | ({} if own_gap_m is None else {"minGap": own_gap_m})

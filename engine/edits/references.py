@@ -31,8 +31,8 @@ from .changes import Changes, scene_for_references
 
 _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are equal for a description."""
-_NAME_A_VEHICLE = "give one of these by its id; describe_scenario with detail=vehicles lists all"
-_NAME_A_LANELET = "give one of these; describe_scenario with detail=lanelets lists all"
+_NAME_A_VEHICLE = "give one of these ids; describe_scenario with detail=vehicles lists them all"
+_NAME_A_LANELET = "give one of these; describe_scenario with detail=lanelets lists them all"
 _MOST_MEANT = 3
 """Number of vehicles that are described if a selector matches several (chosen)."""
 _MEAN_ALL = ("id", "new", "all", "class")

@@ -336,7 +336,7 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         raise InvalidRequest(
             "set_behaviour needs a preset or params",
             valid=[*presets(), "params=['tau=0.7']"],
-            next_step="give a preset, or set single parameters",
+            next_step="give a preset, or set individual parameters",
         )
     vehicles, undrivable = _drivable(edit, scene, changes)
     kept: list[str] = []

@@ -61,7 +61,8 @@ class Limits:
         raise OutsideRoots(
             f"{quoted(text)} is outside the allowed folders",
             valid=self.roots,
-            next_step="use a path inside them, or add the folder to --roots or PLANNERFORGE_ROOTS at the start",
+            next_step="use a path inside an allowed folder, or start the server with the folder in --roots or "
+            "PLANNERFORGE_ROOTS",
         )
 
     def check_size(self, path: Path) -> None:

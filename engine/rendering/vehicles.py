@@ -95,7 +95,7 @@ class VehicleCounts:
         seen = len(self.labelled) + len(self.unlabelled)
         parts = [f"{seen} vehicle{'' if seen == 1 else 's'} in view"]
         if self.unlabelled:
-            parts.append(f"{len(self.unlabelled)} of them without label")
+            parts.append(f"{len(self.unlabelled)} of them without a label")
         if self.outside:
             parts.append(f"{self.outside} outside")
         return ", ".join(parts)

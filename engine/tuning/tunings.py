@@ -90,7 +90,7 @@ class PlannerTuning:
         raise UnknownName(
             f"there is no preset '{word}'",
             valid=[*likely, *(name for name in self.presets if name not in likely)],
-            next_step="choose one of them, or set single weights with name=value",
+            next_step="choose one of these, or set individual weights with name=value",
         )
 
 
@@ -155,16 +155,34 @@ _COST_WEIGHTS = (
     Weight("jerk", "integral of total jerk²", "smoother acceleration", "core"),
     Weight("lateral_jerk", "root of lateral jerk² over the first 0.1 s", "smoother steering", "core"),
     Weight("longitudinal_jerk", "root of longitudinal jerk² over the first 0.1 s", "smoother pedals", "core"),
-    Weight("orientation_offset", "heading against the path, second half and end", "straighter along the path", "core"),
+    Weight(
+        "orientation_offset",
+        "heading offset from the path, over the second half and at the end",
+        "straighter along the path",
+        "core",
+    ),
     Weight("path_length", "length of the candidate in m", "shorter, slower candidates", "ours"),
     Weight(
-        "lane_center_offset", "mean distance to the lane's centre, 5 m off it", "keeps to the lane's centre", "ours"
+        "lane_center_offset",
+        "mean distance to the lane's centre, 5 m if off any lane",
+        "keeps to the lane's centre",
+        "ours",
     ),
     Weight("velocity_offset", "norm of speed − desired speed", "keeps the desired speed", "core"),
     Weight("velocity", "|mean speed − speed that reaches the goal in time|", "arrives on time", "ours"),
     Weight("distance_to_reference_path", "norm of the offset over the second half", "keeps to the path", "core"),
-    Weight("distance_to_obstacles", "Σ 1 / smallest distance², others standing", "keeps away from others", "core"),
-    Weight("prediction", "collision probability with predicted others × 1000", "avoids predicted motion", "core"),
+    Weight(
+        "distance_to_obstacles",
+        "Σ 1 / smallest distance², with others assumed stationary",
+        "keeps away from others",
+        "core",
+    ),
+    Weight(
+        "prediction",
+        "1000 × probability of collision with others as predicted",
+        "keeps clear of predicted motion",
+        "core",
+    ),
     Weight("responsibility", "proximity that the ego is responsible for", "keeps lane, distance, right of way", "ours"),
 )
 """The thirteen weights of Frenetix in the order of the paper, with the meanings of its released code.
@@ -182,7 +200,7 @@ _FRENETIX_PRESETS = (
         _COST_WEIGHTS,
         "Default",
         "Default",
-        "the reference's tuning: follow the path, keep the speed",
+        "the released code's tuning: follow the path, keep the speed",
         (0.0, 0.0, 0.2, 0.2, 0.0, 0.0, 0.0, 1.0, 0.0, 5.0, 0.0, 0.2, 0.0),
     ),
     _preset(
@@ -203,7 +221,7 @@ _FRENETIX_PRESETS = (
         _COST_WEIGHTS,
         "Efficiency-Sporty",
         "Sporty",
-        "brisk: speed and progress count, comfort less",
+        "brisk: speed and progress count more than comfort",
         (0.2, 0.15, 0.25, 0.25, 0.2, 0.6, 0.6, 1.0, 0.4, 2.0, 0.6, 0.2, 0.1),
     ),
     _preset(
@@ -222,7 +240,9 @@ _CHANNELS = (
     Weight("velocity_offset_final", "(final − desired speed)², by (5 m/s)²", "keeps the desired speed", "ours"),
     Weight("orientation_offset", "mean (heading − path)², by (0.5 rad)²", "straighter along the path", "ours"),
     Weight("orientation_offset_final", "(heading − path)² at the end, by (0.5 rad)²", "ends along the path", "ours"),
-    Weight("prediction", "Σ 1 / Mahalanobis distance² to predicted others", "avoids predicted motion", "ours"),
+    Weight(
+        "prediction", "Σ 1 / Mahalanobis distance² to others as predicted", "keeps clear of predicted motion", "ours"
+    ),
     Weight("distance_to_boundary", "mean 1 / clearance² to the road's edge", "keeps off the road's edge", "ours"),
 )
 """The seven channels of MP-RBFN by the names of its public copy, normalised in ``engine/planners/rbfn/costs.py``."""
@@ -381,14 +401,14 @@ _NO_PARAMETERS = {"Default": Preset("Default", "Default", "it has no parameters"
 
 TUNINGS = {
     "frenetix": PlannerTuning(
-        summary="sampling planner of TUM",
+        summary="sampling planner from TUM",
         weights=_by_name(_COST_WEIGHTS),
         external=_by_name(_EXTERNAL_WEIGHTS),
         presets=_by_name(_FRENETIX_PRESETS),
         idle_settings=("search",),
     ),
     "mp_rbfn": PlannerTuning(
-        summary="learned motion primitives (radial basis functions), with weights by PlannerForge",
+        summary="learned motion primitives (radial basis functions); network and preset weights from PlannerForge",
         weights=_by_name(_CHANNELS),
         external={},
         presets=_by_name(_CHANNEL_PRESETS),

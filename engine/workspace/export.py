@@ -146,7 +146,7 @@ def _formats(workspace: Workspace, artifact: Artifact, requested: Sequence[str],
     if missing:
         kept = [form for form in requested if form in available]
         raise InvalidRequest(
-            f"{artifact.artifact_id} has no {', '.join(missing)}",
+            f"{artifact.artifact_id} cannot be exported as {', '.join(missing)}",
             valid=available,
             remedies=[with_values(formats=kept or available[:1])],
         )

@@ -296,7 +296,7 @@ def _searched(study: StudyRecord) -> str:
     return (
         f"{_METHOD_NAMES.get(study.method, study.method)} search for {' + '.join(study.objective)}:"
         f" {counted(len(study.trials), 'candidate')} ({pruned} stopped early) on"
-        f" {counted(study.training_scenarios, 'scenario')} of {counted(len(study.training), 'place')}; held"
+        f" {counted(study.training_scenarios, 'scenario')} from {counted(len(study.training), 'place')}; held"
         f" out: {counted(len(study.held_out_places), 'other place')}{driven}."
     )
 

@@ -60,7 +60,7 @@ def test_the_answer_tells_what_is_new_for_the_ego_and_nothing_else() -> None:
     (changes,) = (line for line in text(SHIFTED).splitlines() if line.startswith("Change for "))
     for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "none → with 39 at 6.5 s"):
         assert figure in changes
-    assert "No change for the ego: risk score (0 worst, 5 best) 4." in text(ego_after=CALM).splitlines()
+    assert "No change for the ego: risk score (0 = collision, 5 = negligible) 4." in text(ego_after=CALM).splitlines()
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
     (change,) = (line for line in nearer.splitlines() if line.startswith("Change for "))
     assert change.endswith(": minimum distance 1.49 m → 0.7 m.")

@@ -39,7 +39,8 @@ def test_one_run_says_its_ending_its_closest_moment_and_where_to_look() -> None:
         ": collision: hit from behind by car 1 at 4.0 s (ego 2.0 m/s, not braking; car 1 9.0 m/s)."
     )
     assert (
-        lines[1] == f"Next: analyze_results with results ['{run.run_id}'], detail timeline, or render it as animation"
+        lines[1]
+        == f"Next: analyze_results with results ['{run.run_id}'], detail timeline, or render it as an animation"
     )
     calm = record()
     reviews = {calm.run_id: RunReview(run_id=calm.run_id, closest=near, largest=(motion,))}

@@ -501,7 +501,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         context.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
-        progress.report(1.0, f"{len(study.trials)} candidates; repeat optimize_planner for the study")
+        progress.report(1.0, f"{len(study.trials)} candidates; repeat optimize_planner to get the study")
 
     job = context.start_job("study", recipe, work)
     context.made("job", job.job_id)

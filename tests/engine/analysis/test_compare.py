@@ -121,7 +121,7 @@ def test_costs_that_are_no_comparison_are_shown_with_the_reason() -> None:
     cheap, dear = (metrics(mean_total_cost=cost) for cost in (3.0, 8.0))
     before = [source(record(figures=cheap))]
     other_weights = compared(before, [source(record(config=SAFE, figures=dear))])
-    assert "mean total cost 3 → 8, not compared: configurations weigh differently" in other_weights.to_text()
+    assert "mean total cost 3 → 8, not compared: the configurations use different weights" in other_weights.to_text()
     failed = compared(before, [source(record(outcome="collision", figures=dear, seed=1))], lineage=())
     assert "mean total cost 3 → 8, not compared: no pair reaches the goal on both sides" in failed.to_text()
     alike = compared(before, [source(record(figures=dear, seed=1))])

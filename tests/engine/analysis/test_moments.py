@@ -118,7 +118,7 @@ def test_the_words_say_the_moment_the_speeds_and_what_came_first(tmp_path: Path)
     hit = contact(ego, other, folder=tmp_path)
     assert hit.prevention is not None
     assert hit.in_words() == (
-        "stood still and was hit by car 7 from behind at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
+        "was hit by car 7 from behind while stationary at 4.0 s (ego 0.0 m/s, standing since 0.0 s; car 7 9.0 m/s); "
         f"{hit.prevention.in_words()}; attributed to the recording"
     )
     braking = (0.0,) * 31 + (-3.0,) * 10

@@ -128,7 +128,7 @@ def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
-    assert words.startswith("preventable by full braking until ")
+    assert words.startswith("preventable by full braking as late as ")
     assert words.endswith(
         " s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver; "
         "from the start, full braking, UN R157's fuzzy driver and RSS prevent it"
@@ -179,7 +179,7 @@ def test_steering_aside_helps_where_braking_cannot_any_more() -> None:
     assert not found.possible
     # 0.5 m beside half of both widths: 1.8 m aside after sqrt(2 · 1.8 / 5) = 0.85 s
     assert found.by_steering_until_s == pytest.approx((45.0 - LENGTH_M) / 30.0 - 0.87, abs=0.25)
-    assert found.in_words().endswith("; steering aside until 0.4 s prevents it")
+    assert found.in_words().endswith("; swerving as late as 0.4 s prevents it")
 
 
 @pytest.mark.parametrize(

@@ -215,10 +215,10 @@ def test_rows_stand_the_hardest_first() -> None:
 
 
 def test_findings_that_point_at_no_weight_say_so(tmp_path: Path) -> None:
-    assert "suggest no change of a weight" in analysed(source(record(), tmp_path), detail="findings").to_text()
+    assert "do not suggest changing any weight" in analysed(source(record(), tmp_path), detail="findings").to_text()
     harsh = metrics(maximum_lateral_acceleration_mps2=4.0)
     runs = [source(record(f"ZAM_T-{n}_1_T-1", figures=harsh)) for n in range(12)]
-    assert "suggest no change of a weight" not in analysed(*runs, detail="findings").to_text()
+    assert "do not suggest changing any weight" not in analysed(*runs, detail="findings").to_text()
 
 
 def test_missing_steps_are_a_failure_of_ours(tmp_path: Path) -> None:
@@ -272,7 +272,7 @@ def test_a_missing_metric_is_none_with_the_reason(tmp_path: Path) -> None:
         "minimum_time_headway_s",
         "risk_score",
     }
-    assert "risk score (0 a collision, 5 negligible) undefined: no other" in result.to_text()
+    assert "risk score (0 = collision, 5 = negligible) undefined: no other" in result.to_text()
     both = analysed(source(record(figures=alone)), source(record("ZAM_B-1_1_T-1", figures=alone)))
     assert "time headway undefined: no vehicle ahead" in both.to_text()
 

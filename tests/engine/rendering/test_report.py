@@ -171,8 +171,8 @@ def test_a_run_in_detail_shows_what_was_measured_of_it() -> None:
     assert section.tables[0].rows == (
         ("time to brake (TTB)", "0.84 s", "car 39 ahead", "2.3 s"),
         ("post-encroachment time (PET)", "not available: no path crossed the ego's within 10 s", "–", "–"),
-        ("fastest steering", "0.5 rad/s (the vehicle's limit is 0.4 rad/s)", "–", "1.0 s"),
+        ("peak steering rate", "0.5 rad/s (the vehicle's limit is 0.4 rad/s)", "–", "1.0 s"),
     )
-    assert {"time to brake", "post-encroachment time", "fastest steering"} <= {
+    assert {"time to brake", "post-encroachment time", "peak steering rate"} <= {
         word for word, _ in words_used([section])
     }
