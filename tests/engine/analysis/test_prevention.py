@@ -131,7 +131,7 @@ def test_words_name_those_that_prevent_it_and_those_that_do_not() -> None:
     assert words.startswith("preventable by full braking as late as ")
     assert words.endswith(
         " s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver; "
-        "from the start, full braking, UN R157's fuzzy driver and RSS prevent it"
+        "if in control from the start, full braking, UN R157's fuzzy driver and RSS prevent it"
     )
 
 
