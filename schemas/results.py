@@ -651,8 +651,7 @@ def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return [
-        "These runs do not suggest changing any weight; "
-        "optimize_planner searches for better weights on several scenarios."
+        "These runs do not suggest changing any weight; optimize_planner searches for better weights on more scenarios."
     ]
 
 
