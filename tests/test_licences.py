@@ -37,7 +37,7 @@ def test_a_table_under_a_licence_of_its_own_says_so() -> None:
 
 def test_the_table_of_tokens_names_its_source() -> None:
     assert {path.name for path in (CHECKOUT / "server").rglob("*.json.gz")} == {"o200k_base.json.gz"}
-    assert "OpenAI's encoding o200k_base (`server/o200k_base.json.gz`)" in PAGE
+    assert "OpenAI's token encoding o200k_base (`server/o200k_base.json.gz`)" in PAGE
 
 
 def test_packaged_weights_come_with_their_licence_and_are_named() -> None:

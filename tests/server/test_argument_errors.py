@@ -63,8 +63,8 @@ def test_good_arguments_become_their_model() -> None:
         ({"place": "B", "limits": [1, "x"]}, "limits[1] takes a number, not 'x'", "limits[1]: a number"),
         (
             {"place": "B", "changes": [{"op": "add", "position_m": -11}]},
-            "changes[0].position_m takes a number from -10, not -11",
-            "changes[0].position_m: a number from -10 (along the lane)",
+            "changes[0].position_m takes a number of at least -10, not -11",
+            "changes[0].position_m: a number of at least -10 (along the lane)",
         ),
         ({"place": "B", "changes": [{"op": "add"}, 7]}, "changes[1] takes an object, not 7", None),
         ({"place": "Atlantis"}, "place: no map holds 'Atlantis' (given: 'Atlantis')", "place: text"),

@@ -99,7 +99,7 @@ def test_every_weather_is_told_with_what_it_does() -> None:
     for weather in WEATHERS:
         (note,) = read_conditions(arguments(f"weather={weather}")).notes
         assert ("slower" in note) is (weather in SPEED_FACTORS)
-    assert read_conditions(arguments("weather=rain")).notes[0].startswith("'rain' means light_rain")
+    assert read_conditions(arguments("weather=rain")).notes[0].startswith("'rain' is read as light_rain")
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ def test_pedestrians_count_as_no_vehicles(made: tuple[Path, GeneratedScenario]) 
 def test_the_answer_tells_guessed_pavements_and_crossings(made: tuple[Path, GeneratedScenario]) -> None:
     _, scenario = made
     assert any("pavements: guessed for" in note and "crossings at junctions" in note for note in scenario.notes)
-    assert any("of 6 pedestrians are on a crossing" in note for note in scenario.notes)
+    assert any("of 6 pedestrians use a crossing" in note for note in scenario.notes)
 
 
 def test_ways_for_people_are_no_lanes_of_the_network_that_is_read(made: tuple[Path, GeneratedScenario]) -> None:

@@ -161,7 +161,7 @@ def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monk
     monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
     error = refused(tmp_path)
     assert re.fullmatch(
-        r"\d+ site\(s\) lost when the road network is built: intersection at 5\d\.\d{5}, \S+; .*", error.message
+        r"\d+ sites? lost when the road network is built: intersection at 5\d\.\d{5}, \S+; .*", error.message
     )
     assert "urban" in error.valid
     assert "intersection" not in error.valid

@@ -83,7 +83,7 @@ def test_a_site_on_the_streets_that_are_asked_for_comes_before_one_that_they_pas
         assert (on.only_passed, beside.only_passed) == (False, True)
         assert beside.longitude < on.longitude
     built = prepare_site(request_in(tmp_path, streets=streets), osm, beside, tmp_path, silent)
-    assert "do not meet at one point" in built.notes[0]
+    assert "do not meet here" in built.notes[0]
 
 
 def test_a_site_outside_the_part_that_is_asked_for_is_offered(tmp_path: Path) -> None:

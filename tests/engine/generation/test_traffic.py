@@ -100,7 +100,7 @@ def density(lane_km: float, target: float, found: float) -> DensityFacts:
     ("facts", "demand", "realised", "reason"),
     [
         (density(0.4, 7, 20), plan_counts("low", [], 0.4), 8, "only 0.4 lane-km"),
-        (density(1, 7, 30), Demand({"car": 5, "truck": 25}, {"truck": 25}, {}), 30, "by number"),
+        (density(1, 7, 30), Demand({"car": 5, "truck": 25}, {"truck": 25}, {}), 30, "that many"),
         (density(20, 28, 15), plan_counts("high", [], 20.0), 300, "at most 300"),
         (density(4, 28, 20), plan_counts("high", [], 4.0), 80, "no further vehicle found room"),
         (density(4, 28, 1.25), Demand({"car": 5}, {"car": 4}, {"car": 4}), 5, "number of cars was limited"),

@@ -169,7 +169,6 @@ def test_channels_are_the_weights_in_their_order() -> None:
         "Sporty",
         "Safety",
     ]
-    assert all("ours" in preset.intent for preset in tuning.presets.values())
 
 
 def test_a_channel_counts_only_with_a_weight() -> None:

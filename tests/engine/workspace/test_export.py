@@ -88,7 +88,7 @@ def test_artifact_without_files_has_its_record_and_recipe(
 def test_format_that_one_artifact_lacks_is_refused_before_anything_is_written(
     workspace: Workspace, scenario: Artifact, search: Artifact, tmp_path: Path
 ) -> None:
-    with pytest.raises(InvalidRequest, match="search_1 has no xml") as caught:
+    with pytest.raises(InvalidRequest, match="search_1 cannot be exported as xml") as caught:
         export(workspace, [scenario, search], ["xml"], tmp_path / "out", overwrite=False)
     assert caught.value.valid == ("json", "recipe")
     assert not (tmp_path / "out").exists()
