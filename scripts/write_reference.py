@@ -211,29 +211,30 @@ def meanings_of(model: type[BaseModel]) -> dict[str, str]:
     The sources are the field's description, the model's docstring (``name``: meaning, or a sentence that names the
     field) and the fields of all answers.
     """
-    text = " ".join(_doc(model).split())
-    said = dict(re.findall(r"`(\w+)`: ([^;.]+)", text)) | _named_in_sentences(text)
+    said = _said_of_fields(_doc(model))
     return {
         name: _with_unit(name, field.description or said.get(name) or COMMON_FIELDS.get(name, ""))
         for name, field in model.model_fields.items()
     }
 
 
-def _named_in_sentences(text: str) -> dict[str, str]:
-    """Return, for each field that a sentence names, what the sentence says; one that begins with the name counts first.
+def _said_of_fields(doc: str) -> dict[str, str]:
+    """Return what a docstring says of each field that it names.
 
-    "``judged`` counts the examined collisions." gives "counts the examined collisions".
+    A definition counts first ("``gap_m``: meaning"), then a sentence that begins with the name ("``judged`` counts the
+    examined collisions." gives "counts the examined collisions"), then any other sentence with the name.
     """
-    first: dict[str, str] = {}
-    later: dict[str, str] = {}
-    for sentence in re.split(r"(?<=[.;:])\s+|\s+-\s+(?=`)", text):
-        plain = sentence.rstrip(".;")
-        begins = re.match(r"`(\w+)`:? (?:(?:is|are) )?(.+)", plain)
-        if begins is not None:
-            first.setdefault(begins[1], begins[2])
-        for name in re.findall(r"`(\w+)`", plain):
-            later.setdefault(name, plain)
-    return later | first
+    clauses = re.split(r"(?<=[.;])\s+", re.sub(r"\s+- (?=`)", "; ", " ".join(doc.split())))
+    defined: dict[str, str] = {}
+    begun: dict[str, str] = {}
+    named: dict[str, str] = {}
+    for clause in (one.rstrip(".;") for one in clauses):
+        for names, meaning in re.findall(r"((?:`\w+`(?:, | and )?)+): ([^;.]+)", clause):
+            defined |= dict.fromkeys(re.findall(r"`(\w+)`", names), meaning)
+        if begins := re.match(r"`(\w+)` (?:(?:is|are) )?(.+)", clause):
+            begun.setdefault(begins[1], begins[2])
+        named = dict.fromkeys(re.findall(r"`(\w+)`", clause), clause) | named
+    return named | begun | defined
 
 
 UNITS = {

@@ -28,8 +28,7 @@ def check_scenario(path: Path, ego: BoxTrack | None, findings: Sequence[RuleFind
     Args:
         path: the CommonRoad file.
         ego: the ego's recorded motion, which the file does not contain. None if an edit scripted other road users after
-            the
-            recording; the ego is then not checked here, and the caller checks an ordinary driver instead.
+            the recording; the ego is then not checked here, and the caller checks an ordinary driver instead.
         findings: the rules' findings on its road network.
     """
     with ThreadPoolExecutor(1) as pool:  # libxml2 works without Python's lock

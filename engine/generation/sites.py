@@ -97,8 +97,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
 
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
-            that
-            it has.
+            that it has.
         InvalidRequest: a ramp without link roads.
     """
     finder = site_finder(osm, request.road_classes)
@@ -107,8 +106,8 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     wanted = any_type if request.scenario_type == "any" else (request.scenario_type,)
     choice = random.Random(request.seed)  # noqa: S311 - reproducible, not secret
     kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find(kind), request))]
-    if not kinds and (len(request.streets) > 1 or "roundabout" in wanted):
-        kinds = [fitting for kind in wanted if (fitting := _fitting(finder, finder.find_by_links(kind), request))]
+    if not kinds:
+        kinds = list(_fitting_by_links(finder, wanted, request).values())
     if not kinds and request.scenario_type == "any" and (longest := finder.longest_road()) is not None:
         kinds = [fitting] if (fitting := _fitting(finder, [longest], request)) else []
     if not kinds:
@@ -182,9 +181,7 @@ def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
 
 def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
     held = [kind for kind in ANY_ORDER if _fitting(finder, finder.find(kind), request)]
-    if held or len(request.streets) < 2:
-        return held
-    return [kind for kind in ANY_ORDER if _fitting(finder, finder.find_by_links(kind), request)]
+    return held or list(_fitting_by_links(finder, ANY_ORDER, request))
 
 
 def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> PlannerForgeError:
@@ -288,6 +285,17 @@ def _fitting(finder: SiteFinder, sites: list[Site], request: GenerationRequest) 
         ]
         sites = [_requested_first(site, request) for site in _ramps_of(finder, sites, request) or sites]
     return [site for site in sites if _is_in_box(site, request)]
+
+
+def _fitting_by_links(
+    finder: SiteFinder, kinds: Iterable[SiteType], request: GenerationRequest
+) -> dict[SiteType, list[Site]]:
+    """Return the fitting sites that links belong to, for each kind that has some.
+
+    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway.
+    """
+    possible = [kind for kind in kinds if kind == "roundabout" or len(request.streets) > 1]
+    return {kind: fitting for kind in possible if (fitting := _fitting(finder, finder.find_by_links(kind), request))}
 
 
 _LEAST_BOX_DEG = 1e-9
