@@ -189,7 +189,7 @@ class WorkflowContext:
         path = self.limits.allowed_path(text)
         if self.workspace.owns(path):
             raise OutsideRoots(
-                f"{quoted(path)} belongs to the workspace, whose files only tools may read and write",
+                f"{quoted(path)} belongs to the workspace; only tools may read and write its files",
                 next_step="use another folder, or refer to stored artifacts by id",
             )
         return path

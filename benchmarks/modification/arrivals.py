@@ -300,7 +300,7 @@ def refusal_is_right(
 ) -> bool:
     """Return True if physics prevents sending a recorded vehicle to any of some lanelets from its first state on.
 
-    Either no route leads there, or every route has a curve that it reaches too fast, or it can neither change lanes nor
+    Either no route leads there, or every route has a curve that it reaches too fast. Or it can neither change lanes nor
     stop in the remaining distance v² / (2 · 8 m/s²), or that is too short to steer over however it brakes. A detour
     longer than ``farthest_m`` does not count.
     """

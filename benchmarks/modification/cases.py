@@ -237,7 +237,7 @@ def _first_possible(
     *,
     name: str = "",
 ) -> Case:
-    """Carry out and check the first request that the scenario allows; return the last refusal if it allows none."""
+    """Carry out and check the first request that the scenario allows; return the last refusal otherwise."""
     tries: list[Refusal] = []
     for attempt, one in enumerate(asked):
         try:

@@ -7,8 +7,7 @@ refer to this client's latest. A refusal that states a limit of the server (429)
 Keys:
 
 - ``http_errors``: calls that failed or got a wrong answer; ``http_limited``: refused by a stated limit; ``http_calls``.
-- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if there were none, because that is
-  another load).
+- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if 0, because that is another load).
 - ``http_minutes``.
 - ``memory_slope_mb_per_h``: of the server's process, least squares over the last two thirds (omitted with fewer than
   two samples); ``memory_start_mb``, ``memory_end_mb``: at the start and end of these.

@@ -510,8 +510,8 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Ma
 
     A condition that has one value in all runs of one side and a different value in all runs of the other side is the
     subject of the comparison: it is left out of the key and reported. The remaining runs are paired by lineage: each
-    with the only run of the opposite side whose scenario has the same root. If there are several candidates, none is
-    paired.
+    with the only run of the opposite side on a scenario with the same root. If there are several candidates, the run
+    stays unpaired.
 
     Raises:
         InvalidRequest: a side contains two runs of the same problem under the same conditions.

@@ -678,7 +678,7 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield classes of obstacles or kinds of road whose scenarios fail more often than the remaining scenarios.
+    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than the others.
 
     The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
     reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road

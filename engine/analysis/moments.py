@@ -167,7 +167,7 @@ def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Point
 
 @dataclass(frozen=True)
 class Course:
-    """A run over time, one value per state: what passengers feel, and distances to others (NaN: none within 60 m).
+    """A run over time, one value per state: what passengers feel, and distances to others (NaN beyond 60 m).
 
     ``obstacle_ids``: the nearest road user, −1 if there is none; ``time_to_collision_s``: NaN if no road user was on a
     collision course. ``lateral_mps2`` is positive to the left.
@@ -292,7 +292,7 @@ class _Drive:
         )
 
     def contact(self) -> Contact | None:
-        """Return how the collision came about, or None if there was none.
+        """Return how the collision came about, or None if there was no collision.
 
         Speeds are those at the collision; positions are those of the step before.
         """
@@ -551,11 +551,11 @@ def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
     """Yield the motions that exceeded a comfort limit.
 
     ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking averaged over 2 s
-    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; the limits at 5
-    m/s and below are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation
-    79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are
-    averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values are not
-    sensor measurements.
+    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³. These limits apply at 20 m/s and above; at
+    5 m/s and below, they are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN
+    Regulation 79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete
+    windows are averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values
+    are not sensor measurements.
     """
     step_s, felt = motion.step_s, motion.acceleration_mps2
     mean = _window_means(felt, round(2.0 / step_s))
@@ -619,7 +619,7 @@ def timeline(
 ) -> tuple[TimelineStep, ...]:
     """Return at most ten entries from the last three seconds, three seconds around a moment, or a time window.
 
-    There are none if the run has no steps.
+    The result is empty if the run has no steps.
 
     Raises:
         InvalidRequest: the run ended before the window.

@@ -540,7 +540,7 @@ class _Pace:
 
     @cached_property
     def _on_path(self) -> list[_OnPath]:
-        """The other road users whose body is in the ego's path at some time, until some time after the run."""
+        """The other road users with their body in the ego's path at some time, until some time after the run."""
         import shapely
 
         line = shapely.LineString(self._path) if len(self._path) > 1 and self._along[-1] > 0 else None

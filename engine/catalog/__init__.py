@@ -3,7 +3,7 @@
 ``download``: returns the path of the file at an address, checked by its SHA-256.
 ``unpack``: a context with a temporary folder of the XML files in an archive.
 ``scenario_facets``: returns the number of scenarios, and counts of places, tags, features, signs and obstacles.
-``ID_TAKEN``: the reason for refusing a scenario whose id is already taken.
+``ID_TAKEN``: the reason for refusing a scenario with an id that is already taken.
 ``ReadFile``: a file with its SHA-256 and, if its content is new, its facts.
 ``ScenarioIntake``: decides on the files of an import and stores them: new, known, or new versions of a scenario.
 ``net_beside``: returns the SUMO network next to a scenario file, or None.

@@ -134,7 +134,7 @@ _VOCABULARIES = (("tag", TAGS), ("feature", FEATURES), ("sign@map", ROAD_NET_KEY
 
 
 def _places_of(connection: sqlite3.Connection, word: str) -> tuple[str, list[str]]:
-    """Return the vocabulary name that a word means ('' if none), and how many scenarios have it, by kind."""
+    """Return the vocabulary name that a word means, or '', and how many scenarios have it, by kind."""
     carried: list[str] = []
     meant = ""
     for spelling in (word, word.removesuffix("s")):

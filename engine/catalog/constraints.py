@@ -124,7 +124,7 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """Return a condition that holds if any of the alternatives between ``|`` holds; with a leading ``!``, if none does.
+    """Return a condition that holds if any alternative between ``|`` holds; with a leading ``!``, if all fail.
 
     Raises:
         UnknownName: a word is in no vocabulary.

@@ -114,7 +114,7 @@ class Funnel:
         return self._held[constraint]
 
     def holding(self, query: str, values: Sequence[str | float]) -> EntrySet:
-        """Return the catalogue's entries whose number the query selects."""
+        """Return the catalogue's entries with the numbers that the query selects."""
         return self.postings.holding(self._connection, self.entries, query, values)
 
     def entering(self) -> EntrySet:

@@ -1,4 +1,4 @@
-"""A CommonRoad file of which only the parts that an edit touches are parsed, and its check against the schema.
+"""A CommonRoad file that is parsed only where an edit touches it, and its check against the schema.
 
 commonroad-io's writer rounds every state of every obstacle (half of the files change). Here, untouched elements are
 copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a (``<dynamicObstacle>``).

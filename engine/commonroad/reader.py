@@ -487,8 +487,8 @@ def _against_schema(path: Path) -> str:
 def _silence_commonroad_warnings() -> Iterator[None]:
     """Suppress commonroad-io's warnings on standard error, because they do not name the file.
 
-    They concern faults that the rules for networks (``network/rules``) also report, or countries whose signs
-    commonroad-io does not know.
+    They concern faults that the rules for networks (``network/rules``) also report, or countries for which
+    commonroad-io does not know the signs.
     """
     log = logging.getLogger("commonroad.common.reader.file_reader_xml")
     level = log.level

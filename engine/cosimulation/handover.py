@@ -55,7 +55,7 @@ LEAST_SMOOTHING = (1.5, 0.8)
 
 @dataclass(frozen=True)
 class TakenOverTrack(Track):
-    """The new track of a vehicle, whose first state is the recorded one at the hand-over, with accelerations.
+    """The new track of a vehicle with accelerations, from the recorded state at the hand-over on.
 
     ``leaves``, ``lanes``, ``blocked_by``: as in ``DrivenTrack``.
     """

@@ -42,12 +42,12 @@ class JunctionLaneChange:
 class DrivePlan:
     """A vehicle that SUMO drives from ``from_step`` on.
 
-    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route;
-    ``edges``: SUMO's route for it; ``targets``: lanelets, each of which is a valid target of the edit (empty: no
-    target); ``through``: lanelets of the route that the vehicle must use; ``manoeuvres``: its orders, by step;
-    ``junction_lane_change``: how it changes lanes if it is handed over inside a junction (None: no lane change);
-    ``halts``: where it waits; ``gives_way``: whether it waits for others that it would hit; ``ignores_lights``: whether
-    it neither stops at red lights nor yields.
+    ``start``: its recorded track, or a track of one pose for an added vehicle. ``lanelets``: its intended route.
+    ``edges``: SUMO's route for it. ``targets``: the lanelets that the edit accepts as targets; empty if it has no
+    target. ``through``: lanelets of the route that the vehicle must use. ``manoeuvres``: its orders, by step.
+    ``junction_lane_change``: how it changes lanes if it is handed over inside a junction, or None. ``halts``: where it
+    waits. ``gives_way``: whether it waits for others that it would hit. ``ignores_lights``: whether it neither stops at
+    red lights nor yields.
     """
 
     start: Track

@@ -174,7 +174,7 @@ class _Place:
 
     @classmethod
     def of(cls, actor: Actor, front: Points, speed_mps: float) -> "_Place":
-        """Return the place of an actor whose front is at a position."""
+        """Return the place of an actor with its front at a position."""
         return cls(front, float(_reach_m(actor, np.array(speed_mps))))
 
 
@@ -319,7 +319,7 @@ class _Run:
     def _take_out_those_off_road(self, step: int) -> None:
         """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data on them.
 
-        Such a vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
+        A removed vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
         """
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):

@@ -278,7 +278,7 @@ def _class_asked(edit: Edit, otherwise: str) -> str:
 
 
 def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
-    """Refuse a start whose lanelet is closed to the ego's class, or whose speed or room does not suit the class."""
+    """Refuse a start if its lanelet is closed to the ego's class, or its speed or room does not suit the class."""
     name = ego.vehicle_class
     top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
     check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive {ego.speed_mps:.1f} m/s", "choose another speed")

@@ -146,7 +146,7 @@ def ego_risk_after(drive: Track, edited: EditedScene) -> EgoRisk:
     """Return the figures of a motion of the ego among all road users after the edits.
 
     A driven vehicle always counts after its hand-over. An earlier hit from behind comes from the recording. So does a
-    hit by a time-shifted vehicle whose recording also hits this ego. These hits are left out, as in recorded traffic.
+    hit by a time-shifted vehicle if its recording also hits this ego. These hits are left out, as in recorded traffic.
     """
     others, replayed = [], []
     for track in edited.tracks:

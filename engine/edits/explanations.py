@@ -447,7 +447,7 @@ def is_red(scene: Scene, lanelet_id: int, step: int) -> bool:
 
 
 def _slow_lanelet(scene: Scene, track: TakenOverTrack) -> int | None:
-    """Return the lanelet whose limit slowed a vehicle for the longest time, or None."""
+    """Return the lanelet with the limit that slowed a vehicle for the longest time, or None."""
     limited_steps: dict[int, int] = {}
     for lane, speed in zip(track.lanes, track.speeds_mps, strict=False):
         for key in scene.layout.lanelets_of_lane.get(lane, ())[-1:]:

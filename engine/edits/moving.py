@@ -215,7 +215,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        # It stays in the lanes that lead to its light: other lanes have a different light or none.
+        # It stays in the lanes that lead to its light: other lanes have a different light or no light.
         kept = (
             plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
             if lanelet in plan.lanelets

@@ -550,7 +550,7 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """Return the users that a file lists for a lanelet, for one direction or both; empty if it lists none."""
+    """Return the users that a file lists for a lanelet, for one direction or both; empty if there is no list."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 

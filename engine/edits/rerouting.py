@@ -66,7 +66,7 @@ def reroute(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 def _rerouted(edit: Edit, scene: Scene, changes: Changes, plan: DrivePlan) -> DrivePlan:
     """Return the plan from the vehicle's matched lanelet, or from an overlapping one that leads to the target sooner.
 
-    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate: a
+    As a last resort, it starts on its own lanelet with a lane change inside a junction, which SUMO does not simulate. A
     vehicle that is so near may be handed over into the adjacent lane; otherwise it is refused after the simulation.
 
     Raises:
@@ -110,7 +110,7 @@ def _other_starts(scene: Scene, plan: DrivePlan) -> tuple[int, ...]:
 def _is_in_time(scene: Scene, plan: DrivePlan) -> bool:
     """Return True if a vehicle at the fastest lane's speed, or its own, completes a route before the scenario ends.
 
-    A vehicle whose speed earlier edits limit drives no faster than these limits, or than at its start.
+    If earlier edits limit the vehicle's speed, it drives no faster than these limits, or than at its start.
 
     A vehicle that has passed its turn drives around the block to return, which is useless if the scenario ends first.
     """
@@ -330,7 +330,7 @@ def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
 
 
 def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
-    """Return the index of the last lanelet in the lane changes that start at an index, or that index if none do."""
+    """Return the index of the last lanelet in the lane changes that start at an index, or that index itself."""
     neighbours = scene.lanelet_graph.neighbours
     while place + 1 < len(route) and route[place + 1] in neighbours.get(route[place], ()):
         place += 1

@@ -59,9 +59,8 @@ class Simulation:
         If all vehicles that are hit are already driven, one of them gives way, as long as that leaves fewer collisions.
 
         Args:
-            shown: further road users (the ego) that the driven vehicles see, but whose collisions do not count. They
-                are replayed, unless a collision remains and they drive through a driven vehicle: then they are driven
-                too.
+            shown: further road users (the ego) that the driven vehicles see. Their collisions do not count. They are
+                replayed, unless a collision remains and they drive through a driven vehicle: then they are driven too.
             all_react: hand over all vehicles at their first step.
         """
         plans = dict(sorted({**(self._all_handed_over() if all_react else {}), **self.changes.driven}.items()))

@@ -80,7 +80,7 @@ def _covering(
 def _rank_with_covered(
     space: "_Space", key: Combination, strength: int, covered: frozenset[Combination], turn: int
 ) -> _Rank:
-    """Return a ranking that prefers levels whose combinations with the chosen levels are already covered.
+    """Return a ranking that prefers levels if their combinations with the chosen levels are already covered.
 
     ``turn``: how often the combination was refused; levels of equal rank take turns.
     """

@@ -211,7 +211,7 @@ class _Attempts:
         """If no vehicle makes the requested turn, route vehicles through it until one of them can be the ego.
 
         If these vehicles wait at red lights, the cycles of the lights are shifted, unless the map states their programs
-        (``is_drawn``: it states none). A request with a limit on rounds or sites skips this step.
+        (``is_drawn``: it does not). A request with a limit on rounds or sites skips this step.
         """
         lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
         if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):

@@ -2,7 +2,7 @@
 goal.
 
 The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
-have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
+have this goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
 with a reference path can follow. Maps have corners, and where lanes do not face each other, netconvert joins them with
 sideways jogs. Recorded cars cut these corners and jogs, but a planner that follows the centre lines may find no
 trajectory.

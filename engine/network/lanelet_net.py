@@ -81,7 +81,7 @@ def net_over_lanelets(
 
 
 def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
-    """Return a net whose lights, after some simulated time, are in their initial states."""
+    """Return a net with lights that, after some simulated time, are in their initial states."""
     root = etree.fromstring(net)
     for logic in root.iterfind("tlLogic"):
         logic.set("offset", f"{elapsed_s:g}")

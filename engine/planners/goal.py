@@ -352,9 +352,9 @@ def progress_to_goal(
 ) -> float | None:
     """Return the share of the reference path to the goal that positions (n, 2) of the centre cover, from 0 to 1.
 
-    It is 1 only if a position is in the goal's area, as the judge requires. If the ego passes
-    beside the area, the distance from its nearest position to the area counts as not covered. None if the goal has no
-    position, or no path leads to it.
+    It is 1 only if a position is in the goal's area, as the judge requires. If the ego passes next to the area, the
+    distance from its nearest position to the area counts as not covered. None if the goal has no position, or no path
+    leads to it.
     """
     ego, network = EgoState.of(problem.initial_state), scenario.lanelet_network
     if not problem.goal.state_list:

@@ -77,7 +77,7 @@ def heading_of_angle_rad(angle_deg: float) -> float:
 
 
 def sumo_pose(x_m: float, y_m: float, heading_rad: float, length_m: float) -> tuple[float, float, float]:
-    """Return the front bumper (x, y) and SUMO's angle of a vehicle whose centre is at a position."""
+    """Return the front bumper (x, y) and SUMO's angle of a vehicle with its centre at a position."""
     ahead_m = length_m / 2
     front = x_m + ahead_m * math.cos(heading_rad), y_m + ahead_m * math.sin(heading_rad)
     return *front, sumo_angle_deg(heading_rad)

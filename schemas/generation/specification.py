@@ -337,7 +337,7 @@ class ScenarioSpec(Model):
 
     @property
     def people(self) -> VehicleDemand | None:
-        """The number of pedestrians requested, or None if none are."""
+        """The number of pedestrians requested, or None."""
         requested = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
         return None if requested is None or requested.most == 0 else requested
 

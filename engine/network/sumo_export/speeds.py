@@ -1,6 +1,6 @@
 """Sets the speed of each lane: from posted limits, recorded speeds, and curves.
 
-A lane has the posted speed limit, or 50 km/h if the file posts none, and more if a vehicle was recorded faster. Curves
+A lane has the posted speed limit, or 50 km/h without one, and more if a vehicle was recorded faster. Curves
 lower it, because SUMO slows down for turns inside junctions only (otherwise a quarter of its cars exceed the friction
 circle in the curves of edges). On a long lanelet with one curve, that is far too slow for the rest. For such lanelets,
 ``slow_places`` returns where to slow down. A co-simulation that sets SUMO's speeds step by step uses the result.

@@ -5,7 +5,7 @@ have the meaning of the Frenetix reference's Python terms; responsibility is our
 
 **Responsibility** measures proximity to others for which the ego would be to blame. The idea is that of Geisslinger,
 Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
-2023): a risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
+2023). A risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
 user that leaves its own lane or ignores the right of way is itself to blame. The rules and formulas below are ours.
 
 For every candidate and obstacle, the conflict is the step with the smallest gap between their rectangles; it costs
