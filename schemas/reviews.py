@@ -3,13 +3,13 @@
 ``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from .base import Model
-from .text import measured
+from .text import REFERENCE_DRIVERS_DO, measured
 
 ContactKind = Literal[
     "rear_end_by_other",
@@ -40,13 +40,6 @@ ReferenceDriverName = Literal[DriverModelName, "evading"]
 steering aside by a lane's width (``docs/reference_drivers.md``)."""
 DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion, or it keeps its initial lane and speed."""
-
-
-REFERENCE_DRIVERS_DO = (
-    "full braking at once; or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
-    "danger"
-)
-"""The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
 
 
 class DriverVerdict(Model):
@@ -108,18 +101,17 @@ class Prevention(Model):
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
-            starts = " or from the start" if self.drivers else ""
-            return (
-                f"no reference driver prevents it from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
-            )
+            starts = " or at the start" if self.drivers else ""
+            takes_over = f"takes over just before the contact{starts}"
+            return f"no reference driver that {takes_over} prevents it ({REFERENCE_DRIVERS_DO}){aside}"
         prevents = (
             [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
         )
         prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = f"no reference driver prevents it from just before the contact ({REFERENCE_DRIVERS_DO}){aside}"
-            return f"{none}{self._start_in_words()}"
+            none = "no reference driver that takes over just before the contact prevents it"
+            return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
@@ -145,7 +137,7 @@ class Prevention(Model):
         ]
         names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
         if {"r157_careful", "fsm"} <= names.keys():
-            names["r157_careful"] = "UN R157's careful and fuzzy drivers"
+            names["r157_careful"] = "UN Regulation 157's careful and fuzzy drivers"
             del names["fsm"]
         return list(names.values())
 
@@ -153,15 +145,15 @@ class Prevention(Model):
         """Return the reference drivers, other than full braking, that do or do not prevent it."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
-        drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
-        return [*drivers, *(["RSS"] if self.by_rss == prevents else [])]
+        drivers = [f"UN Regulation 157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        return [*drivers, *([_DRIVERS_IN_WORDS["rss"]] if self.by_rss == prevents else [])]
 
 
 _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
     "full_braking": "full braking",
-    "r157_careful": "UN R157's careful driver",
-    "fsm": "UN R157's fuzzy driver",
-    "rss": "RSS",
+    "r157_careful": "UN Regulation 157's careful driver",
+    "fsm": "UN Regulation 157's fuzzy driver",
+    "rss": "the driver of Responsibility-Sensitive Safety",
     "keep_lane": "keeping lane and speed",
     "evading": "swerving",
 }
@@ -269,6 +261,14 @@ LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
 - ``planning``: the prediction placed the other road user correctly, and the collision is attributable
 - ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
   starts"""
+LAID_TO_WORDS: Mapping[LaidTo, str] = {
+    "ego": "the ego",
+    "recording": "the recording",
+    "prediction": "the prediction",
+    "planning": "the plan",
+    "neither": "neither side",
+}
+"""Noun phrases for the causes."""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
 """How an ego causes a collision that no reference driver on its path prevents.
 
@@ -352,11 +352,13 @@ class Contact(Model):
         prevention = self.prevention if self.laid_to != "ego" else None
         judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += f"; unforeseen: 1 s earlier, the prediction left a gap of {self.predicted_gap_m:.1f} m"
+            judged += (
+                f"; unforeseen: as predicted 1 s earlier, they would have stayed {self.predicted_gap_m:.1f} m apart"
+            )
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
-            judged += f"; attributed to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
+            judged += f"; attributed to {LAID_TO_WORDS[self.laid_to]}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
@@ -470,7 +472,7 @@ class RunReview(Model):
     def pace_in_words(self) -> str:
         """Return a sentence on stops, slow driving and braking without an external cause; empty if there are none."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
-        return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
+        return f"The ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
         """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
@@ -526,7 +528,7 @@ class RuleVerdict(Model):
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         details = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
+        return f"{self.rule} ({self.name}) by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
 
 
 class RunLook(Model):

@@ -459,7 +459,7 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         eased = "" if len(records) == 1 else f" in {counted(len(lengths_m), 'run')}"
-        yield f"the ego starts off its lane's centre{eased} and joins it within {span}"
+        yield f"the ego does not start on its lane's centre line{eased}, but reaches it within {span}"
     for name in sorted({record.ego_class for record in records} - {"car"}):
         count = sum(record.ego_class == name for record in records)
         known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"

@@ -33,7 +33,7 @@ from ...schemas.analysis.comparison import (
 from ...schemas.errors import InvalidRequest, NotPossible
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
-from ...schemas.text import figure, measured, p_figure, p_in_words
+from ...schemas.text import counted, figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
@@ -149,7 +149,8 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     pairing = _pair(before, after, records, {lineage.scenario_id: lineage for lineage in request.lineage})
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
-            f"{before.label} and {after.label} have no scenario and planning problem in common, not even as versions",
+            f"{before.label} and {after.label} have no planning problem in common, not even in edited versions of one "
+            "scenario",
             valid=[_conditions(side, records) for side in (before, after)],
             next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
@@ -488,7 +489,8 @@ def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
     chosen = [records[run_id] for run_id in side.run_ids]
     scenarios = sorted({record.scenario_id for record in chosen})
     words = sorted({f"{record.prediction}/{record.traffic}/seed {record.seed}" for record in chosen})
-    return f"{side.label}: {len(scenarios)} scenarios ({', '.join(scenarios[:2])}…), {', '.join(words)}"
+    more = "…" if len(scenarios) > 2 else ""
+    return f"{side.label}: {counted(len(scenarios), 'scenario')} ({', '.join(scenarios[:2])}{more}), {', '.join(words)}"
 
 
 @dataclass(frozen=True)
@@ -687,7 +689,7 @@ def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[
         f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"
         for test in telling
     ]
-    sentences = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
+    sentences = [f"After Holm's adjustment, these metrics differ: {'; '.join(words)}."] if words else []
     differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
     few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
     if few:

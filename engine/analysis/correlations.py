@@ -11,6 +11,7 @@ from statistics import fmean
 
 from ...schemas.results import Correlation
 from ...schemas.runs import RunRecord
+from ...schemas.text import counted
 from .run_set import RunSet, reached_goal
 from .statistics import holm, rank_correlation
 
@@ -38,7 +39,8 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
     """Return Spearman correlations of features with success, strongest first, and a note if there are none."""
     seen = _scenarios(runs)
     if len(seen) < _FEWEST_SCENARIOS:
-        words = f"no correlations: valid runs cover {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+        covered = counted(len(seen), "scenario")
+        words = f"no correlations: valid runs cover {covered}, but at least {_FEWEST_SCENARIOS} are needed"
         return (), (words, {"scenarios": len(seen), "least_scenarios": _FEWEST_SCENARIOS})
     if len({scenario.success for scenario in seen}) == 1:
         return (), ("no correlations: all scenarios ended alike", {})

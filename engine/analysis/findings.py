@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.results import Finding, FindingMoment, Suggestion
 from ...schemas.reviews import Contact, Encounter, PaceCode, PaceMoment, RunReview
 from ...schemas.runs import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, RunRecord, is_close
-from ...schemas.text import p_figure
+from ...schemas.text import counted, p_figure
 from ..geometry import wrap_angles
 from .causes import sample_of
 from .moments import FROM_BEHIND, contact_of, review
@@ -457,8 +457,8 @@ def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterat
         name="held_back",
         subject=largest,
         statement=(
-            f"{len(records)} runs of {records[0].config_name} ran out of time or arrived too late; {largest} made up "
-            f"{100 * terms[largest]:.0f} % of the cost in the median run."
+            f"{counted(len(records), 'run')} of {records[0].config_name} ran out of time or arrived too late; "
+            f"{largest} made up {100 * terms[largest]:.0f} % of the cost in the median run."
         ),
         figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
@@ -531,7 +531,8 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
             name="near_misses",
             statement=(
                 f"In {len(own)} of {of} of {records[0].config_name}, the ego came within "
-                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another road user ahead or crossing"
+                f"{others}."
             ),
             figures={
                 "runs": len(own),

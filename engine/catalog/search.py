@@ -370,11 +370,13 @@ def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
         return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
     computed = (*facts.features, *(facts.ego.manoeuvres or () if facts.ego else ()))
     held = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
-    shown = [word if word in held else f"no {word}" for _, word in constraint.words]
-    if constraint.negated or len(shown) == 1:
-        return f"{kind} {', '.join(shown)}"
-    carried = [word for word in shown if not word.startswith("no ")]
-    return f"{kind} {', '.join(carried or shown)}"
+    words = [word for _, word in constraint.words]
+    carried = [word for word in words if word in held]
+    missing = [word for word in words if word not in held]
+    if carried and not (constraint.negated and missing):
+        return f"{kind} {', '.join(carried)}"
+    parts = [f"{kind} {', '.join(carried)}"] if carried else []
+    return ", ".join([*parts, f"no {kind} {' or '.join(missing)}"])
 
 
 def _measure(constraint: Constraint, facts: ScenarioFacts) -> str:

@@ -261,7 +261,7 @@ class _Attempts:
         faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
         passed_over = [f"skipped: {self._lost_sites()}"] if self.lost else []
-        return [*passed_over, *(f"an earlier attempt failed: {reason}" for reason in reasons)]
+        return [*passed_over, *(f"another attempt was dropped: {reason}" for reason in reasons)]
 
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]

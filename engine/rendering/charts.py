@@ -14,6 +14,7 @@ from ...schemas.errors import NotPossible
 from ...schemas.rendering import PictureKind
 from ...schemas.results import CostShare
 from ...schemas.runs import Outcome, RunRecord
+from ...schemas.text import counted
 from ..analysis import RunSet, compare, cost_shares
 from ..execution import silent
 from .canvas import (
@@ -89,7 +90,7 @@ def _outcomes(runs: RunSet) -> Drawing:
         handlelength=1.5,
     )
     total = len(runs.sources)
-    write_title(figure, "Outcomes", f"{total} runs; numbers in the bars count runs, without invalid ones")
+    write_title(figure, "Outcomes", f"{counted(total, 'run')}; numbers in the bars count runs, without invalid ones")
     return Drawing(figure, f"Outcomes by configuration. {'; '.join(texts)}.")
 
 
@@ -219,7 +220,7 @@ def _flips(runs: RunSet) -> Drawing:
     write_title(figure, "Flipped scenarios", subtitle + (f"; {more} not shown" if more else ""))
     texts = [f"{flip.scenario_id} from {flip.before} to {flip.after}" for flip in flips]
     notes = ("only the first two configurations are compared",) if len(sides) > 2 else ()
-    return Drawing(figure, f"Flipped scenarios: {subtitle}. {'; '.join(texts)}".rstrip(), notes)
+    return Drawing(figure, f"Flipped scenarios of {subtitle}. {'; '.join(texts)}".rstrip(), notes)
 
 
 def _draw_flip(axes: "Axes", row: int, flip: Flip) -> None:

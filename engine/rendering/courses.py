@@ -74,7 +74,7 @@ def profile(runs: RunSet) -> Drawing:
         "the ego's motion; a disc marks a run that reached its goal, a cross one that did not",
     )
     more = len(driven) - len(shown)
-    notes = (f"{more} more runs are not shown",) if more else ()
+    notes = (f"runs not shown: {more}",) if more else ()
     return Drawing(figure, f"Speed and acceleration of the ego. {'; '.join(texts)}.", notes)
 
 

@@ -57,7 +57,7 @@ def distributions(runs: RunSet) -> Drawing:
     explanation = "dots: runs, boxes: middle half, bars: medians; ↑ more is better, ↓ less"
     write_title(figure, "Metrics of the runs", f"{explanation}{joined}")
     more = len(runs.by_config(runs.valid)) - len(groups)
-    notes = (f"{more} more configurations are not shown",) if more else ()
+    notes = (f"configurations not shown: {more}",) if more else ()
     return Drawing(figure, f"Distributions: {'; '.join(texts)}.", notes)
 
 
@@ -102,10 +102,10 @@ def _draw_metric(axes: "Axes", spec: MetricSpec, groups: dict[str, list[RunRecor
     words = metric_words(spec.name).partition(" (")[0]
     axes.set_title(f"{words}{unit}{better}{basis}{far}", fontsize=SMALL_PT + 1, loc="left", pad=5)
     medians = [
-        f"{names[config]} {in_figures(float(np.median(values))) if len(values) else 'none'}"
+        f"{names[config]}: {in_figures(float(np.median(values))) if len(values) else 'none'}"
         for config, values in zip(groups, samples, strict=True)
     ]
-    return f"{metric_words(spec.name)}: median {', '.join(medians)}"
+    return f"{metric_words(spec.name)}: median{'s' * (len(medians) > 1)} {' | '.join(medians)}"
 
 
 def _shown_range(values: Values) -> tuple[float, float]:

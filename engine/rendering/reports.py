@@ -15,10 +15,10 @@ from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.measures import MeasuredValue, RunMetrics, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
 from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
-from ...schemas.reviews import REFERENCE_DRIVERS_DO, LaidTo
+from ...schemas.reviews import LaidTo
 from ...schemas.runs import BatchRecord, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ...schemas.text import shown_name
+from ...schemas.text import REFERENCE_DRIVERS_DO, shown_name
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
 from .words import words_used

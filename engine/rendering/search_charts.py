@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ...schemas.analysis.optimization import StudyRecord, TrialLine
+from ...schemas.text import counted
 from .canvas import INK, MUTED, PICTURE_WIDTH_PX, SMALL_PT, Drawing, new_figure, outcome_colour, series_style
 from .furniture import write_title
 
@@ -24,7 +25,8 @@ def study_chart(study: StudyRecord) -> Drawing:
     best = _draw_candidates(candidates, study)
     words = _draw_changes(changes, study)
     subtitle = (
-        f"{study.method} for {' + '.join(study.objective)} from {study.base_name}: {len(study.trials)} candidates"
+        f"{study.method} for {' + '.join(study.objective)} from {study.base_name}: "
+        f"{counted(len(study.trials), 'candidate')}"
     )
     write_title(figure, "Search", subtitle)
     return Drawing(figure, f"Search: {subtitle}; {best}. {words}")

@@ -106,7 +106,7 @@ def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int,
         return there
     begin = scene.ego.step if scene.ego else 0
     last_s = (max(track.last_step for track in tracks.values()) - begin) * scene.step_s
-    raise NotPossible("no vehicle is there at that time", valid=[f"time_s from 0 to {last_s:g}"])
+    raise NotPossible("the scenario has no vehicle at that time", valid=[f"time_s from 0 to {last_s:g}"])
 
 
 def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
@@ -227,7 +227,7 @@ def _is_undrivable(scene: Scene, track: Track) -> bool:
 
 
 def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
-    roles = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
+    roles = {lead: "nearest ahead along lanelets (selector lead)", follow: "nearest behind (selector follow)"}
     return {key: role for key, role in roles.items() if key is not None}
 
 

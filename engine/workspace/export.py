@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...schemas.errors import InvalidRequest, NotPossible, with_values
+from ...schemas.text import counted
 from .artifacts import Artifact, Workspace, disk_failure
 
 _STORED = {
@@ -86,7 +87,7 @@ def refuse_taken(paths: Sequence[Path]) -> None:
     taken = [str(path) for path in paths if path.exists()]
     if taken:
         raise NotPossible(
-            f"{len(taken)} files already exist: {', '.join(taken[:3])}",
+            f"{counted(len(taken), 'file')} already there: {', '.join(taken[:3])}",
             next_step="set overwrite, or choose another folder",
         )
 

@@ -9,7 +9,7 @@ from ..measures import metric_meant, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..reviews import Contact, RunReview
 from ..runs import Lineage, Outcome, RunSource, ScenarioSource, ending
-from ..text import measured, p_figure, p_in_words, without_shared_clauses
+from ..text import counted, measured, p_figure, p_in_words, without_shared_clauses
 
 HeadlineCode = Literal[
     "no_valid_pair",
@@ -404,7 +404,7 @@ def _edited(comparison: Comparison) -> list[str]:
             f"- edited ({pair.before} → {pair.after}): {changes or 'generated again with another seed or traffic'}"
         )
     more = comparison.edited_count - len(lines)
-    return [*lines, *([f"- {more} more pairs of a scenario and its edited version"] if more > 0 else [])]
+    return [*lines, *([f"- {counted(more, 'more pair')} of a scenario and its edited version"] if more > 0 else [])]
 
 
 def _flips(title: str, flips: tuple[Flip, ...], count: int, most: int) -> list[str]:
@@ -434,7 +434,7 @@ def _directions(metrics: tuple[MetricTest, ...]) -> list[str]:
         "better": "better in this pair",
         "worse": "worse in this pair",
         "same": "same to three digits",
-        "none": "not compared: undefined in one run, or comparable only if both reach the goal",
+        "none": "not compared (undefined in one run, or comparable only if both reach the goal)",
     }
     return [f"- {titles.get(name, name)}: {', '.join(items)}" for name, items in groups.items() if items]
 
@@ -470,7 +470,8 @@ def _metric(metric: MetricTest) -> str:
     better = f"; {metric.better} is better" if metric.better else ""
     return (
         f"- {metric_words(metric.name)}: median {_medians(metric)}, "
-        f"shift {measured(metric.shift)}{interval}, effect {figure(metric.effect, 2)}, {_p(metric.p, metric.p_holm)}"
+        f"shift {measured(metric.shift)}{interval}, effect size {figure(metric.effect, 2)}, "
+        f"{_p(metric.p, metric.p_holm)}"
         f"{better} (n={metric.pairs} {over}{scenarios})"
     )
 

@@ -287,7 +287,7 @@ def _headline(study: StudyRecord) -> str:
     )
 
 
-_METHOD_NAMES = {"tpe": "TPE", "cmaes": "CMA-ES", "random": "Random"}
+_METHOD_NAMES = {"tpe": "Tree-structured Parzen estimator (TPE)", "cmaes": "CMA-ES", "random": "Random"}
 
 
 def _searched(study: StudyRecord) -> str:
@@ -318,7 +318,7 @@ def _figures(study: StudyRecord) -> list[str]:
         lines.append(f"Changes, with the training score each adds: {', '.join(changes)}{rest}.")
     if study.front:
         members = [f"{one.config_id} {', '.join(figure(value) for value in one.values)}" for one in study.front]
-        lines.append(f"Front ({len(members)}): {'; '.join(members[:_SHOWN])}.")
+        lines.append(f"Pareto front ({', '.join(study.objective)}), {len(members)}: {'; '.join(members[:_SHOWN])}.")
     return lines
 
 
@@ -334,7 +334,7 @@ def _effects_headline(study: StudyRecord) -> str:
 
 
 def _effects(study: StudyRecord) -> list[str]:
-    name = "μ*" if study.method == "morris" else "total index"
+    name = "Mean absolute effect (μ*)" if study.method == "morris" else "Total index"
 
     def line(one: Effect) -> str:
         p = "" if one.p_adjusted is None else f", {p_in_words(one.p_adjusted)}"

@@ -43,11 +43,11 @@ from ...schemas.analysis.optimization import (
     StudyRecord,
     TrialLine,
 )
-from ...schemas.errors import Faults, InvalidRequest, NotPossible
+from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import RunRecord
 from ...schemas.text import counted, shown_name
-from ..configurations import resolve_configuration, store_configuration
+from ..configurations import BY_SEARCH, resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
 from ..results import lineages
@@ -273,9 +273,16 @@ class _Search:
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
-            store_configuration(self.context, configuration)
+            self._store(configuration)
         results = await run_grid(self.context, cells, lambda _: None)
         return [result.record for result in results]
+
+    def _store(self, configuration: PlannerConfiguration) -> None:
+        """Store a configuration; the recipe of a candidate names the search, and its base as the parent."""
+        base_id = self.plan.base.config_id
+        arguments = {"base": base_id, "id": configuration.config_id}
+        searched = Recipe(tool=BY_SEARCH, arguments=arguments, parents=(base_id,))
+        store_configuration(self.context, configuration, None if configuration.config_id == base_id else searched)
 
     def is_within(self, trial: _Trial) -> bool:
         """Return whether a trial keeps the constraints, relative to the base on the same scenarios."""
@@ -373,7 +380,7 @@ class _Search:
             else:
                 shares.append(ChangeShare(change=change, gain=round(gain, 6)))
         untried = len(changes) - len(tried)
-        note = f"{untried} of {len(changes)} changes of the found configuration were not reverted because of max_trials"
+        note = f"max_trials left no run to test {untried} of {counted(len(changes), 'found change')} alone"
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
@@ -407,7 +414,7 @@ class _Search:
             for one in self.plan.held_out
         ]
         for configuration in (self.plan.base, found):
-            store_configuration(self.context, configuration)
+            self._store(configuration)
         self.driven += _LOOK
         results = await run_grid(self.context, cells, lambda _: None)
         batch = store_batch(self.context, cells, results)
@@ -501,7 +508,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         context.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
-        progress.report(1.0, f"{len(study.trials)} candidates; repeat optimize_planner to get the study")
+        progress.report(1.0, f"{counted(len(study.trials), 'candidate')}; repeat optimize_planner to get the study")
 
     job = context.start_job("study", recipe, work)
     context.made("job", job.job_id)
@@ -602,7 +609,11 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         choice = choose_scenarios(arguments.scenarios, context)
     with faults.collecting():
         if arguments.pareto and (arguments.method not in ("tpe", "random") or len(arguments.objective) < 2):
-            raise InvalidRequest("a front needs two objectives and the method tpe or random", valid=["pareto=false"])
+            raise InvalidRequest(
+                "pareto needs at least two objectives and the method tpe or random",
+                valid=["method=tpe", "method=random", "pareto=false"],
+                remedies=[with_values(method="tpe") if len(arguments.objective) > 1 else with_values(pareto=None)],
+            )
     faults.raise_all()
     if arguments.method == "morris" or arguments.method == "sobol":
         _check_design(arguments.method, len(space), arguments.max_trials)
@@ -669,7 +680,7 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
         notes = ("all scenarios are in one place, so its maps were split; they may be alike",)
     if len(groups) < 2:
         raise NotPossible(
-            f"all {len(scenarios)} scenarios are on one map, so no scenario can be held out",
+            f"all scenarios ({len(scenarios)}) are on one map, so none can be held out",
             next_step="use scenarios of several places, for instance preset:100",
         )
     choice = random.Random(seed)  # noqa: S311 - not a secret

@@ -209,7 +209,7 @@ async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], li
                 raise
             refused.append(f"{shown_name(file.name)} was refused: {refusal.message}")
     if not ids:
-        raise NotPossible(f"all {len(files)} files at {path} were refused: {refused[0]}")
+        raise NotPossible(f"all files at {path} ({len(files)}) were refused: {refused[0]}")
     return ids, refused
 
 

@@ -56,8 +56,9 @@ from ...schemas.generation import (
     VehicleDemand,
     Weather,
 )
-from ...schemas.grammar import parse_condition
+from ...schemas.grammar import as_exclusion, parse_condition
 from ...schemas.maps import Box
+from ...schemas.text import counted
 from ...schemas.vocabulary import MANOEUVRES
 from .flow_tables import NAMING
 
@@ -209,7 +210,7 @@ def _split_condition(text: str) -> tuple[str, str]:
     key = key.lower()
     if not mark or key not in _KEYS:
         raise UnknownName(
-            f"conditions {text!r}: {key or 'the empty text'} is not a condition",
+            f"{text!r} in conditions does not name a condition",
             valid=[f"{known}=…" for known in closest(key, _KEYS)],
             remedies=misspelt(key, _KEYS),
             next_step="give conditions such as time=rush_hour, weather=snow, drivers=aggressive, mix=natural",
@@ -227,7 +228,8 @@ def _time(value: str) -> tuple[str, str]:
     hour = -1 if found is None else int(found[1]) % 12 + 12 * (found[3] == "pm") if found[3] else int(found[1])
     minute = 0 if found is None or found[2] is None else int(found[2])
     if not (0 <= hour < 24 and 0 <= minute < 60):
-        raise InvalidRequest(f"time={value} is not a time of day", valid=[*_TIMES, "17:30"], given=value)
+        meant = value if found is None else ""  # another hour would be a guess
+        raise InvalidRequest(f"time={value} is not a time of day", valid=[*_TIMES, "17:30"], given=meant)
     return f"{hour:02d}:{minute:02d}", ""
 
 
@@ -236,7 +238,7 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; without a condition it is good",
+            f"there is no weather {value!r}; if none is given, the weather is good",
             valid=closest(value, WEATHERS) or WEATHERS,
             next_step="choose one of these, or leave the weather out",
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
@@ -258,7 +260,7 @@ def _weather(value: str) -> tuple[Weather, str]:
 def _drivers(value: str) -> tuple[str, str]:
     known = {name.lower(): name for name in presets()}
     if value in known:
-        return known[value], f"all drivers are {known[value]} (the paper's preset)"
+        return known[value], f"all drivers are {known[value]} (a preset of the PlannerForge paper)"
     published = published_calibrations()
     names = value.split("+")
     for name in names:
@@ -459,7 +461,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     """
     if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
         return _shared_demand(text, shared[1], float(shared[2]) / 100)
-    demand = parse_condition(text, whole=True)
+    demand = parse_condition(as_exclusion(text), whole=True)
     low, high = demand.interval.low, demand.interval.high
     if demand.negated:
         return VehicleDemand(vehicle_class=demand.name, least=0, most=0)
@@ -539,7 +541,9 @@ def _box(bbox: list[float] | None) -> Box | None:
     if bbox is None:
         return None
     if len(bbox) != 4:
-        raise InvalidRequest(f"bbox has {len(bbox)} numbers", valid=["[south, west, north, east] in degrees"])
+        raise InvalidRequest(
+            f"bbox has {counted(len(bbox), 'number')}", valid=["[south, west, north, east] in degrees"]
+        )
     south, west, north, east = bbox
     if not (-90 <= south < north <= 90 and -180 <= west < east <= 180):
         ordered = [min(south, north), min(west, east), max(south, north), max(west, east)]

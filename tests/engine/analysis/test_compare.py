@@ -157,7 +157,7 @@ def test_sides_under_different_predictions_are_paired_and_the_difference_is_name
 
 
 def test_nothing_in_common_is_refused() -> None:
-    with pytest.raises(NotPossible, match="no scenario and planning problem in common"):
+    with pytest.raises(NotPossible, match="no planning problem in common"):
         compared([source(record("ZAM_A-1_1_T-1"))], [source(record("ZAM_B-1_1_T-1"))])
 
 

@@ -369,7 +369,7 @@ def test_traffic_rules_are_told_of_one_run_and_shares_of_several(tmp_path: Path)
     assert [verdict.rule for verdict in broken] == ["R_G1"]
     safe_m = 10.0 * 0.4 + 10.0**2 / 20 - 9.0**2 / 21
     assert broken[0].degree == pytest.approx(safe_m - (10.0 - 4.0 - (4.508 + 4.5) / 2), abs=0.01)
-    assert "traffic rules broken: R_G1 safe distance by" in one.to_text()
+    assert "traffic rules broken: R_G1 (safe distance) by" in one.to_text()
     all_rules = analysed(runs[0], scenarios=(scenario,), detail="rules").to_text()
     assert "- not applicable: " in all_rules.splitlines()[-1]
     assert "R_G3 speed limit" in all_rules.splitlines()[-1]

@@ -53,7 +53,7 @@ def test_where_nothing_matches_the_words_that_exist_are_named() -> None:
     assert found.emptied_by is not None
     assert "weather and times of day" in found.emptied_by.note
     assert all(word in found.emptied_by.note for word in ("snow", "night", "light_rain", "rush_hour"))
-    assert any("'fog' as a circumstance" in note for note in found.notes)
+    assert any("'fog'" in note and "weather or time of day" in note for note in found.notes)
 
 
 def test_a_catalogue_that_states_none_refuses_them_as_words_of_no_vocabulary() -> None:

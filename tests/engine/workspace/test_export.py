@@ -99,7 +99,7 @@ def test_existing_file_is_kept_unless_overwriting_was_asked_for(
 ) -> None:
     mine = tmp_path / "DEU_A-1_1_T-1.net.xml"
     mine.write_text("mine")
-    with pytest.raises(NotPossible, match="1 files already exist"):
+    with pytest.raises(NotPossible, match="1 file already"):
         export(workspace, [scenario], ["xml", "net"], tmp_path, overwrite=False)
     assert mine.read_text() == "mine"
     assert not (tmp_path / "DEU_A-1_1_T-1.xml").exists()
