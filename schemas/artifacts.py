@@ -70,7 +70,7 @@ class BatchSummary(Model):
     lost: int = 0
 
     def in_words(self) -> str:
-        """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72 % (95 %: 52–86 %)``."""
+        """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72% (95%: 52–86%)``."""
         shown = [f"{one.config_name} {one.success.in_words()}" for one in self.configs[:_MOST_CONFIGS]]
         left_out = len(self.configs) - len(shown)
         more = [f"{counted(left_out, 'configuration')} more"] if left_out else []
@@ -188,7 +188,7 @@ class RoadGeometry(Model):
 
     def in_words(self) -> str:
         """Return the distances as text."""
-        share = f"{math.floor(self.within_share * 1000) / 10:g} %"
+        share = f"{math.floor(self.within_share * 1000) / 10:g}%"
         return (
             f"{share} of {self.points:,} lane boundary points within {SAME_BOUND_M:g} m of the scenario's, "
             f"the farthest {self.max_m:.2f} m off"

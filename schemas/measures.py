@@ -94,11 +94,10 @@ class MeasuredValue(Model):
     @property
     def partner(self) -> str:
         """Return text such as ``car 39 ahead``; empty if there is no other road user."""
-        return (
-            ""
-            if self.obstacle_id is None
-            else f"{self.obstacle_class} {self.obstacle_id} {self.relation or ''}".strip()
-        )
+        if self.obstacle_id is None:
+            return ""
+        where = "alongside" if self.relation == "beside" else self.relation or ""
+        return f"{self.obstacle_class} {self.obstacle_id} {where}".strip()
 
 
 class MeasureSpread(Model):

@@ -437,7 +437,8 @@ class ModifyScenarioResult(Result):
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
-            lines.append(f"All traffic reacts: {counted(len(reacting), 'unedited vehicle')} simulated.")
+            others = counted(len(reacting), "unedited vehicle") if reacting else "no unedited vehicle"
+            lines.append(f"All traffic reacts: {others} simulated.")
         elif reacting:
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
@@ -446,7 +447,10 @@ class ModifyScenarioResult(Result):
         lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
-        return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
+        return [
+            *lines,
+            f"{counted(self.untouched, 'vehicle') if self.untouched else 'No vehicles'} exactly as recorded.",
+        ]
 
     def _moved(self) -> list[str]:
         """Return the largest displacements of the edited vehicles, largest first."""
@@ -528,7 +532,7 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    ego = "an ordinary ego that still drives as it did before the edits" if blind else "the ego"
+    ego = "an ordinary ego that drives as before the edits" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 

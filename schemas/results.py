@@ -23,7 +23,7 @@ from .text import REFERENCE_DRIVERS_DO, counted, measured, p_figure, p_in_words
 from .text import figure as figure
 
 SIGNIFICANCE_LEVEL = 0.05
-"""The level of every test and of every interval (95 %), in answers, reports, charts and searches: the usual one (Fisher
+"""The level of every test and of every interval (95%), in answers, reports, charts and searches: the usual one (Fisher
 1925, "Statistical Methods for Research Workers", section 12)."""
 Breakdown = Literal[
     "none", "pooled", "planner", "config", "prediction", "country", "scenario", "obstacle_count", "obstacle_class"
@@ -55,7 +55,7 @@ class ConfigWeights(Model):
 
 
 class Rate(Model):
-    """A share of ``count`` among ``of`` with its 95 % interval.
+    """A share of ``count`` among ``of`` with its 95% interval.
 
     ``share``, ``low`` and ``high`` are None if ``of`` is 0, or if the runs were selected by their outcome, because that
     share is not a rate. ``scenarios`` is the number of scenarios of the runs, which the interval counts
@@ -65,17 +65,17 @@ class Rate(Model):
     count: int = Field(description="number of such runs")
     of: int = Field(description="number of runs in total")
     share: float | None = Field(description="`count` / `of`, from 0 to 1")
-    low: float | None = Field(description="lower end of its 95 % interval")
-    high: float | None = Field(description="upper end of its 95 % interval")
+    low: float | None = Field(description="lower end of its 95% interval")
+    high: float | None = Field(description="upper end of its 95% interval")
     scenarios: int | None = None
 
     def in_words(self) -> str:
-        """Return text such as ``6/8 = 75 % (95 % interval 41–93 %)``, with the original scenarios if not ``of``."""
+        """Return text such as ``6/8 = 75% (95% interval 41–93%)``, with the original scenarios if not ``of``."""
         if self.share is None or self.low is None or self.high is None:
             return f"{self.count}/{self.of}"
-        span = f"95 % interval {100 * self.low:.0f}–{100 * self.high:.0f} %"
+        span = f"95% interval {100 * self.low:.0f}–{100 * self.high:.0f}%"
         counted_by_scenario = self.scenarios is not None and self.scenarios != self.of
-        scenarios = f", {counted(self.scenarios or 0, 'original scenario')}" if counted_by_scenario else ""
+        scenarios = f", from {counted(self.scenarios or 0, 'original scenario')}" if counted_by_scenario else ""
         return f"{self.count}/{self.of} = {_percent(self.share)} ({span}{scenarios})"
 
 
@@ -311,7 +311,7 @@ class CollisionCauses(Model):
 def _estimate(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "unknown"
-    interval = f"95 % interval {100 * rate.low:.0f}–{100 * rate.high:.0f} %"
+    interval = f"95% interval {100 * rate.low:.0f}–{100 * rate.high:.0f}%"
     return f"{_percent(rate.share)} ({interval}, estimated from the sample)"
 
 
@@ -370,7 +370,7 @@ class RuleShare(Model):
     run_ids: tuple[str, ...]
 
     def in_words(self) -> str:
-        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20 % (…), by 3.1 m/s at worst …``."""
+        """Return text such as ``R_G3 speed limit: broken in 4/20 = 20% (…), by 3.1 m/s at worst …``."""
         rate = self.violated.in_words()
         if self.worst is None:
             return f"{self.rule} {self.name}: broken in {rate}"
@@ -594,9 +594,17 @@ def _rest_of_metrics(result: AnalyzeResultsResult, above: frozenset[str]) -> lis
         for item in result.metrics
         if item.name not in above
     ]
-    parts += [f"{metric_words(item.name)} undefined: {item.why}" for item in result.undefined if item.name not in above]
+    parts += _undefined([item for item in result.undefined if item.name not in above])
     text = "; ".join(parts)
     return [f"{text[0].upper()}{text[1:]}."] if parts else []
+
+
+def _undefined(metrics: Sequence[UndefinedMetric]) -> list[str]:
+    """Return the undefined metrics with the reason, once for those with the same reason."""
+    names: dict[str, list[str]] = {}
+    for metric in metrics:
+        names.setdefault(metric.why, []).append(metric_words(metric.name))
+    return [f"{' and '.join(words)} undefined: {why}" for why, words in names.items()]
 
 
 def _main_cost(result: AnalyzeResultsResult) -> list[str]:
@@ -735,7 +743,7 @@ def _metrics(metrics: Sequence[MetricSummary], valid: int, undefined: Sequence[U
         text = middle if low == high else f"{low}–{high}" if item.n == 2 else f"{middle} ({low}–{high})"
         some = "" if item.n == valid else f" (in {item.n} runs)"
         parts.append(f"{metric_words(item.name)} {with_unit(text, item.unit)}{some}")
-    parts += [f"{metric_words(item.name)} undefined: {item.why}" for item in undefined]
+    parts += _undefined(undefined)
     return [f"{'Median (range)' if valid > 2 else 'Range'} over {valid} valid runs: {'; '.join(parts)}."]
 
 
@@ -810,7 +818,7 @@ def _timeline(result: AnalyzeResultsResult) -> list[str]:
         cost = f", {step.largest_cost} {_percent(step.largest_cost_share)} of the cost" if step.largest_cost else ""
         lines.append(f"- {step.time_s:.1f} s: {step.speed_mps:.1f} m/s, {step.acceleration_mps2:+.1f} m/s²{gap}{cost}")
     of = {"end": "Before the end", "moment": "Around the most critical moment", "window": "In the requested span"}
-    return [f"{of[result.timeline_of]}:", *lines] if lines else []
+    return [f"{of[result.timeline_of]}, with the distance to a road user by its id:", *lines] if lines else []
 
 
 def _measured(measures: Sequence[MeasuredValue]) -> list[str]:
@@ -868,7 +876,7 @@ def _percent(share: float | None) -> str:
     """Return a share as a whole percentage, ``<1 %`` if it is smaller, or a dash if it is undefined."""
     if share is None:
         return "–"
-    return "<1 %" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f} %"
+    return "<1%" if 0 < share < _ONE_PERCENT / 2 else f"{100 * share:.0f}%"
 
 
 def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:

@@ -196,7 +196,7 @@ class LimitExcess(Model):
     def in_words(self) -> str:
         """Return text such as ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
-            return f"wheels would slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
+            return f"wheels would slide in {100 * self.value:.0f}% of the steps, from {self.time_s:.1f} s on"
         return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 

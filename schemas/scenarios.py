@@ -587,7 +587,7 @@ def _vehicle_in_words(vehicle: DescribedVehicle, away: str = "", place: str = ":
     lanelet = f", lanelet {vehicle.lanelet}" if vehicle.lanelet is not None else ", on no lanelet"
     when = f", from {vehicle.from_s:g} s" if vehicle.from_s > 0 else ""
     speed = f", {vehicle.speed_mps:.1f} m/s" if vehicle.moves else ", standing"
-    speed = "" if speed in f", {vehicle.where}" else speed
+    speed = "" if "standing" in vehicle.where else speed
     kind = f"{vehicle.kind} ({vehicle.vehicle_class})" if vehicle.vehicle_class else vehicle.kind
     return f"{kind}{place}{away}{vehicle.where}{speed}{gap}{lanelet}{when}"
 

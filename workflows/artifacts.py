@@ -26,6 +26,7 @@ from .maps import maps_seen
 from .operations import SUCCESS_RATES
 from .paging import check_offset
 from .results import lineages, run_record, with_versions
+from .runs import after_batch
 
 _NEXT = {
     "running": "repeat get_job with the same job_id",
@@ -36,7 +37,12 @@ _NEXT = {
 }
 _MOST_NAMED = 100
 """How many of a token's latest jobs are searched for running ones (chosen)."""
-_NEXT_AFTER_IMPORT = "search with find_scenarios, or list the imported files with list_artifacts"
+_NEXT_AFTER = {
+    "import": "search with find_scenarios, or list the imported files with list_artifacts",
+    "study": "repeat the call of optimize_planner to get the study",
+    "trial": "repeat the call of analyze_results to get its result",
+}
+"""The next step after a job of each kind that is done."""
 
 
 async def list_artifacts(arguments: ListArtifactsArguments, context: WorkflowContext) -> ListArtifactsResult:
@@ -292,6 +298,6 @@ def _next_step(job: Job) -> str:
     if job.kind == "plan":
         return f"run_planner with scenarios ['{job.results[0]}']"
     batches = _batches(job)
-    if batches:
-        return f"analyze_results or compare_results with results ['{batches[-1]}']"
-    return _NEXT_AFTER_IMPORT if job.kind == "import" else _NEXT[job.state]
+    if batches and job.kind == "batch":
+        return after_batch(batches[-1], [key for key in job.recipe.parents if key.startswith("cfg_")])
+    return _NEXT_AFTER[job.kind] if job.kind in _NEXT_AFTER else _NEXT["done"]

@@ -48,12 +48,13 @@ async def list_planners(arguments: ListPlannersArguments, context: WorkflowConte
                 next_step="give either planner or config_id, not both",
             )
         configuration = resolve_configuration(arguments.planner, context)
+    is_chosen = bool(arguments.planner or arguments.config_id)
     tuning = tuning_of(configuration.planner)
     made = made_configurations(context, LISTED_CONFIGURATIONS)
     return ListPlannersResult(
         planners=(
-            *(_listed(name) for name in planner_names()),
-            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners()),
+            *(_listed(name) for name in ([configuration.planner] if is_chosen else planner_names())),
+            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners() if not is_chosen),
         ),
         predictions=get_args(Prediction),
         config_id=configuration.config_id,

@@ -7,7 +7,7 @@ runs, so that overlapping batches and servers do not run it twice.
 import logging
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -509,13 +509,19 @@ def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
     )
 
 
+def after_batch(batch_id: str, config_ids: Collection[str]) -> str:
+    """Return the next step after a batch; only several configurations can be compared."""
+    compare = " or compare_results" if len(config_ids) > 1 else ""
+    return f"analyze_results{compare} with results ['{batch_id}']"
+
+
 def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: JobState) -> str:
     if state == "running":
         return f"get_job with job_id '{job_id}'"
     if state != "done":
         return "repeat run_planner: finished runs are reused"
     if batch_id:
-        return f"analyze_results or compare_results with results ['{batch_id}']"
+        return after_batch(batch_id, {record.config_id for record in records})
     if not records:
         return "correct the error, then repeat run_planner"
     run = records[0]

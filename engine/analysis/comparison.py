@@ -31,6 +31,7 @@ from ...schemas.analysis.comparison import (
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.measures import metric_words
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
 from ...schemas.text import counted, figure, measured, p_figure, p_in_words
@@ -403,7 +404,7 @@ def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest
     """Return the tests of one answer with Holm's adjustment within success and within the metrics.
 
     These two families share the level evenly (Bonferroni), so an answer with many metrics can still show a difference
-    in success. At most 5 % of the answers in which nothing differs report a difference. A test that cannot fall below 5
+    in success. At most 5% of the answers in which nothing differs report a difference. A test that cannot fall below 5
     %, regardless of the signs of its differences, is not counted and has no adjusted p (Tarone 1990, "A modified
     Bonferroni method for discrete data").
     """
@@ -641,7 +642,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
     if code in ("better", "worse", "mixed"):
         return f"{code.capitalize()}: {fact}."
     if _is_alike(test):
-        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95 %)."
+        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95%)."
     if test.scenarios < FEWEST_PAIRS:
         return f"{fact}; too few {'pairs' if test.scenarios == test.pairs else 'scenarios'} for a test."
     if code == "flips_too_few":
@@ -685,13 +686,17 @@ def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[
     telling = [test for test in metrics if _tells(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [
-        f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
+        f"{metric_words(test.name)} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
         f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"
         for test in telling
     ]
     sentences = [f"After Holm's adjustment, these metrics differ: {'; '.join(words)}."] if words else []
     differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
+    few = [
+        f"{metric_words(test.name)} (in {test.higher} higher, in {test.lower} lower)"
+        for test in differing
+        if test not in telling
+    ]
     if few:
         sentences.append(f"In some scenarios only, with an equal median: {'; '.join(few)}.")
     if sentences:

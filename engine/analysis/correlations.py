@@ -16,7 +16,7 @@ from .run_set import RunSet, reached_goal
 from .statistics import holm, rank_correlation
 
 _FEWEST_SCENARIOS = 12
-"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
+"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5%: too coarse to report."""
 _FEWEST_OF_A_ROAD = 3
 """A kind of road with fewer scenarios has no indicator of its own (chosen): it would only model their mean."""
 ROAD = "road"

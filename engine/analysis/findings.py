@@ -239,7 +239,7 @@ _WEAK_SHARE = 0.10
 
 
 def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, collisions in which obstacles made up under 10 % of the cost in the last second.
+    """Yield, per configuration, collisions in which obstacles made up under 10% of the cost in the last second.
 
     The chosen candidate passed the collision check against the prediction; a small share means that only that check
     kept the ego away from other road users. The finding needs at least half of the collisions that the ego could have
@@ -258,8 +258,8 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             name="weak_obstacle_cost",
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that the ego could have "
-                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the plan's cost in the last second "
-                f"(median {100 * middle:.1f} %){evidence.among_hits}."
+                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f}% of the plan's cost in the last second "
+                f"(median {100 * middle:.1f}%){evidence.among_hits}."
             ),
             figures={
                 "runs": len(weak),
@@ -317,7 +317,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what egos waited for, and what delayed the remaining runs.
 
     Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
-    the drive, if it took at least 40 %. The remaining runs are reported per configuration with the median run's largest
+    the drive, if it took at least 40%. The remaining runs are reported per configuration with the median run's largest
     cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too small. Any
     other term holds the ego back.
     """
@@ -347,7 +347,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
         if members:
             yield Finding(
                 name=name,
-                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % or more of the drive.",
+                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f}% or more of the drive.",
                 figures={"runs": len(members), **all_late, "least_share": _HELD_UP_SHARE},
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
@@ -360,7 +360,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """Return the cause that took most of a late drive and at least 40 % of it, else an empty string."""
+    """Return the cause that took most of a late drive and at least 40% of it, else an empty string."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -458,7 +458,7 @@ def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterat
         subject=largest,
         statement=(
             f"{counted(len(records), 'run')} of {records[0].config_name} ran out of time or arrived too late; "
-            f"{largest} made up {100 * terms[largest]:.0f} % of the cost in the median run."
+            f"{largest} made up {100 * terms[largest]:.0f}% of the cost in the median run."
         ),
         figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
@@ -492,7 +492,7 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
         subject=name,
         statement=(
             f"In {count} of {len(stuck)} infeasible runs, {name} rejected most candidates: "
-            f"{100 * median(shares):.0f} % of the rejected ones in the median run."
+            f"{100 * median(shares):.0f}% of the rejected ones in the median run."
         ),
         figures={"runs": count, "of": len(stuck), "median_share": median(shares)},
         run_ids=run_ids,
@@ -623,7 +623,7 @@ _DOMINATING_SHARE = 0.8
 
 
 def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, a term with over 80 % of the chosen candidates' cost in the median run."""
+    """Yield, per configuration, a term with over 80% of the chosen candidates' cost in the median run."""
     runs = evidence.runs
     for records in runs.by_config(runs.valid).values():
         for term, share in _median_shares(runs, records).items():
@@ -632,7 +632,7 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
                     name="dominating_cost",
                     subject=term,
                     statement=(
-                        f"{term} is {100 * share:.0f} % of the cost in the median run of {records[0].config_name}."
+                        f"{term} is {100 * share:.0f}% of the cost in the median run of {records[0].config_name}."
                     ),
                     figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),

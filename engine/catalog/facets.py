@@ -78,9 +78,7 @@ def _words(
     none = [word for word in known if word not in counts]
     if whole:
         return [
-            FacetCounts(
-                facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="without a number (0): valid, but unused"
-            )
+            FacetCounts(facet=facet, counts={**counts, **dict.fromkeys(none, 0)}, note="no number: valid, but unused")
         ]
     plain = {word: count for word, count in counts.items() if ":" not in word}
     notes = [

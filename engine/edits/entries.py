@@ -233,7 +233,7 @@ class EntrySpeed:
 def entry_speed(
     scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place, step: int, route: tuple[int, ...]
 ) -> EntrySpeed:
-    """Return the speed: 80 % of the lane's speed, or the speed of the nearest moving vehicle in the lane.
+    """Return the speed: 80% of the lane's speed, or the speed of the nearest moving vehicle in the lane.
 
     It is never too fast for the leader, parked or not, nor for the curves of the route, which starts on the place's
     lanelet.

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.modification import Edit
+from ...schemas.text import counted
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -581,4 +582,4 @@ def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)
-    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {listed(vehicles, 12)}")
+    return EditStep(changes, vehicles, f"removed {counted(len(vehicles), 'road user')}: {listed(vehicles, 12)}")

@@ -285,7 +285,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             raise _nothing_left(recording, total, scene)
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
-    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} {how} than recorded")
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} moved to {how} than recorded")
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:

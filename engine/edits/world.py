@@ -433,7 +433,9 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
                 changed.append(int(ref or 0))
     cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
     new = f"; added a light to lanelet {', '.join(map(str, lit_now))}" if lit_now else ""
-    return f"lights {', '.join(map(str, sorted(set(changed))))} repeat the cycle {cycle} from 0 s on{new}"
+    lights = sorted(set(changed))
+    who = f"light {lights[0]} repeats" if len(lights) == 1 else f"lights {', '.join(map(str, lights))} repeat"
+    return f"{who} the cycle {cycle} from 0 s on{new}"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:

@@ -132,14 +132,14 @@ def _draw_rate(axes: "Axes", y: float, rate: Rate, *, filled: bool, colour: str 
     axes.plot([100 * rate.low, 100 * rate.high], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt")
     face = shown if filled else "white"
     axes.plot(100 * rate.share, y, "o", color=shown, markerfacecolor=face, markersize=9, markeredgewidth=2, zorder=3)
-    words = f"{100 * rate.share:.0f} % ({rate.count}/{rate.of})"
+    words = f"{100 * rate.share:.0f}% ({rate.count}/{rate.of})"
     axes.text(104, y, words, va="center", fontsize=SMALL_PT, color=INK if filled else MUTED, clip_on=False)
 
 
 def _label_rates(axes: "Axes") -> None:
     axes.set_xlim(-2, 118)
     axes.set_xticks(range(0, 101, 20))
-    axes.set_xlabel("goal reached [%] with 95 % interval and number of runs")
+    axes.set_xlabel("goal reached [%] with 95% interval and number of runs")
     axes.grid(axis="x", color="#DDDDDD", linewidth=0.8)
     axes.set_axisbelow(True)
 

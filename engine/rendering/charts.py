@@ -53,7 +53,7 @@ _OUTCOME_ORDER: tuple[Outcome, ...] = (
 
 
 def _outcomes(runs: RunSet) -> Drawing:
-    """Draw shares of outcomes by configuration on the left, and success rates with 95 % intervals on the right."""
+    """Draw shares of outcomes by configuration on the left, and success rates with 95% intervals on the right."""
     from matplotlib.patches import Patch
 
     names = short_names(runs.records)
@@ -76,7 +76,7 @@ def _outcomes(runs: RunSet) -> Drawing:
             rates.plot(interval, [row, row], color=INK, linewidth=2, solid_capstyle="butt")
             rates.plot(100 * success.share, row, "o", color=outcome_colour("goal_reached"), markersize=10, zorder=3)
             rates.annotate(
-                f"{100 * success.share:.0f} %", (100 * success.share, row), xytext=(0, 9),
+                f"{100 * success.share:.0f}%", (100 * success.share, row), xytext=(0, 9),
                 textcoords="offset points", ha="center", fontsize=SMALL_PT,
             )  # fmt: skip
     _label_outcome_axes(shares, rates, groups)
@@ -116,7 +116,7 @@ def _label_outcome_axes(shares: "Axes", rates: "Axes", groups: Sequence[tuple[st
     shares.set_xlim(0, 100)
     shares.set_xlabel("share of the valid runs [%]")
     rates.set_xlim(-2, 102)
-    rates.set_xlabel("goal reached [%], 95 % interval")
+    rates.set_xlabel("goal reached [%], 95% interval")
     rates.tick_params(labelleft=False)
     rates.grid(axis="x", color="#DDDDDD", linewidth=0.8)
     rates.set_axisbelow(True)
@@ -151,7 +151,7 @@ def _costs(runs: RunSet) -> Drawing:
         )  # fmt: skip
         for row, term, value in zip(rows, terms, values, strict=True):
             share = by_term[config_id, term].share if (config_id, term) in by_term else None
-            words = f" {value:.3g}" + (f" ({100 * share:.0f} %)" if share is not None else "")
+            words = f" {value:.3g}" + (f" ({100 * share:.0f}%)" if share is not None else "")
             axes.text(value, row, words, va="center", fontsize=SMALL_PT, color=INK)
     axes.set_yticks(range(len(terms)), terms)
     axes.invert_yaxis()
@@ -168,7 +168,7 @@ def _costs(runs: RunSet) -> Drawing:
 def _largest_shares(costs: Sequence[CostShare], config_id: str) -> list[str]:
     """Return the four largest terms of a configuration with their shares."""
     mine = [item for item in costs if item.config_id == config_id and item.share is not None]
-    return [f"{item.term} {100 * (item.share or 0):.0f} %" for item in mine[:4]]
+    return [f"{item.term} {100 * (item.share or 0):.0f}%" for item in mine[:4]]
 
 
 _MOST_FLIPS = 24

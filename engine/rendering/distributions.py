@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _COLUMNS, _MOST_CONFIGS, _ROW_PX, _HEAD_PX = 2, 4, 34, 82
 """Chosen for the sizes of text."""
 _FAR = 5.0
-"""Values farther beyond the middle 80 % than this multiple of their range are drawn at the edge (chosen)."""
+"""Values farther beyond the middle 80% than this multiple of their range are drawn at the edge (chosen)."""
 _BETTER, _WORSE = series_style(2)[0], series_style(1)[0]
 _Pair = tuple[float, float]
 

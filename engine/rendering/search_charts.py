@@ -84,7 +84,7 @@ def _effects(figure: "Figure", study: StudyRecord) -> Drawing:
         axes.plot([max(one.effect - one.margin, 0), one.effect + one.margin], [row, row], color=INK, linewidth=1.6)
         axes.plot(one.effect, row, "o", color=colour, markersize=8)
     axes.set_yticks(range(len(rows)), [one.name for one in rows])
-    axes.set_xlabel("μ*, with its 95 % interval" if study.method == "morris" else "total index, with its 95 % interval")
+    axes.set_xlabel("μ*, with its 95% interval" if study.method == "morris" else "total index, with its 95% interval")
     subtitle = f"{study.method}, {' + '.join(study.objective)}, {study.training_scenarios} scenarios"
     write_title(figure, "Sensitivity", subtitle)
     effects = "; ".join(f"{one.name} {one.effect:.3g} ({one.verdict})" for one in study.effects)

@@ -318,7 +318,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
     if lanelets and problem.goal.lanelets_of_goal_position:
         parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
     elif centers := goal_centers(problem):
-        on = f" on lanelet {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
+        on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
         parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
     first = states[0]
     if getattr(first, "time_step", None) is not None:

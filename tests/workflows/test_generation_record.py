@@ -79,7 +79,7 @@ async def test_shares_of_traffic_are_told_with_their_source(connect: Connect) ->
         made = (await client.call_tool("generate_scenarios", wish)).structured_content
         assert made is not None
         bus, taxi, truck = made["scenarios"][0]["notes"][:3]
-        assert bus.startswith("bus: 0.25 % of all vehicles")
+        assert bus.startswith("bus: 0.25% of all vehicles")
         assert SHARES_SOURCE in bus
         assert taxi.startswith("taxi: at least one, ")
         realised = made["scenarios"][0]["classes_realised"]

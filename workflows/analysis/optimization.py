@@ -535,15 +535,16 @@ def _finished(study: StudyRecord, context: WorkflowContext) -> OptimizePlannerRe
     context.made("study", study.study_id)
     if better:
         context.made("config", study.best_id)
+    or_more_trials = " or a larger max_trials" if study.driven >= study.max_trials else ""
     following = (
         f"export_artifacts of {study.best_id} as yaml"
         if better
-        else "use more scenarios or a larger max_trials, or vary settings too"
+        else f"use more scenarios{or_more_trials}, or vary settings too"
     )
     if study.headline_code == "effects_shown":
         following = "optimize_planner with vary limited to the weights that matter"
     elif study.effects:
-        following = "use more scenarios or a larger max_trials: the effects are too uncertain"
+        following = f"use more scenarios{or_more_trials}: the effects are too uncertain"
     return OptimizePlannerResult(state="done", study=study, headline_code=study.headline_code, next_step=following)
 
 

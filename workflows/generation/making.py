@@ -144,7 +144,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
         if share is None or (name == PEDESTRIAN.name and not share):  # the density sets the number of pedestrians
             continue
         if share == NATURAL_SHARES.get(name):
-            yield f"{name}: {100 * share:g} % of all vehicles, as in the EU ({SHARES_SOURCE}), but at least one"
+            yield f"{name}: {100 * share:g}% of all vehicles, as in the EU ({SHARES_SOURCE}), but at least one"
         elif share == 0:
             yield f"{name}: at least one, because its share of traffic is unknown; {name}=30% sets one"
         else:

@@ -425,7 +425,7 @@ def _vehicle_demands(texts: list[str], in_our_words: Iterable[str]) -> tuple[Veh
 
 
 def _with_lower_shares(texts: Sequence[str], demands: Sequence[VehicleDemand], shared: float) -> list[str]:
-    """Return the demands with shares in the same proportion that add up to at most 100 %."""
+    """Return the demands with shares in the same proportion that add up to at most 100%."""
     return [
         text if demand.share is None else f"{demand.vehicle_class}={math.floor(100 * demand.share / shared)}%"
         for text, demand in zip(texts, demands, strict=True)

@@ -34,7 +34,7 @@ def test_invalid_items_are_in_no_denominator() -> None:
         "collision": (1, 4),
         "timeout": (1, 4),
     }
-    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50 %" in found.to_text()
+    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50%" in found.to_text()
 
 
 def test_runs_without_steps_are_told_only_where_costs_are_asked_for() -> None:
@@ -256,7 +256,7 @@ def test_a_brief_answer_of_one_run_is_short_and_says_nothing_twice(tmp_path: Pat
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
     said = analysed(run, scenarios=(scenario,)).to_text()
     assert len(said.splitlines()) <= 12
-    assert "Cost: mostly velocity_offset, 75 % of 3 per planning step." in said
+    assert "Cost: mostly velocity_offset, 75% of 3 per planning step." in said
     assert "prediction" not in said
     assert said.count("Minimum distance 2 m") == 1
 
@@ -304,7 +304,7 @@ def test_a_success_shows_its_most_critical_moment_instead_of_its_end(tmp_path: P
 
 def test_costs_and_rows_are_shown_where_they_are_asked_for(tmp_path: Path) -> None:
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
-    assert "prediction: 25 % of the cost" in analysed(run, detail="costs").to_text()
+    assert "prediction: 25% of the cost" in analysed(run, detail="costs").to_text()
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
 
 
@@ -376,5 +376,5 @@ def test_traffic_rules_are_told_of_one_run_and_shares_of_several(tmp_path: Path)
     two = analysed(*runs, scenarios=(scenario,), detail="rules")
     safe = next(share for share in two.rule_shares if share.rule == "R_G1")
     assert (safe.violated.count, safe.violated.of, safe.run_ids) == (1, 1, (runs[0].record.run_id,))
-    assert "R_G1 safe distance: broken in 1/1 = 100 %" in two.to_text()
+    assert "R_G1 safe distance: broken in 1/1 = 100%" in two.to_text()
     assert "R_G3 speed limit" in two.to_text().partition("not applicable in any run: ")[2]

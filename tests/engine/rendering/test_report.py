@@ -114,14 +114,14 @@ def test_the_overview_says_what_was_tested_what_came_out_and_what_is_next() -> N
         "2 configurations (Default; Safe) on 8 scenarios, 16 runs; recorded traffic"
     )
     assert "lane prediction" in said["What was tested"]
-    assert "6 of 7 valid runs (86 %" in said["Results"]
-    assert "8 of 8 valid runs (100 %" in said["Results"]
+    assert "6 of 7 valid runs (86%" in said["Results"]
+    assert "8 of 8 valid runs (100%" in said["Results"]
     assert "reached the goal; other outcomes: 1 timeout; frenetix:Safe" in said["Results"]
     assert "1 invalid" in said["Results"]
     assert said["Who caused the collisions, frenetix:Default (cfg_a)"] == "There was no collision with a known course."
     assert said["Next step"]
     rows = {row[0]: row[1:] for row in section.tables[1].rows}
-    assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86 %)", "1"), ("8", "8 (100 %)", "0")]
+    assert [(row[0], row[1], row[4]) for row in rows.values()] == [("7", "6 (86%)", "1"), ("8", "8 (100%)", "0")]
 
 
 def test_a_run_in_detail_says_how_it_ended_and_which_rules_it_broke() -> None:
@@ -151,7 +151,7 @@ def test_rules_stand_by_configuration_with_those_that_nothing_was_about() -> Non
         ),
     )
     section = rules_section(result.model_copy(update={"rule_shares": shares}))
-    assert section.tables[0].rows == (("R_G1 safe distance", "1 of 2", "9 to 91 %", "3.2 m", "run_1"),)
+    assert section.tables[0].rows == (("R_G1 safe distance", "1 of 2", "9 to 91%", "3.2 m", "run_1"),)
     assert section.text == ("These rules applied to no run: R_IN2 red light.",)
 
 
