@@ -270,9 +270,10 @@ def _lacks_lights(built: SiteNetwork, osm: OsmMap) -> bool:
 
 
 def _with_signal_at_junction(osm: OsmMap, site: Site) -> OsmMap:
-    """Return the map with a signal at the junction itself; netconvert then creates lights for all its roads."""
-    node = osm.nodes[site.mark]
-    return replace(osm, nodes={**osm.nodes, site.mark: replace(node, tags={**node.tags, "highway": "traffic_signals"})})
+    """Return the map with a signal at each junction of the site; netconvert then creates lights for all its roads."""
+    at_junctions = {part.mark: osm.nodes[part.mark] for part in site.parts}
+    lit = {key: replace(node, tags={**node.tags, "highway": "traffic_signals"}) for key, node in at_junctions.items()}
+    return replace(osm, nodes={**osm.nodes, **lit})
 
 
 def _note_added_lights(built: SiteNetwork) -> SiteNetwork:

@@ -292,10 +292,14 @@ def _fitting_by_links(
 ) -> dict[SiteType, list[Site]]:
     """Return the fitting sites that links belong to, for each kind that has some.
 
-    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway.
+    Links make a junction only of several requested streets; the ring of a roundabout may be made of them anyway. A
+    single street without an urban junction is itself an urban site if it has houses.
     """
     possible = [kind for kind in kinds if kind == "roundabout" or len(request.streets) > 1]
-    return {kind: fitting for kind in possible if (fitting := _fitting(finder, finder.find_by_links(kind), request))}
+    found = {kind: fitting for kind in possible if (fitting := _fitting(finder, finder.find_by_links(kind), request))}
+    if not found and "urban" in kinds and len(request.streets) == 1:
+        found = {"urban": fitting} if (fitting := _fitting(finder, finder.middles_of_streets(), request)) else {}
+    return found
 
 
 _LEAST_BOX_DEG = 1e-9
@@ -348,9 +352,11 @@ def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool
 
 
 def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
-    """Return whether the streets include one of the names; numbers in a list (``A 4;E 40``) count individually."""
-    single = [part.strip() for street in streets for part in street.split(";")]
-    return bool({fold(name) for name in names} & {fold(name) for name in single})
+    """Return whether the streets include one of the names; those in a list (``A 4;E 40``) count individually."""
+    held, wanted = (
+        {fold(part) for listed in lists for part in (listed, *listed.split(";"))} for lists in (streets, names)
+    )
+    return not held.isdisjoint(wanted - {""})
 
 
 def radius_for(site: Site, request: GenerationRequest) -> float:
