@@ -25,6 +25,7 @@ from .naming.regions import region_of
 from .naming.spellings import (
     MOST_KEPT,
     distinctive,
+    has_same_numbers,
     is_only_a_kind,
     kinds_of_road,
     names_a_street,
@@ -1113,11 +1114,11 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
     99``).
     """
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
-    keys = road_keys(part)
+    keys = road_keys(part) if not _CROSSING_SIGNS.search(part) else {fold(part)}  # two roads are not one of them
     called = {name for key in keys for name in index.by_key.get(key, ())}
     if any(fold(name) == fold(part) for name in called):
         # ``6. Sokak`` shares a reading with ``6. Cadde``, and is another road if the map has both.
-        called = {name for name in called if _is_spelling(part, name)}
+        called = {name for name in called if any(_is_spelling(part, one) for one in index.spellings[name])}
     same = called.union(name for key in keys for name in index.by_whole.get(key, ()))
     if not same and (number := route_number(part)) is not None:
         same = {name for name in facts.refs if name.split()[-1:] == [number] or re.fullmatch(rf"[A-Z]+{number}", name)}
@@ -1141,8 +1142,13 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 
 
 def _is_spelling(typed: str, name: str) -> bool:
-    """Return True if a name is the typed one, abbreviates it, or is abbreviated by it."""
-    return fold(name) == fold(typed) or is_abbreviated(typed, name) or is_abbreviated(name, typed)
+    """Return True if a name is the typed one, abbreviates it or is abbreviated by it, or writes its numbers otherwise."""
+    return (
+        fold(name) == fold(typed)
+        or is_abbreviated(typed, name)
+        or is_abbreviated(name, typed)
+        or has_same_numbers(typed, name)
+    )
 
 
 def _roads_after(part: str, facts: MapFacts) -> tuple[str, ...]:
