@@ -273,8 +273,10 @@ def road_keys(name: str) -> frozenset[str]:
 
 
 def _without_particles(reading: frozenset[str]) -> frozenset[str]:
-    """Return the words without particles; all words if only a kind of road is left (``Rua D``, ``The Avenue``)."""
-    return reading if reading - _PARTICLES <= _KINDS else reading - _PARTICLES
+    """Return the words without particles; a letter is a name if only a kind of road is left (``Rua D``)."""
+    rest = reading - _PARTICLES
+    letters = frozenset(word for word in reading if len(word) == 1)
+    return (rest | letters if rest <= _KINDS else rest) or reading
 
 
 def has_same_numbers(one: str, other: str) -> bool:
