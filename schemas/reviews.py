@@ -260,7 +260,7 @@ class PaceMoment(Model):
         return texts[self.code]
 
 
-LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
+CollisionCause = Literal["ego", "recording", "prediction", "planning", "neither"]
 """What a collision is attributed to.
 
 - ``ego``: something that the ego did earlier without a reason
@@ -328,7 +328,7 @@ class Contact(Model):
     also_touched: tuple[int, ...] = ()
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
-    laid_to: LaidTo | None = None
+    laid_to: CollisionCause | None = None
     fault: EgoFault | None = Field(None, description="what the ego did, if the collision is attributed to it")
 
     @property

@@ -260,8 +260,8 @@ class PlannerForgeServer(MCPServer[Services]):
                     raise
                 finally:
                     duration_s = time.perf_counter() - clock
-                    for tell in self._on_end:
-                        tell(EndedCall(names, outcome, duration_s))
+                    for notify in self._on_end:
+                        notify(EndedCall(names, outcome, duration_s))
         if self._journal is not None:
             self._journal.add(
                 time=started.isoformat(timespec="milliseconds"),

@@ -160,13 +160,13 @@ class WorkflowContext:
         others = sorted((one for one in stored if one.artifact_id not in known), key=lambda one: -one.sequence)
         for artifact in others[: count - len(own)]:
             if not own:
-                self.tell_whose(artifact.kind, artifact.artifact_id)
+                self.remark_source(artifact.kind, artifact.artifact_id)
         return [*own, *others[: count - len(own)]]
 
-    def tell_whose(self, kind: MadeKind, made_id: str, whose: str = "the workspace's") -> None:
+    def remark_source(self, kind: MadeKind, made_id: str, owner: str = "the workspace's") -> None:
         """Add a remark, once for each kind, that a word refers to something from outside this session."""
         if self.services.recent.is_first_report(kind):
-            self.remarks.append(f"{made_id} is {whose} newest {kind}; this session has not made one.")
+            self.remarks.append(f"{made_id} is {owner} newest {kind}; this session has not made one.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
         """Return the artifact with this id; ``latest`` is the client's latest one of the kind.

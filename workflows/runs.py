@@ -109,14 +109,14 @@ class CellResult:
     reused: bool = False
 
 
-async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = False) -> CellResult:
+async def run_cell(context: WorkflowContext, cell: Cell, *, notify_client: bool = False) -> CellResult:
     """Return the run of a cell: a stored one, or a new one, possibly from another call or server.
 
     Raises:
         PlannerForgeError: the scenario cannot be read, or the worker died or exceeded its time limit.
     """
     while True:
-        result = await _attempt(context, cell, tell_client=tell_client)
+        result = await _attempt(context, cell, notify_client=notify_client)
         if result is not None:
             return result
         await anyio.sleep(_CLAIM_POLL_S)
@@ -152,7 +152,7 @@ async def run_grid(
 
 async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
     try:
-        return await _attempt(context, cell, tell_client=False)
+        return await _attempt(context, cell, notify_client=False)
     except PlannerForgeError as error:
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s in the run of %s:\n%s", error.incident, cell.scenario, error.details)  # noqa: TRY400
@@ -160,7 +160,7 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
         return CellResult(None, lost)
 
 
-async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -> CellResult | None:
+async def _attempt(context: WorkflowContext, cell: Cell, *, notify_client: bool) -> CellResult | None:
     """Return the cell's run, or None if another call or server is making it."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
@@ -172,10 +172,10 @@ async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -
         stored = context.workspace.find_by_recipe("run", recipe)  # another call may have stored it before the claim
         if stored is not None:
             return CellResult(stored.read(RunRecord), reused=True)
-        return await _made(context, cell, recipe, tell_client=tell_client)
+        return await _made(context, cell, recipe, notify_client=notify_client)
 
 
-async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_client: bool) -> CellResult:
+async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_client: bool) -> CellResult:
     request = RunRequest(
         run_id=f"run_{recipe.digest}",
         scenario_path=str(context.workspace.file("scenario", cell.scenario_id, "scenario.xml")),
@@ -187,7 +187,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_cl
         seed=cell.seed,
         planner_version=recipe.versions.get(cell.own_planner, ""),
     )
-    run = context.run if tell_client else context.services.workers.run
+    run = context.run if notify_client else context.services.workers.run
     response = await run(RUN_PLANNER, request)
     with context.workspace.scratch() as folder:
         files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}

@@ -36,7 +36,7 @@ from .bench import ServeBench
 _SAMPLE_S = 2.0
 _WARM_UP_SHARE = 1 / 3
 """Share of the time without effect on the slope of memory (chosen), in which caches and worker pools fill."""
-_MOST_TOLD = 10
+_MOST_LISTED = 10
 _RANDOM_SEED = 21
 _READ_BYTES = 700_000
 """Largest resource to read: the SDK's client accepts no event of more than 1 MiB (docs/http.md)."""
@@ -180,7 +180,7 @@ def measure(bench: ServeBench) -> Figures:
     tokens = tokens_of_clients(bench.clients)
     with http_process(folder, settings=token_settings(tokens)) as server:
         anyio.run(_load, server, tokens, bench.minutes * 60.0, tally)
-    for error in tally.errors[:_MOST_TOLD]:
+    for error in tally.errors[:_MOST_LISTED]:
         sys.stderr.write(f"{error}\n")
     calls = sum(tally.calls.values())
     fewest = min(tally.calls[name] for name in tokens)

@@ -41,7 +41,7 @@ from plannerforge.engine.geometry import Points, Values, arc_length, length_m, p
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest, VehicleDemand
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal, VehicleDemand
 
 from ..harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
 from .relations import RELATIONS, read_root, write_root
@@ -464,7 +464,7 @@ def _request(choice: random.Random, source: Path) -> GenerationRequest:
         vehicles=tuple(VehicleDemand(vehicle_class=name) for name in choice.sample(classes, choice.randint(2, 6))),
         duration_s=float(choice.randint(6, 12)),
         seed=choice.randrange(2**31),
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(source.parent),
     )
 

@@ -341,9 +341,9 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
             moments=tuple(FindingMoment(run_id=one.run_id, time_s=0.0, code="goal_out_of_reach") for one in too_far),
             next_step="modify_scenario set_goal with a later time or a nearer goal",
         )
-    laid = {record.run_id: _late_by(evidence, record) for record in rest}
+    delays = {record.run_id: _late_by(evidence, record) for record in rest}
     for name, codes, words, alternatives in _LATE:
-        members = [record for record in rest if laid[record.run_id] == name]
+        members = [record for record in rest if delays[record.run_id] == name]
         if members:
             yield Finding(
                 name=name,
@@ -354,9 +354,9 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
                 alternatives=alternatives,
                 next_step=f"render kind=animation ids=[{members[0].run_id}]",
             )
-    others = [record for record in rest if not laid[record.run_id]]
+    others = [record for record in rest if not delays[record.run_id]]
     for config_id, records in runs.by_config(others).items():
-        yield from _held_back(runs, config_id, records)
+        yield from _findings_on_late_runs(runs, config_id, records)
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
@@ -448,7 +448,7 @@ def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingM
     )
 
 
-def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
+def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
     terms = _median_shares(runs, records)
     if not terms:
         return

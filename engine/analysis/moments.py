@@ -18,12 +18,12 @@ from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
 from ...schemas.reviews import (
     BodySide,
+    CollisionCause,
     ComfortExcess,
     Contact,
     ContactKind,
     EgoFault,
     Encounter,
-    LaidTo,
     LargestMotion,
     Prevention,
     RelativeHeading,
@@ -341,10 +341,12 @@ class _Drive:
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
             prevention=prevention,
             predicted_gap_m=predicted,
-            laid_to=self._laid_to(kind, prevention, predicted),
+            laid_to=self._attribution(kind, prevention, predicted),
         )
 
-    def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
+    def _attribution(
+        self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None
+    ) -> CollisionCause | None:
         """Return what the collision is attributed to: the first match of recording, neither, prediction, planning.
 
         ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.

@@ -285,7 +285,7 @@ class _Pace:
 
         A vehicle that pulls away from the ego does not hold it up, however near it is.
         """
-        wanted = self.wanted_mps
+        wanted = self.required_mps
         slow = np.zeros(self._drive.count, dtype=bool)
         ids = np.full(self._drive.count, -1)
         for index in range(self._drive.count):
@@ -702,7 +702,7 @@ class _Pace:
         return self._ego.first_step + index < goal.first_step and goal.holds(self._ego.positions[index])
 
     @cached_property
-    def wanted_mps(self) -> float:
+    def required_mps(self) -> float:
         """The average speed that the ego needs to be on time, and at least its initial speed."""
         began = float(self._speeds[0])
         if self._goal is None or self._reference is None or not self._goal.has_position:

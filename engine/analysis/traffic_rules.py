@@ -116,8 +116,8 @@ def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
 
 def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleShare:
     """Return how many runs of a configuration broke one rule."""
-    asked = [(record, verdict) for record, verdict in judged if verdict.robustness is not None]
-    broken = sorted((-verdict.degree, record.run_id) for record, verdict in asked if verdict.violated)
+    applicable = [(record, verdict) for record, verdict in judged if verdict.robustness is not None]
+    broken = sorted((-verdict.degree, record.run_id) for record, verdict in applicable if verdict.violated)
     run_ids = tuple(run_id for _, run_id in broken)
     record, rule = judged[0]
     return RuleShare(
@@ -126,7 +126,7 @@ def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> Rul
         unit=rule.unit,
         config_id=record.config_id,
         config_name=record.config_name,
-        violated=runs.rate((one for one, _ in asked), lambda one: one.run_id in run_ids),
+        violated=runs.rate((one for one, _ in applicable), lambda one: one.run_id in run_ids),
         worst=-broken[0][0] if broken else None,
         run_ids=run_ids,
     )

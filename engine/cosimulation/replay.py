@@ -272,7 +272,7 @@ class _Run:
         """Simulate one step; actors move to where they were recorded or where SUMO drives them."""
         self._place_replayed(step)
         self._sumo.step()
-        self._take_out_those_off_road(step)
+        self._remove_off_road(step)
         shown = self._in_order(self._present.intersection(self._sumo.vehicles()))
         self._driving.clear()
         self._show_speeds(shown, step)
@@ -316,7 +316,7 @@ class _Run:
             keys.discard(key)
         self._sumo.remove(key)
 
-    def _take_out_those_off_road(self, step: int) -> None:
+    def _remove_off_road(self, step: int) -> None:
         """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data on them.
 
         A removed vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.

@@ -348,7 +348,9 @@ def _last_place(
     lanes, inside = scene.layout.table.lanes, scene.layout.interior.lanelets
     last, more_m, wrong = (0.0, route[place], route[end]), 0.0, route[place]
     for onward in route[end + 1 :]:
-        straight = scene.lanelet_graph.beside([onward]).intersection(scene.layout.table.successors[wrong]) - {onward}
+        straight = scene.lanelet_graph.parallel_lanes([onward]).intersection(scene.layout.table.successors[wrong]) - {
+            onward
+        }
         if not straight:
             break
         wrong = min(straight)

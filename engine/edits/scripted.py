@@ -288,7 +288,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         base, _ = motion_of(scene, changes, vehicle_id)
         step, trigger = _begin_of(edit, scene, changes, base)
         now_mps = float(base.speeds_mps[step - base.first_step])
-        wanted = wanted_speed(edit.speed or "", now_mps)
+        wanted = requested_speed(edit.speed or "", now_mps)
         check_speed(
             wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} cannot drive {edit.speed}", "go slower"
         )
@@ -316,7 +316,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     return EditStep(changes, vehicles, what, measure=measured)
 
 
-def wanted_speed(text: str, now_mps: float) -> float:
+def requested_speed(text: str, now_mps: float) -> float:
     """Return the speed in m/s that a text states; with +, - or % it is relative to the current speed.
 
     Raises:
@@ -607,7 +607,7 @@ def _prepared(
 ) -> _CutIn | None:
     step_s, at = scene.step_s, end - other.first_step
     other_mps = float(other.speeds_mps[at])
-    final_mps = other_mps if edit.speed is None else wanted_speed(edit.speed, other_mps)
+    final_mps = other_mps if edit.speed is None else requested_speed(edit.speed, other_mps)
     goal = float(path.stations[at]) + gap_s * other_mps + (base.length_m + other.length_m) / 2
     taken_s = (end - first) * step_s
     distance = goal - x0

@@ -17,13 +17,13 @@ from ..cosimulation import (
     DrivenTrack,
     DrivePlan,
     Halt,
+    HandoverTrack,
     SimulationSetup,
-    TakenOverTrack,
     all_actors,
+    handover_track,
     not_drivable,
     recorded_plan,
     resimulate,
-    taken_over_track,
 )
 from ..geometry import Points, arc_length, project, rectangles_overlap
 from ..scene import Scene
@@ -92,11 +92,11 @@ class Simulation:
     def _round(self, plans: Mapping[int, DrivePlan], shown: tuple[Actor, ...]) -> SimulationResult:
         scene, removed, replays = self.scene, self.changes.removed, self.changes.replays
         driven = resimulate(self.setup, (*all_actors(scene, plans, removed, replays.values()), *shown))
-        tracks: dict[int, TakenOverTrack] = {}
+        tracks: dict[int, HandoverTrack] = {}
         for key, plan in plans.items():
-            seen = driven.get(key) or self._gone_at_once(plan)
+            seen = driven.get(key) or self._track_outside_network(plan)
             over_m = plan.junction_lane_change.within_m if plan.junction_lane_change else None
-            track = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
+            track = None if seen is None else handover_track(plan.start, seen, scene.step_s, scene.last_step, over_m)
             if track is not None:
                 tracks[key] = track
         overlaps = self._new_overlaps({key: track.whole(plans[key].start) for key, track in tracks.items()})
@@ -120,7 +120,7 @@ class Simulation:
         others += [replace(region.track, obstacle_id=region.obstacle_id) for region in regions]
         return new_overlaps([*moved, *tracks.values()], others, recorded, self.changes.shifts)
 
-    def _gone_at_once(self, plan: DrivePlan) -> DrivenTrack | None:
+    def _track_outside_network(self, plan: DrivePlan) -> DrivenTrack | None:
         """Return the track of a vehicle that never appeared in SUMO because its bumper is beyond the network's end."""
         table = self.scene.layout.table
         index = plan.from_step - plan.start.first_step
@@ -158,14 +158,14 @@ class Simulation:
 
     def _giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
         """Return plans that give way, except for vehicles that enter on top of another: such entries are refused."""
-        overlaps = tuple(hit for hit in result.overlaps if not self._is_taken_place(result.plans, hit))
+        overlaps = tuple(hit for hit in result.overlaps if not self._is_at_entry(result.plans, hit))
         if not overlaps:
             return {}
         road_users = EditedScene(self.scene, self.changes, result).road_users
         hardest = hardest_braking_mps2(self.scene.friction)
         return plans_giving_way(result.plans, result.tracks, road_users, overlaps, hardest)
 
-    def _is_taken_place(self, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
+    def _is_at_entry(self, plans: Mapping[int, DrivePlan], hit: Overlap) -> bool:
         entering = {key: plan.from_step for key, plan in plans.items() if plan.cause == "added"}
         entering |= {key: replay.track.first_step for key, replay in self.changes.replays.items()}
         return hit.step in (entering.get(hit.first), entering.get(hit.second))
@@ -198,7 +198,7 @@ class _Wait:
 
 def plans_giving_way(
     plans: Mapping[int, DrivePlan],
-    tracks: Mapping[int, TakenOverTrack],
+    tracks: Mapping[int, HandoverTrack],
     road_users: Mapping[int, Track],
     overlaps: Iterable[Overlap],
     hardest_mps2: float = HARDEST_BRAKING_MPS2,
@@ -231,7 +231,7 @@ def plans_giving_way(
     return waiting
 
 
-def _wait(plan: DrivePlan, track: TakenOverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
+def _wait(plan: DrivePlan, track: HandoverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
     """Return how a vehicle waits until another has left the conflict area; None if it cannot stop in time.
 
     It does not react before the other vehicle has entered.

@@ -18,7 +18,7 @@ from ...schemas.runs import NO_TRAJECTORY
 from ..attempts import Attempt, EvalRequest, MadeCall, Score
 from .common import built_in, last_of, refused, scored
 from .files import World
-from .made_files import MadeFiles, holds_vehicles
+from .made_files import MadeFiles, has_vehicles
 
 _USUAL: Mapping[str, tuple[object, ...]] = {
     "density": (None, "low"),
@@ -69,7 +69,7 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
 
 
 def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
-    return all(holds_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
+    return all(has_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
 
 
 def _bounds(count: int | str) -> tuple[int, int | None]:

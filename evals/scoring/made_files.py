@@ -93,7 +93,7 @@ TOWN_M = 100.0
 """Radius around the middle in which streets with houses or built-up land indicate a town."""
 FAST_KMH, SLOW_KMH = 80.0, 60.0
 """Limits above which a road is outside towns, and below which it is in a town, regardless of its surroundings."""
-TOLD_BY_TAGS = frozenset({"highway", "ramp", "rural", "urban"})
+SHOWN_BY_TAGS = frozenset({"highway", "ramp", "rural", "urban"})
 """Types of sites determined from the tags of the map; those of junctions follow from the net alone."""
 STREETS = frozenset({"residential", "living_street", "pedestrian"})
 FAST_CLASSES = frozenset({"motorway", "trunk"})
@@ -333,10 +333,10 @@ class DensityVerdict:
         return self.met or self.stated
 
 
-def judge_density(made: MadeFiles, asked: Density, notes: Sequence[str]) -> DensityVerdict:
+def judge_density(made: MadeFiles, requested: Density, notes: Sequence[str]) -> DensityVerdict:
     """Count the obstacles and the ego on the lanes of the net that cars may use, without insides of junctions."""
     found = (len(made.obstacles) + 1) / _lane_km(made.net)
-    return DensityVerdict(TARGETS[asked], round(found, 2), any(_STATED in note for note in notes))
+    return DensityVerdict(TARGETS[requested], round(found, 2), any(_STATED in note for note in notes))
 
 
 def _lane_km(net: SumoNet) -> float:
@@ -348,14 +348,14 @@ STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
 """Maximum distance of the road that names a site; an exit is also named after the road that it leads to."""
 
 
-def lies_in(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
+def is_in_box(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
     """Return whether the middle is in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
     south, west, north, east = box
     inside = south - slack <= made.latitude <= north + slack
     return inside and west - slack <= made.longitude <= east + slack
 
 
-def lies_at_street(
+def is_at_street(
     made: MadeFiles, street: str, places: Sequence[str], evidence: MapEvidence, within_m: float = STREET_WITHIN_M
 ) -> bool:
     """Return whether every part of ``street, place`` is a place of the map, or has a match of that name nearby."""
@@ -363,7 +363,7 @@ def lies_at_street(
     return all(part in places or evidence.names_near(part, made.latitude, made.longitude, within_m) for part in parts)
 
 
-def holds_vehicles(made: MadeFiles, required: dict[str, tuple[int, int | None]]) -> bool:
+def has_vehicles(made: MadeFiles, required: dict[str, tuple[int, int | None]]) -> bool:
     """Return whether every class is present in the required numbers: (minimum, maximum) by class."""
     counts = made.classes()
     return all(

@@ -19,7 +19,7 @@ from plannerforge.engine.geometry.polyline import Points
 from plannerforge.engine.scene.scene import Scene
 from plannerforge.evals.ground_truth.modification import (
     CORPUS,
-    Asked,
+    EditRequest,
     corpus_refusal,
     drawn_refusals,
     drawn_requests,
@@ -117,7 +117,7 @@ def test_a_refusal_for_another_reason_is_not_right(base: Path) -> None:
 
 
 def test_what_is_done_is_not_refused(base: Path) -> None:
-    done = Asked("refuse", (edit_of(TRUTHS[3][0] | {"time": None}),), must_name=("",))
+    done = EditRequest("refuse", (edit_of(TRUTHS[3][0] | {"time": None}),), must_name=("",))
     assert not is_refused(base, done)
 
 

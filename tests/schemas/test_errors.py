@@ -15,9 +15,9 @@ from plannerforge.schemas.errors import (
     UnexpectedFailure,
     UnknownName,
     UnsafeInput,
-    as_told,
     closest,
     error_classes,
+    error_to_report,
     rebuild,
 )
 from plannerforge.schemas.errors import kinds as errors
@@ -142,7 +142,7 @@ def test_values_from_outside_forge_no_line_and_do_not_fill_the_error() -> None:
     ],
 )
 def test_whatever_is_raised_a_caller_is_told_what_it_can_use(raised: Exception, code: str) -> None:
-    assert as_told(raised, "a tool").code == code
+    assert error_to_report(raised, "a tool").code == code
 
 
 def test_likeness_of_long_names_is_looked_for_in_a_part_of_them() -> None:

@@ -208,7 +208,7 @@ class ServiceClient:
     def __init__(self, services: MapServices, report: ProgressReporter) -> None:
         self._services, self._report, self._share = services, report, 0.05
         self._cache = AnswerCache(Path(services.cache), services.cache_mb, services.cache_days)
-        self._told_bytes = 0
+        self._reported_bytes = 0
         self._give_up_at = time.monotonic() + MOST_SECONDS
 
     def search(self, parameters: Mapping[str, int | str]) -> Answered[list[Finding]]:
@@ -290,7 +290,7 @@ class ServiceClient:
             if time.monotonic() > self._give_up_at:
                 troubles.append(f"{host} was not tried after the limit of {MOST_SECONDS:g} s")
                 break
-            self._tell(f"asking {host}")
+            self._report_step(f"asking {host}")
             try:
                 found = Answered(self._patiently(url, question), host, kept=False)
             except Trouble as trouble:
@@ -315,14 +315,14 @@ class ServiceClient:
         def is_worth_it(raised: BaseException) -> bool:
             return isinstance(raised, Trouble) and raised.again and (raised.wait_s or 0.0) <= MOST_WAIT_S
 
-        def tell(state: RetryCallState) -> None:
-            self._tell(f"{_host_of(url)}: asking again in {wait_s(state):.0f} s")
+        def report_retry(state: RetryCallState) -> None:
+            self._report_step(f"{_host_of(url)}: asking again in {wait_s(state):.0f} s")
 
         again = Retrying(
             stop=stop_after_attempt(ATTEMPTS),
             retry=retry_if_exception(is_worth_it),
             wait=wait_s,
-            before_sleep=tell,
+            before_sleep=report_retry,
             reraise=True,
         )
         answer: _Read = again(self._once, url, question)
@@ -330,15 +330,15 @@ class ServiceClient:
 
     def _once(self, url: str, question: "_Question[_Read]") -> _Read:
         _check_reachable(url)
-        with _osmnx_set_up(self._services, url, self._tell_size), self._turn(_host_of(url)):
+        with _osmnx_set_up(self._services, url, self._report_size), self._turn(_host_of(url)):
             return _answer_of(question, url)
 
-    def _tell_size(self, size: int) -> None:
-        if size >= self._told_bytes + _MIB or size < self._told_bytes:
-            self._told_bytes = size
-            self._tell(f"{size / _MIB:.1f} MB read")
+    def _report_size(self, size: int) -> None:
+        if size >= self._reported_bytes + _MIB or size < self._reported_bytes:
+            self._reported_bytes = size
+            self._report_step(f"{size / _MIB:.1f} MB read")
 
-    def _tell(self, message: str) -> None:
+    def _report_step(self, message: str) -> None:
         """Report the current step; the total is unknown, so the progress grows a little each time."""
         self._share += 0.05 * (_MOST_SHARE - self._share)
         self._report(self._share, message)
@@ -351,7 +351,7 @@ class ServiceClient:
         if pause_s > MOST_WAIT_S:
             raise Trouble(f"has no slot free for {pause_s:.0f} s")
         if pause_s > 0:
-            self._tell(f"{_host_of(url)} has a slot in {pause_s:.0f} s")
+            self._report_step(f"{_host_of(url)} has a slot in {pause_s:.0f} s")
             time.sleep(pause_s)
         settings.overpass_rate_limit = False  # its status was just checked; osmnx waits 60 s for an unknown one
         answer = _overpass._overpass_request(OrderedDict(data=text))

@@ -160,9 +160,9 @@ class SiteFinder:
 
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
-        asked = frozenset(classes)
-        self._classes = asked or ALL_ROADS
-        self._without_links = asked or frozenset(ROADS)
+        requested = frozenset(classes)
+        self._classes = requested or ALL_ROADS
+        self._without_links = requested or frozenset(ROADS)
         self._met: dict[int, tuple[OsmWay, ...]] = {}
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 

@@ -92,7 +92,7 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
     route = _route_and_beyond(graph, reference.lanelets)
     sections = [
         section
-        for key in sorted(graph.beside(route))
+        for key in sorted(graph.parallel_lanes(route))
         for section in _sections(network.find_lanelet_by_id(key), points, along, route.get(key))
     ]
     return _bands(stations, sections)

@@ -10,7 +10,7 @@ from support.builders import town_road
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import TakenOverTrack
+from plannerforge.engine.cosimulation.handover import HandoverTrack
 from plannerforge.engine.edits.explanations import delay, is_red
 from plannerforge.engine.scene.scene import Ego, Scene
 
@@ -30,11 +30,11 @@ def add_light(network: object, key: int, *phases: tuple[str, int]) -> None:
     network.add_traffic_light(lights.TrafficLight(key, np.zeros(2), lights.TrafficLightCycle(elements)), {1})
 
 
-def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> TakenOverTrack:
+def driven(lanes: list[str], speeds_mps: list[float], first_step: int = 0) -> HandoverTrack:
     """A driven vehicle of which only its lanes and speeds count."""
     values, still = np.array(speeds_mps), np.zeros(len(speeds_mps))
     places = np.zeros((len(values), 2))
-    return TakenOverTrack(51, "car", 4.5, 1.8, first_step, places, still, values, still, False, tuple(lanes))
+    return HandoverTrack(51, "car", 4.5, 1.8, first_step, places, still, values, still, False, tuple(lanes))
 
 
 def test_standing_at_a_red_light_is_reported(scene: Scene) -> None:

@@ -7,7 +7,7 @@ import pytest
 from support.builders import Lane, ScenarioBuilder, crossing, driving, line
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.cosimulation.handover import TakenOverTrack
+from plannerforge.engine.cosimulation.handover import HandoverTrack
 from plannerforge.engine.cosimulation.plans import recorded_plan
 from plannerforge.engine.edits.changes import Changes, EditStep
 from plannerforge.engine.edits.edited_scene import EditedScene, SimulationResult
@@ -24,15 +24,15 @@ def scene_of(builder: ScenarioBuilder, folder: Path) -> Scene:
     return Scene.of(read_scenario(builder.with_vehicles(driving(31, (-50, 0), 10.0, STEPS)).write(folder / "base.xml")))
 
 
-def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> TakenOverTrack:
+def halting(front_m: float, lanes: tuple[str, ...] = OVER_THE_LINE) -> HandoverTrack:
     """Vehicle 31, eastbound, which halts with its front at some x."""
     x_m = np.minimum(-50.0 + np.arange(STEPS), front_m - 4.5 / 2)
     positions = np.stack([x_m, np.zeros(STEPS)], axis=1)
     speeds = np.gradient(x_m, 0.1)
-    return TakenOverTrack(31, "car", 4.5, 1.8, 0, positions, speeds * 0, speeds, speeds * 0, leaves=False, lanes=lanes)
+    return HandoverTrack(31, "car", 4.5, 1.8, 0, positions, speeds * 0, speeds, speeds * 0, leaves=False, lanes=lanes)
 
 
-def route_of(scene: Scene, step: EditStep, track: TakenOverTrack) -> VehicleRoute:
+def route_of(scene: Scene, step: EditStep, track: HandoverTrack) -> VehicleRoute:
     """The route that is reported where vehicle 31 is the only one."""
     result = SimulationResult(step.changes.driven, {31: track}, (), ())
     return vehicle_route(EditedScene(scene, step.changes, result), step, 31)

@@ -11,7 +11,7 @@ from support.edits import apply_to
 
 from plannerforge.engine.commonroad.reader import read_scenario
 from plannerforge.engine.commonroad.tracks import Track
-from plannerforge.engine.cosimulation.handover import TakenOverTrack
+from plannerforge.engine.cosimulation.handover import HandoverTrack
 from plannerforge.engine.cosimulation.manoeuvres import Halt
 from plannerforge.engine.cosimulation.plans import Cause, DrivePlan, recorded_plan
 from plannerforge.engine.cosimulation.replay import ROUTES_FILE
@@ -42,9 +42,9 @@ def told(folder: Path, first: Vehicle, second: Vehicle, causes: tuple[Cause, Cau
     return plans_giving_way(plans, tracks, scene.tracks, [Overlap(31, 32, hit)])
 
 
-def as_driven(track: Track) -> TakenOverTrack:
+def as_driven(track: Track) -> HandoverTrack:
     """A motion like the recording."""
-    return TakenOverTrack(**vars(track), accelerations_mps2=track.speeds_mps * 0.0, leaves=False, lanes=())
+    return HandoverTrack(**vars(track), accelerations_mps2=track.speeds_mps * 0.0, leaves=False, lanes=())
 
 
 def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from plannerforge.engine.traffic.motions import DroppedVehicle, GeneratedVehicle
 from plannerforge.engine.traffic.vehicle_counts import Demand
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
-from plannerforge.schemas.generation import ABSENCE_REASONS, AskedEgo, GeneratedScenario, VehicleAbsence
+from plannerforge.schemas.generation import ABSENCE_REASONS, GeneratedScenario, RequestedEgo, VehicleAbsence
 
 DEMAND = Demand({"car": 6, "truck": 2}, {"truck": 2}, {})
 
@@ -29,7 +29,7 @@ def told(
     vehicles: list[GeneratedVehicle], *dropped: DroppedVehicle, demand: Demand = DEMAND, ego: str = "first"
 ) -> set[tuple[str, str, str, int]]:
     traffic = GeneratedTraffic(tuple(vehicles), demand, (), dropped)
-    found = absences_of(AskedEgo.of(ego), DEMAND, traffic, vehicles, stands_in=ego.startswith("index"))
+    found = absences_of(RequestedEgo.of(ego), DEMAND, traffic, vehicles, stands_in=ego.startswith("index"))
     return {(one.fate, one.code, one.vehicle_class, one.count) for one in found}
 
 

@@ -15,7 +15,7 @@ from plannerforge.engine.generation.others import first_of, nearest_at
 from plannerforge.engine.generation.record import with_scripted
 from plannerforge.engine.scenarios import Manoeuvre, read_facts
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedManoeuvre, DensityFacts, GeneratedScenario
+from plannerforge.schemas.generation import DensityFacts, GeneratedScenario, RequestedManoeuvre
 from plannerforge.schemas.modification import ModificationRequest
 from plannerforge.schemas.scenarios import ReadFactsRequest
 from plannerforge.workflows.generation.record import verdicts
@@ -122,7 +122,7 @@ def test_vehicles_that_merge_from_an_acceleration_lane_are_found_in_the_traffic(
 def test_of_several_the_first_one_by_a_vehicle_of_the_class_counts() -> None:
     met = (Manoeuvre("cut_in", "truck", 40, 3), Manoeuvre("cut_in", "car", 10, 1), Manoeuvre("cut_in", "truck", 20, 2))
     classes = {1: "car", 2: "trailer", 3: "truck"}
-    found = [first_of(AskedManoeuvre("cut_in", name), met, classes.__getitem__) for name in (None, "truck", "bus")]
+    found = [first_of(RequestedManoeuvre("cut_in", name), met, classes.__getitem__) for name in (None, "truck", "bus")]
     assert [one.obstacle_id if one else None for one in found] == [1, 3, None]
 
 
@@ -137,7 +137,7 @@ def test_a_vehicle_that_the_request_needs_is_not_replaced(tmp_path: Path, monkey
         raise NotPossible("no room")
 
     monkeypatch.setattr(others, "apply_edits", refused)
-    wanted = AskedManoeuvre("crossing", "truck")
+    wanted = RequestedManoeuvre("crossing", "truck")
     ops = []
     for needed in ((), ("car",)):
         tried.clear()

@@ -11,7 +11,7 @@ from benchmarks.maps.people import judge_file
 from plannerforge.engine.commonroad.reader import read_recorded
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation import generate_scenario
-from plannerforge.engine.generation.people import PEOPLE, open_footways, people_wanted
+from plannerforge.engine.generation.people import PEOPLE, open_footways, target_pedestrians
 from plannerforge.engine.generation.site_network import prepare_site
 from plannerforge.engine.generation.sites import fitting_sites
 from plannerforge.engine.maps.map_file import read_map_file
@@ -183,9 +183,9 @@ def test_how_many_people_are_wanted() -> None:
     assert request.people == ON_FOOT
     assert [demand.vehicle_class for demand in request.on_wheels] == ["truck"]
     bare = VehicleDemand(vehicle_class="pedestrian", share=0.0)
-    assert people_wanted(bare, "high", 40) == PEOPLE["high"]
-    assert people_wanted(bare.model_copy(update={"share": 0.25}), "low", 40) == 10
-    assert people_wanted(ON_FOOT, "low", 40) == 6
+    assert target_pedestrians(bare, "high", 40) == PEOPLE["high"]
+    assert target_pedestrians(bare.model_copy(update={"share": 0.25}), "low", 40) == 10
+    assert target_pedestrians(ON_FOOT, "low", 40) == 6
     assert request_for("Musterstadt", Path()).people is None
     assert set(MAPS) >= {"Musterstadt"}
 

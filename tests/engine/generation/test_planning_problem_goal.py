@@ -14,13 +14,13 @@ from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedEgo, AskedGoal
+from plannerforge.schemas.generation import RequestedEgo, RequestedGoal
 
 LENGTH_M = 200.0
 
 
 def asked(goal: str, duration_s: float, ego: str = "first") -> TaskSpec:
-    return TaskSpec(AskedGoal.of(goal), AskedEgo.of(ego), duration_s)
+    return TaskSpec(RequestedGoal.of(goal), RequestedEgo.of(ego), duration_s)
 
 
 def road() -> RoadNetwork:

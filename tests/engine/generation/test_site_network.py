@@ -19,7 +19,7 @@ from plannerforge.engine.maps.site_search.finder import Site
 from plannerforge.engine.network.road_network import RoadNetwork
 from plannerforge.engine.traffic.demand import lane_km_of
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest, ScenarioType, VehicleDemand
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal, ScenarioType, VehicleDemand
 
 pytestmark = pytest.mark.usefixtures("unknown_sites")
 
@@ -32,7 +32,7 @@ def request_for_fahrhausen(country: str | None = "DEU") -> GenerationRequest:
         country=country,
         attribution="",
         scenario_type="intersection",
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder="",
     )
 

@@ -353,7 +353,7 @@ def resident_kb(path: Path) -> int:
 def test_positions_are_found_again_after_their_pages_were_given_back(
     country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(indexing, "TOLD_EVERY", 7)
+    monkeypatch.setattr(indexing, "REPORTED_EVERY", 7)
     again = indexed(folder / "Country.osm.pbf", tmp_path)
     assert content_of(again.index) == content_of(country.index)
 

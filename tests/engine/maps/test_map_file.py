@@ -14,7 +14,7 @@ from plannerforge.engine.maps.drawn_library import LIBRARY
 from plannerforge.engine.maps.map_file import LastMap, read_map_file
 from plannerforge.engine.maps.osm import OsmMap, read_osm
 from plannerforge.schemas.errors import UnsafeInput
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_a_call_of_several_scenarios_reads_its_map_once_and_leaves_it_as_it_is(
         attribution="",
         scenario_type="intersection",
         duration_s=5.0,
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(tmp_path / "made"),
     )
     count_sites(request, silent)

@@ -67,6 +67,6 @@ def test_a_change_of_lane_costs_its_length_and_comes_as_lanes_allow() -> None:
     assert graph.shortest_route([1], [4]) == (1, 2, 4)
     assert graph.shortest_route([1, 2], [4]) == (2, 4)
     assert graph.shortest_route([3], [1]) is None
-    assert graph.beside([1]) == {1, 2}
+    assert graph.parallel_lanes([1]) == {1, 2}
     assert graph.reachable([1]) == {1: 0, 2: 1, 3: 1, 4: 2}
     assert 0 < LANE_CHANGE_COST_M < graph.length_m[1]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from plannerforge.engine.workspace.artifacts import Artifact, Workspace
-from plannerforge.engine.workspace.export import Export, plan_exports, refuse_taken, write_export
+from plannerforge.engine.workspace.export import Export, plan_exports, refuse_existing, write_export
 from plannerforge.engine.workspace.recipe import Recipe
 from plannerforge.schemas.base import Model
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, ResourceFailure
@@ -51,7 +51,7 @@ def export(
 ) -> tuple[Export, ...]:
     planned = plan_exports(workspace, artifacts, formats, folder)
     if not overwrite:
-        refuse_taken([file.path for file in planned])
+        refuse_existing([file.path for file in planned])
     for file in planned:
         write_export(workspace, file)
     return planned
