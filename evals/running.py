@@ -107,9 +107,9 @@ def print_requests(
         requests = [request for path in paths for request in read_corpus(path)[:limit]]
         if marks is None:
             for request in requests:
-                shown.print(json.dumps(asked(request), ensure_ascii=False), markup=False, soft_wrap=True)
+                shown.print(json.dumps(public_view(request), ensure_ascii=False), markup=False, soft_wrap=True)
         else:
-            chosen = [(request, asked(request)) for request in requests]
+            chosen = [(request, public_view(request)) for request in requests]
             ask_one_by_one(chosen, marks, lambda text: shown.print(text, markup=False, soft_wrap=True), wait)
         errors.done()
     return errors.code
@@ -135,7 +135,7 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
     return errors.code
 
 
-def asked(request: EvalRequest) -> dict[str, Any]:
+def public_view(request: EvalRequest) -> dict[str, Any]:
     """Return a request as another client may see it, without the expected result."""
     given = {
         "id": request.request_id,

@@ -230,8 +230,8 @@ def _red_light(drive: RuledDrive) -> Iterator[Signal]:
         for light in drive.lights_for(line):
             red = truth(drive.shown(light, ("RED", "RED_YELLOW")))
             turns_red = conjunction(red, negation(previously(red)))
-            had_passed = since(red, conjunction(turns_red, truth(line.before_m < 0)))
-            yield Signal(implies(conjunction(red, negation(had_passed)), line.before_m))
+            passed_before = since(red, conjunction(turns_red, truth(line.before_m < 0)))
+            yield Signal(implies(conjunction(red, negation(passed_before)), line.before_m))
 
 
 def _stop_sign(drive: RuledDrive) -> Iterator[Signal]:

@@ -48,7 +48,7 @@ def put_scenario(
     content = content_digest(xml)
     stored = workspace.find("scenario", facts.scenario_id)
     if stored is not None and stored.read(ScenarioRecord).content != content:
-        raise _id_taken(stored, recipe)
+        raise _duplicate_error(stored, recipe)
     files = {"scenario.xml": xml} | ({"scenario.net.xml": net} if net is not None else {}) | dict(extra_files or {})
     record = ScenarioRecord(facts=facts, origin=origin, content=content)
     artifact = workspace.put("scenario", facts.scenario_id, recipe=recipe, record=record, files=files)
@@ -56,7 +56,7 @@ def put_scenario(
     return artifact
 
 
-def _id_taken(stored: Artifact, recipe: Recipe) -> NotPossible:
+def _duplicate_error(stored: Artifact, recipe: Recipe) -> NotPossible:
     """Return the refusal; recipes state program versions, but builds of one version, or machines, may differ."""
     if stored.recipe.digest != recipe.digest:
         return _other_content(stored.artifact_id)
@@ -138,12 +138,12 @@ class ScenarioIntake:
         if not isinstance(file, ReadFile):
             return file
         try:
-            self._refuse_duplicates(file)
+            self._duplicate_errors(file)
             return self._decide(file, folder)
         except Exception as raised:  # noqa: BLE001 - the boundary of a file: the error becomes this file's refusal
             return error_to_report(raised, f"import of scenario {file.path.name}")
 
-    def _refuse_duplicates(self, file: ReadFile) -> None:
+    def _duplicate_errors(self, file: ReadFile) -> None:
         first = self._first_with_content.setdefault(file.content, file.path)
         if first != file.path:
             raise NotPossible(f"duplicate: same content as {shown_name(first.name)}")

@@ -362,12 +362,12 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
     kind = constraint.subject
     if kind == EITHER:
-        held_as = [
+        matching = [
             f"{one} {word}"
             for one, word in constraint.words
             if word in (facts.tags if one == "tag" else facts.features)
         ]
-        return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
+        return ", ".join(matching) or f"no {kind} {constraint.words[0][1]}"
     computed = (*facts.features, *(facts.ego.manoeuvres or () if facts.ego else ()))
     present = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
     shown = [word if word in present else f"no {word}" for _, word in constraint.words]

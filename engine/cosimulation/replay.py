@@ -383,7 +383,7 @@ class _Run:
         highest_mps = min((speed for speed in highest if speed is not None), default=None)
         self._used_lanes.add((key, lane))
         self._keep_to_light(actor, lane)
-        self._change_to_wanted_lane(actor, lane)
+        self._change_to_required_lane(actor, lane)
         self._manoeuvres.act(key, actor.manoeuvres, step, highest_mps)
         front = self._sumo.front(key)
         self._seen.setdefault(actor.track.obstacle_id, []).append((step, *front, lane))
@@ -401,7 +401,7 @@ class _Run:
             self._kept_to_lane.remove(actor.key)
             self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
-    def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
+    def _change_to_required_lane(self, actor: Actor, lane: str) -> None:
         """Send a vehicle to the lane of its edge that it must still use, or to its target's lane."""
         through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
         here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]

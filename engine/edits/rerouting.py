@@ -301,7 +301,7 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
     left_m = -_way_along_m(lanes[route[0]].center, plan.start.front_at(index))
     place = 0
     while place < len(route):
-        end = _last_beside(scene, route, place)
+        end = _last_parallel(scene, route, place)
         left_m += lanes[route[place]].length_m
         needed_m = min(
             speed_mps**2 / (2 * hardest_braking_mps2(scene.friction)), speed_mps * LANE_CHANGE_S * (end - place)
@@ -329,7 +329,7 @@ def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 
 
-def _last_beside(scene: Scene, route: tuple[int, ...], place: int) -> int:
+def _last_parallel(scene: Scene, route: tuple[int, ...], place: int) -> int:
     """Return the index of the last lanelet in the lane changes that start at an index, or that index itself."""
     neighbours = scene.lanelet_graph.neighbours
     while place + 1 < len(route) and route[place + 1] in neighbours.get(route[place], ()):
@@ -369,7 +369,7 @@ def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...],
     Raises:
         NotPossible: it is too near the end of its lanelet for that, or too fast.
     """
-    end = _last_beside(scene, route, 0)
+    end = _last_parallel(scene, route, 0)
     if end == 0 or route[0] in scene.layout.lane_of:
         return None
     index, lanes = plan.from_step - plan.start.first_step, scene.layout.table.lanes

@@ -54,7 +54,7 @@ _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
 """By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
 """A cut-in starts as soon as its preparation needs at most the first; above the second it is refused."""
-_BESIDE_M = (1.8, 6.0)
+_NEXT_LANE_M = (1.8, 6.0)
 """Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
 """Start times of a cut-in are tried at this interval (chosen)."""
@@ -517,7 +517,7 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     station, aside = project(path.line, base.positions[index])
     along = point_at(path.line, station)[1]
     turned = abs(wrap_angle(float(base.headings_rad[index]) - along))
-    low, high = _BESIDE_M
+    low, high = _NEXT_LANE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
     where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m to the side of its path"
@@ -538,7 +538,7 @@ def _is_in_next_lane(track: Track, path: _Path, step: int) -> bool:
         return False
     station, aside = project(path.line, track.positions[index])
     turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(path.line, station)[1]))
-    return _BESIDE_M[0] <= abs(aside) <= _BESIDE_M[1] and turned < math.radians(45.0)
+    return _NEXT_LANE_M[0] <= abs(aside) <= _NEXT_LANE_M[1] and turned < math.radians(45.0)
 
 
 def _cut_in_motion(

@@ -368,8 +368,8 @@ def _write(
     aim = replace(TrafficAim.of(request, site.net), turning=turning)
     lane_km = lane_km_of(site.net)
     demand = plan_counts(request.density, request.on_wheels, lane_km, aim.per_lane_km, fewest=aim.fewest)
-    asked_for = demand.with_ego(request.ego.vehicle_class)
-    traffic = generate_traffic(request, asked_for, aim, site, round_number, path.parent, report)
+    requested_demand = demand.with_ego(request.ego.vehicle_class)
+    traffic = generate_traffic(request, requested_demand, aim, site, round_number, path.parent, report)
     demand = traffic.demand
     ranked = along_the_site(traffic.vehicles, site)
     report(0.75, "choosing ego and goal")
@@ -425,7 +425,7 @@ def _write(
     if request.people is not None:
         counted += people_notes(traffic.people, walking)
     scenario = record_of(request, site, demand, aim, task, vehicles, people, obstacle_ids, checks, [*notes, *counted])
-    absences = absences_of(request.ego, asked_for, traffic, vehicles, walking, stands_in=task.stands_in)
+    absences = absences_of(request.ego, requested_demand, traffic, vehicles, walking, stands_in=task.stands_in)
     scenario = scenario.model_copy(update={"absences": absences})
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})

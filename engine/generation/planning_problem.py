@@ -38,7 +38,7 @@ from .turns import leads_without_change, makes
 
 SHORTEST_PATH_M = 10.0
 """Minimum distance to a goal after a number of steps (chosen): a car that waits has no task."""
-SHORTEST_ASKED_PATH_M = 4.0
+SHORTEST_REQUESTED_PATH_M = 4.0
 """The same for a goal by distance, which is at least 5 m, or by lanelet (chosen)."""
 
 
@@ -53,7 +53,7 @@ class TaskSpec:
     @property
     def shortest_path_m(self) -> float:
         """Return the minimum distance that a car must drive to the goal."""
-        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_ASKED_PATH_M
+        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_REQUESTED_PATH_M
 
 
 TIME_MARGIN_S = 1.5
@@ -354,7 +354,7 @@ def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, 
         return None
     turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
     passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
-    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_ASKED_PATH_M else None
+    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_REQUESTED_PATH_M else None
 
 
 LARGEST_CURVATURE_PER_M = 0.2

@@ -221,7 +221,7 @@ def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[
     target, reached = density.target_per_lane_km, density.at_start_per_lane_km
     if abs(reached - target) > MISSED_BY * target:
         notes.append(
-            f"{density.asked} missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
+            f"{density.requested} missed: {reached:g} vehicles per lane-km at the start instead of {target:g}, "
             f"because {_miss_reason(density, demand, too_many=reached > target)}"
         )
     return notes

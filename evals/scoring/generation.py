@@ -64,11 +64,11 @@ def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path
         "count": len(found) == truth.get("count", 1) or f"only {len(found)} different site" in made.text,
         "place": country is None or all(str(one["scenario_id"]).startswith(country) for one in found),
         "type": kind == "any" or all(str(one["site"]).startswith(kind) for one in found),
-        "vehicles": any(_holds(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
+        "vehicles": any(_has_classes(files, wanted) for wanted in truth.get("vehicles_accept", [truth["vehicles"]])),
     }
 
 
-def _holds(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
+def _has_classes(files: list[MadeFiles], wanted: Mapping[str, int | str]) -> bool:
     return all(has_vehicles(one, {name: _bounds(count) for name, count in wanted.items()}) for one in files)
 
 

@@ -85,7 +85,7 @@ class MadeFiles:
         return float(np.linalg.norm(points - self.middle, axis=1).min())
 
 
-AT_M, BESIDE_M, JUNCTION_M = 25.0, 40.0, 60.0
+AT_M, NEARBY_M, JUNCTION_M = 25.0, 40.0, 60.0
 """Distances from the middle: on its road, with both carriageways; next to it; at its junction. Sites closer than this
 are one site.
 """
@@ -133,14 +133,14 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
 
 def _near_a_road(made: MadeFiles) -> bool:
     """Return whether the middle is near a road other than motorways and links, and no motorway passes."""
-    roads = [edge for edge in made.near(BESIDE_M) if not _is_link(edge)]
+    roads = [edge for edge in made.near(NEARBY_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
 
 
 def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
     """Return whether the scenario is in a town: by clear limits, otherwise by streets with houses and built-up land."""
     spot = (made.latitude, made.longitude)
-    limits = evidence.limits_kmh(*spot, BESIDE_M)
+    limits = evidence.limits_kmh(*spot, NEARBY_M)
     if max(limits, default=0.0) >= FAST_KMH:
         return False
     slow = min(limits, default=math.inf) < SLOW_KMH
@@ -149,7 +149,7 @@ def _in_town(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
     """Return whether the scenario is near a country road, and not at a ramp."""
-    ramp = any(_is_link(edge) for edge in made.near(BESIDE_M))
+    ramp = any(_is_link(edge) for edge in made.near(NEARBY_M))
     return _near_a_road(made) and not ramp and not _in_town(made, evidence)
 
 
@@ -236,7 +236,7 @@ LEAST_ENTRIES = 2
 """Minimum number of roads that lead into a roundabout."""
 ALONG = ("s", "L", "R")
 """SUMO's letters for continuing along a road; a ring with a turn leads around a block or across an intersection."""
-REACH_M, RING_BESIDE_M = 180.0, 30.0
+REACH_M, RING_NEARBY_M = 180.0, 30.0
 """Maximum distance of a ring's roads from its middle, and of the scenario's middle from the ring."""
 SIDES_APART_M = 12.0
 """Maximum distance between the middles of the two directions of a road; the other half of a ring is farther away."""
@@ -294,7 +294,7 @@ def _is_at_middle(made: MadeFiles, ring: list[str]) -> bool:
     from shapely import Point, Polygon
 
     area = Polygon(np.vstack([_line(made.net, made.net.edges[edge]) for edge in ring])).buffer(0.0)
-    return float(area.distance(Point(*made.middle))) < RING_BESIDE_M
+    return float(area.distance(Point(*made.middle))) < RING_NEARBY_M
 
 
 def _is_round(net: SumoNet, ring: list[str]) -> bool:

@@ -359,7 +359,7 @@ class DensityFacts(Model):
     at_time: str = ""
 
     @property
-    def asked(self) -> str:
+    def requested(self) -> str:
         """What set the requested density: a word, or a time of day."""
         return self.at_time or f"{self.wish} density"
 

@@ -189,12 +189,12 @@ class _Refusal:
     """The refusal of a request, as JSON-RPC, so that a client shows it like any other error."""
 
     status: int
-    told: str
+    reason: str
     wait_s: int | None = None
 
     async def send(self, send: Send) -> None:
         code = INVALID_REQUEST if self.status < 500 else INTERNAL_ERROR
-        error = {"code": code, "message": f"[http_{self.status}] {self.told}."}
+        error = {"code": code, "message": f"[http_{self.status}] {self.reason}."}
         body = json.dumps({"jsonrpc": "2.0", "id": None, "error": error}).encode()
         headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
         if self.wait_s is not None:

@@ -82,8 +82,8 @@ class Answered(Generic[_Read]):
 class _Question(Generic[_Read]):
     """A question to services of one kind, at their addresses.
 
-    ``ask`` sends it to the service at an address. ``read`` reads the answer or raises ``NotReadable``. ``holds``
-    returns whether an answer is not empty.
+    ``ask`` sends it to the service at an address. ``read`` reads the answer or raises ``NotReadable``.
+    ``is_sufficient`` returns whether an answer is not empty.
     """
 
     text: str
@@ -91,7 +91,7 @@ class _Question(Generic[_Read]):
     urls: Sequence[str]
     ask: Callable[[str], object]
     read: Callable[[object], _Read]
-    holds: Callable[[_Read], bool]
+    is_sufficient: Callable[[_Read], bool]
 
 
 @dataclass
@@ -100,7 +100,7 @@ class _Guard:
 
     hosts: tuple[str, ...]
     deadline: float
-    tell: Callable[[int], None]
+    report_size: Callable[[int], None]
     status_reads: int = field(default=0)
 
     def __call__(self, response: Any, *unused: object, **options: object) -> None:
@@ -164,7 +164,7 @@ class _Guard:
                 if time.monotonic() > self.deadline:
                     raise Trouble("sends too slowly", again=False)
                 parts.append(part)
-                self.tell(size)
+                self.report_size(size)
         except (HTTPError, RequestException, OSError) as error:
             raise Trouble("broke off in the middle of its answer", again=True) from error
         finally:
@@ -228,7 +228,7 @@ class ServiceClient:
             return _nominatim._nominatim_request(OrderedDict(sorted(parameters.items())))
 
         question = f"nominatim {base} {query}"
-        return self._ask(_Question(question, "Nominatim", (base,), ask, read_findings, holds=bool))
+        return self._ask(_Question(question, "Nominatim", (base,), ask, read_findings, is_sufficient=bool))
 
     def query(self, text: str) -> Answered[MapData]:
         """Return the JSON answer of the first available Overpass service to a query in its language.
@@ -250,7 +250,7 @@ class ServiceClient:
     def _ask(self, question: "_Question[_Read]") -> "Answered[_Read]":
         asks_none = self._services.mode == "cache"
         kept = self._cached(question, however_old=asks_none)
-        fresh = kept is not None and (asks_none or question.holds(kept.answer) or kept.age_s < EMPTY_KEPT_S)
+        fresh = kept is not None and (asks_none or question.is_sufficient(kept.answer) or kept.age_s < EMPTY_KEPT_S)
         if kept is not None and fresh:
             return Answered(kept.answer, kept.service, kept=True)
         if self._services.mode != "online":
@@ -296,7 +296,7 @@ class ServiceClient:
             except Trouble as trouble:
                 troubles.append(f"{host} {trouble}")
                 continue
-            if question.holds(found.answer):
+            if question.is_sufficient(found.answer):
                 return _with(found, troubles), troubles
             if empty is not None:
                 break
@@ -391,10 +391,11 @@ def _host_of(url: str) -> str:
 
 
 @contextmanager
-def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) -> Iterator[None]:
+def _osmnx_set_up(services: MapServices, url: str, report_size: Callable[[int], None]) -> Iterator[None]:
     """Apply these settings to osmnx for one service; restore osmnx's own settings afterwards."""
     from osmnx import settings
 
+    deadline = time.monotonic() + services.timeout_s + CONNECT_S
     ours = {
         "nominatim_url": url,
         "overpass_url": url,
@@ -409,7 +410,9 @@ def _osmnx_set_up(services: MapServices, url: str, tell: Callable[[int], None]) 
         "requests_kwargs": {
             "allow_redirects": False,
             "stream": True,
-            "hooks": {"response": _Guard((_host_of(url),), time.monotonic() + services.timeout_s + CONNECT_S, tell)},
+            "hooks": {
+                "response": _Guard((_host_of(url),), time.monotonic() + services.timeout_s + CONNECT_S, report_size)
+            },
         },
     }
     before = {name: getattr(settings, name) for name in ours}

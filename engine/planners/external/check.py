@@ -143,10 +143,8 @@ def _describe_duration(planner: OwnPlanner | Found, plan_s: list[float]) -> str:
     """Return the planning time as text; for a program that is called once, its response time."""
     if not plan_s:
         return ""
-    is_asked_once = (
-        isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
-    )
-    return f"answered in {sum(plan_s):.1f} s" if is_asked_once else f"{1000 * median(plan_s):.1f} ms a plan"
+    plans_once = isinstance(planner, Found) and planner.command is not None and planner.command.protocol == "one_shot"
+    return f"answered in {sum(plan_s):.1f} s" if plans_once else f"{1000 * median(plan_s):.1f} ms a plan"
 
 
 def _maker(name: str, planner: OwnPlanner | Found, file: ScenarioFile) -> Callable[[], Planner]:

@@ -39,7 +39,7 @@ def test_leaving_out_what_is_out_of_reach_changes_no_cost_and_no_trajectory(monk
     near = given[0]
     assert min(near.values()) < HORIZON
     given.clear()
-    monkeypatch.setattr(frenet_costs, "BESIDE_REACH_M", 1e6)
+    monkeypatch.setattr(frenet_costs, "BEYOND_REACH_M", 1e6)
     whole = busy()
     assert given[0].keys() > near.keys()
     assert set(given[0].values()) == {HORIZON}
