@@ -410,9 +410,7 @@ def _osmnx_set_up(services: MapServices, url: str, report_size: Callable[[int], 
         "requests_kwargs": {
             "allow_redirects": False,
             "stream": True,
-            "hooks": {
-                "response": _Guard((_host_of(url),), time.monotonic() + services.timeout_s + CONNECT_S, report_size)
-            },
+            "hooks": {"response": _Guard((_host_of(url),), deadline, report_size)},
         },
     }
     before = {name: getattr(settings, name) for name in ours}
