@@ -161,7 +161,7 @@ class Relaxation(Model):
 
 
 class Emptied(Model):
-    """Why no scenario is left: the stage, its conditions that no candidate satisfied, and existing values."""
+    """The stage that left no scenario, its conditions that no candidate satisfied, and the values that exist."""
 
     stage: Stage = Field(description="the stage that left no scenario")
     conditions: tuple[str, ...] = Field(description="its conditions that no candidate satisfies")

@@ -162,7 +162,7 @@ class ResourceReading:
     async def _complete(
         self, context: ServerRequestContext[Services], request: CompleteRequestParams
     ) -> CompleteResult:
-        """Return values of an argument of a prompt or a resource template that begin with the typed text."""
+        """Return the values of a prompt's or a resource template's argument that begin with the typed text."""
         reference, argument = request.ref, request.argument
         given = (request.context.arguments if request.context is not None else None) or {}
         workspace = context.lifespan_context.workspace

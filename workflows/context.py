@@ -169,10 +169,10 @@ class WorkflowContext:
             self.remarks.append(f"{made_id} is {owner} newest {kind}; this session has not made one.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
-        """Return the artifact with this id; ``latest`` is the client's latest one of the kind.
+        """Return the artifact with this id; ``latest`` means the client's newest artifact of this kind.
 
         Raises:
-            UnknownName: with the nearest existing ids.
+            UnknownName: there is no such artifact; the error lists the nearest ids.
         """
         if word != "latest":
             return self.workspace.get(word, kind)

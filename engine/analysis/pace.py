@@ -514,7 +514,7 @@ class _Pace:
 
     @cached_property
     def _looked_at(self) -> int:
-        """The number of steps, from the ego's first, at which road users are examined; some are after the run."""
+        """The number of steps, counted from the ego's first, in which road users are examined, even after the run."""
         return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
 
     @cached_property
@@ -632,7 +632,7 @@ class _Pace:
         return sorted(found, key=lambda line: line.station_m)
 
     def _any_stops(self, lights: "tuple[TrafficLight, ...]") -> bool:
-        """Return True if any of some lights requires a stop at some time of the run."""
+        """Return True if any of the lights requires a stop at any time during the run."""
         return any(not self._drive.shown(light, _GO).all() for light in lights)
 
     def _line_ahead(self, index: int) -> _Line | None:
@@ -643,7 +643,7 @@ class _Pace:
         return line.station_m - float(self._stations[index]) - self._ego.length_m / 2
 
     def _stops(self, line: _Line, index: int) -> bool:
-        """Return True if a light of the line requires a stop at a state, or at one after the run."""
+        """Return True if a light at the line requires a stop at this step, which may be after the end of the run."""
         step = self._ego.first_step + index
         return any(light.get_state_at_time_step(step).name not in _GO for light in line.lights)
 

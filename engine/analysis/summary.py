@@ -189,7 +189,7 @@ def _ease(record: RunRecord) -> tuple[float, ...]:
 
 
 def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
-    """Return the runs of the requested page: failures first, the hardest of each first, invalid ones last."""
+    """Return the requested page of runs: failures, successes, then invalid runs; most harmful first in each."""
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     ordered = [*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid]
     return ordered if len(ordered) == 1 else ordered[request.offset : request.offset + request.limit]

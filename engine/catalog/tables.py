@@ -172,7 +172,7 @@ def refresh(database: "Database") -> int:
 
 
 def _enter_missing(connection: sqlite3.Connection) -> int:
-    """Do what ``refresh`` does, within a writing transaction and with tables that exist."""
+    """Do the same as ``refresh``; the caller has opened a writing transaction and prepared the tables."""
     rows = _missing(connection)
     changed = []
     for sequence, artifact_id, record in rows:

@@ -122,7 +122,7 @@ def without_scripts(root: "etree._Element") -> int:
 
 
 def prescribed_ids(path: Path) -> frozenset[int]:
-    """Return the ids of a file's road users with a motion that an edit prescribes."""
+    """Return the ids of the road users in a file whose motion an edit prescribes."""
     found = _PRESCRIBED.search(path.read_bytes())
     return frozenset() if found is None else frozenset(map(int, found[1].split()))
 

@@ -1,11 +1,11 @@
-"""Plans of what SUMO drives or replays, made before any simulation: immutable values, new for each edit.
+"""Plans for the road users that SUMO drives or replays: immutable values, made before a simulation.
 
-A :class:`DrivePlan` is a vehicle that SUMO drives, starting at a step. A :class:`Replay` is a road user that follows a
-given track.
+A :class:`DrivePlan` is for a vehicle that SUMO drives from a step on. A :class:`Replay` is for a road user that follows
+a given track. Every edit creates new plans.
 
 SUMO's vehicles keep their lanes inside junctions. A vehicle that changes lanes inside a junction when it is handed over
-(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step (:func:`shown_track`), and the
-written motion moves over from its recorded position: sideways only as it rolls, never while standing
+(:class:`JunctionLaneChange`) is driven on the adjacent lanelet from its first step (:func:`shown_track`). In the
+written motion, it moves gradually from its recorded position to that lanelet, and moves sideways only while it rolls
 (:func:`lane_change_track`).
 """
 

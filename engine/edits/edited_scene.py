@@ -79,7 +79,7 @@ class EditedScene:
 
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
-        """All road users after the edits: recorded, standing and driven ones by ascending id, then regions."""
+        """All road users after the edits: those with a track by ascending id, then those given by occupancies."""
         tracks = (track for _, track in sorted((self.after.tracks | self.after.standing).items()))
         return (*tracks, *(region.track for region in self.after.regions))
 

@@ -203,7 +203,7 @@ class _Neighbour:
     is_parked: bool = False
 
     def gap_m(self, vehicle_class: VehicleClass) -> float:
-        """Return the gap between the bumpers."""
+        """Return the gap to a vehicle of this class at the place, bumper to bumper; 0 if they overlap."""
         return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 

@@ -267,7 +267,7 @@ class DrivenVehicle:
         return () if route is None else route[len(self.lanelets[-1:]) :]
 
     def first_of(self, targets: frozenset[int]) -> int:
-        """Return the first of some lanelets on the planned route, else the one with the lowest id."""
+        """Return the first target lanelet on the planned route, or the target with the lowest id if none is on it."""
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
     def reason_not_reached(self, targets: frozenset[int], since: int) -> str:

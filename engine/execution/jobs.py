@@ -1,7 +1,7 @@
 """Durable records of long work, and the runner that executes this server's jobs in the background.
 
 A record is in the workspace's database, so any server on the workspace can report on it. A job of a server that is gone
-appears as interrupted; the same request again continues from what was finished.
+appears as interrupted; a repeated request continues with what was not finished.
 """
 
 import asyncio

@@ -96,7 +96,7 @@ def with_walkways(network: RoadNetwork, footways: Footways) -> RoadNetwork:
 
 
 def _marked(ways: WalkNet, net: SumoNet, marked: Iterable[tuple[float, float]]) -> int:
-    """Count the crossings of a net that are near one that the map marks."""
+    """Count the crossings of a net that are near a crossing marked on the map."""
     from pyproj import Proj
 
     if not net.projection or not (degrees := list(marked)):

@@ -196,7 +196,10 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """Return the box around ``area``, inside the core of a fetched map; None if the whole map is requested."""
+        """Return the box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+
+        The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
+        """
         area = None if self.area is None else _box_around(self.area)
         core = None if self.entry.facts.source is None else self.entry.facts.source.core
         if area is None or core is None:

@@ -150,7 +150,7 @@ def _begin_of_root(text: str) -> int:
 
 
 def named_by_content(path: Path, folder: Path) -> Path:
-    """Return an unpacked map under a name with its format's ending: the file itself, or a copy in the folder."""
+    """Return an unpacked map with the file extension of its format: the file itself, or a copy in the folder."""
     ending = _ENDINGS.get(root_element(path) or "")
     name = path.name.lower()
     if ending is None or (name.endswith(ending) and not (ending == LANELETS_ENDING and name.endswith(NET_ENDING))):

@@ -121,7 +121,7 @@ def _plain(lanelet: "Lanelet", place: tuple[str, str], speed_mps: float, known: 
 
 
 def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tuple[TrafficLight, ...]:
-    """Return the file's lights at lanelets for vehicles, without cycles, since the file's own cycles are kept."""
+    """Return the file's lights at lanelets for vehicles, each with an empty cycle: the file keeps its own."""
     standing = {
         int(light): key
         for key, lanelet in sorted((int(one.lanelet_id), one) for one in network.lanelets)

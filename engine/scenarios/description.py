@@ -340,7 +340,7 @@ def _span(value: Any, factor: float) -> str:
 def _describe_lanelets(
     scene: Scene, ego: DescribedEgo | None, center: Points, radius_m: float, most: int
 ) -> tuple[tuple[DescribedLanelet, ...], int]:
-    """Return lanelets within the radius, first those of the ego's route, then the nearest, and the total number."""
+    """Return the lanelets within the radius (those on the ego's route, then the nearest), and the network's total."""
     distances = {
         lanelet.lanelet_id: float(np.min(np.linalg.norm(lanelet.center_vertices - center, axis=1)))
         for lanelet in scene.network.lanelets

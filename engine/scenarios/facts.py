@@ -1,4 +1,4 @@
-"""Read the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
+"""Read the facts of a CommonRoad file: the PlannerForge paper's four metadata layers and computed features.
 
 Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). The facts also state how
 dense the recorded traffic is, and when it meets an ego that does not react.

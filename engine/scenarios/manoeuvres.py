@@ -96,7 +96,7 @@ class _Ego:
 
     @property
     def reach_m(self) -> float:
-        """The station that the ego reaches within the recording, and at least the distance that counts as near."""
+        """The station that the ego reaches within the recording, at least ``AHEAD_OF_START_M`` past its start."""
         return max(float(self.stations[-1]), float(self.stations[0]) + AHEAD_OF_START_M)
 
     def gap_m(self, seen: "_Seen", index: int) -> float:

@@ -221,7 +221,7 @@ class Sumo:
         return x, y
 
     def pedestrian_angle_deg(self, key: str) -> float:
-        """Return SUMO's angle of a person."""
+        """Return the direction that a person faces, in SUMO's convention: degrees clockwise from north."""
         return float(self._person.getAngle(key))
 
     def pedestrian_edge(self, key: str) -> str:

@@ -279,9 +279,10 @@ CORPUS: Final[Mapping[str, tuple[tuple[EditWords, ...], tuple[str, ...]]]] = {
 
 
 def corpus_refusal(row: Mapping[str, Any]) -> EditRequest | None:
-    """Return a line to be refused, as arguments, or None if no executable edit must be refused.
+    """Return the edits of a corpus line that must be refused, or None if none of them must be.
 
-    The latter applies if continuing with a stated assumption is also correct, as for "two thirds along the lanelet".
+    A refusal is optional if it is also correct to continue with a stated assumption, as for "two thirds along the
+    lanelet".
     """
     truth = row["truth"]
     if row["id"] in CORPUS:

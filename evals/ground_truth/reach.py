@@ -1,6 +1,6 @@
-"""What a scenario allows, from the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
+"""What a scenario allows: which goals a car can reach, and where "25 m ahead" is, according to the file's lanelets.
 
-None of this uses the editing code, so that it can judge it.
+This module does not use the editing code, so that it can judge that code's results.
 """
 
 import heapq

@@ -77,7 +77,7 @@ def _road_net(key: str, value: dict[str, Any]) -> str:
 
 
 def _compared(operation: str, count: Any, unit: str = "") -> str:
-    """Return an operation with its count or value, as written."""
+    """Return a condition on a count or a value as text, such as ``>=3`` or ``=10..20``, plus its unit."""
     if operation == "range":
         return f"={count[0]}..{count[1]}{unit}"
     if operation == "zero":

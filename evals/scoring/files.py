@@ -185,7 +185,7 @@ class SceneFile:
 
     @property
     def last_step(self) -> int:
-        """The last step that a road user or a goal reaches."""
+        """The last step of any moving road user's track or any goal's time interval."""
         ends = [max(user.states) for user in self.users.values() if not user.is_static]
         ends += [int(goal.last_step) for problem in self.problems for goal in problem.goals]
         return max(ends, default=0)

@@ -63,7 +63,7 @@ class MadeFiles:
         return cls(net, middle, latitude, longitude, obstacles)
 
     def classes(self) -> Counter[str]:
-        """Count vehicles by class, without the ego."""
+        """Count vehicles by class, excluding the ego."""
         return Counter(
             name
             for kind, length in self.obstacles
@@ -243,9 +243,9 @@ SIDES_APART_M = 12.0
 
 
 def _shows_roundabout(made: MadeFiles) -> bool:
-    """Return whether a closed one-way ring surrounds the middle or passes by it, with at least two entries.
+    """Return whether a one-way ring with at least two entries surrounds the scenario's middle or is close to it.
 
-    It must have the proper direction: counter-clockwise in right-hand traffic.
+    Traffic on it must circulate in the correct direction: counter-clockwise in right-hand traffic.
     """
     edges = {key: edge for key, edge in made.net.edges.items() if not edge.internal}
     one_way = {key for key, edge in edges.items() if not _has_other_side(made.net, edge)}
@@ -334,7 +334,7 @@ class DensityVerdict:
 
 
 def judge_density(made: MadeFiles, requested: Density, notes: Sequence[str]) -> DensityVerdict:
-    """Count the obstacles and the ego on the lanes of the net that cars may use, without insides of junctions."""
+    """Return the verdict on the density: obstacles plus ego per km of car lanes outside junctions."""
     found = (len(made.obstacles) + 1) / _lane_km(made.net)
     return DensityVerdict(TARGETS[requested], round(found, 2), any(_STATED in note for note in notes))
 

@@ -241,7 +241,7 @@ class _Authentication:
 
 
 def _as_written(url: str) -> AnyHttpUrl:
-    """Return a URL without an added slash: clients compare issuers letter by letter (RFC 8414, section 3.3)."""
+    """Return a URL without an added slash: clients compare issuers character by character (RFC 8414, section 3.3)."""
     adapter = TypeAdapter(AnyHttpUrl, config=ConfigDict(url_preserve_empty_path=True))
     return adapter.validate_python(url)
 

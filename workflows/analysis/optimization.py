@@ -699,7 +699,7 @@ def _grouped(
 
 
 def _recipe(plan: _Plan) -> Recipe:
-    """Return the recipe of a study, which does not include how long a call waits."""
+    """Return the recipe of a study; it leaves out how long a call waits."""
     arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed"})
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]
     packages = ("optuna", "cmaes", "SALib", "frenetix", "commonroad-io", "commonroad-drivability-checker")

@@ -571,7 +571,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
-    """Return the part as a map with an id from its content; if it is cut out again, the id is the same."""
+    """Store the cut part of an extract as a map; its id is derived from its content, so a repeated cut keeps it."""
     path = Path(cut.path)
     arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
     recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})

@@ -50,7 +50,7 @@ class LegalLimit:
 
 
 class LegalSpeeds:
-    """The table: kinds of road by name, and the limits of each country and state (ISO 3166-1 alpha-2, ISO 3166-2)."""
+    """Legal speed limits of countries and states (ISO 3166-1 alpha-2, ISO 3166-2), with the kinds of road by name."""
 
     def __init__(
         self, kinds: Mapping[str, Sequence[str]], limits: Mapping[str, Sequence[tuple[str, Mapping[str, str]]]]

@@ -134,7 +134,7 @@ class RoadReader:
         self._reported.add("barrier", tag)
 
     def _oneway(self, way: OsmWay, name: str) -> int:
-        """Return the direction of a road according to its tags, including access in one direction only."""
+        """Return the direction of a road, as :func:`oneway_of` does; access tags may also limit it to one direction."""
         oneway = oneway_of(way.tags)
         forward, backward = users_of(way.tags, "forward"), users_of(way.tags, "backward")
         if oneway == 0 and bool(forward) != bool(backward):

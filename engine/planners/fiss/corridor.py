@@ -1,4 +1,4 @@
-"""The lanes along a reference path in the form of FISS's core: bands of lateral offsets, with one value per station.
+"""The lanes along a reference path as FISS's core expects them: bands of lateral offsets, one value per station.
 
 Lane 0 is the band around the path itself, as wide as the lane under it, so a path that changes lanes leads the planner
 from one lane to the other. Lanes −1 and +1 are the lanes of the same direction to its right and left, if a lane change
@@ -167,7 +167,7 @@ def _sections(lanelet: "Lanelet", points: Points, along: Points, place: int | No
 
 
 def _near(points: Points, center: Points) -> NDArray[np.intp]:
-    """Return the points within ``_SIDE_M`` of the bounding box of a line."""
+    """Return the indices of the points within ``_SIDE_M`` of the bounding box of the line ``center``."""
     low, high = center.min(axis=0) - _SIDE_M, center.max(axis=0) + _SIDE_M
     return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
 

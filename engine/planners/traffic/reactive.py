@@ -329,9 +329,9 @@ def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:
-    """Return True if a pose keeps a metre from all others, and comfortable braking avoids slower ones straight ahead.
+    """Return True if a vehicle at this pose is clear of all others and can brake comfortably for those ahead.
 
-    The others count at the step before the ego's, the last one known.
+    The other road users are at their positions one step before the ego's, the last ones known.
     """
     bodies = [(ego.position, ego.heading_rad, (vehicle.length_m, vehicle.width_m), ego.speed_mps)]
     places = [(other, other.index_at(ego.step - 1)) for other in traffic.moving]

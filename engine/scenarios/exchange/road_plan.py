@@ -129,7 +129,7 @@ class RoadPlan:
 
     @cached_property
     def start_joint(self) -> dict[int, Joint]:
-        """Road → the joint at its start."""
+        """The joint at the start of each road, by road id."""
         return {road: joint for joint in self.joints for road in joint.starts}
 
     @cached_property
