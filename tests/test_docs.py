@@ -59,7 +59,7 @@ def test_paths_on_the_page_on_architecture_exist() -> None:
 
 
 @pytest.mark.parametrize("title", ["a metric stored with every run", "an edit"])
-def test_worked_examples_name_what_the_code_has(title: str) -> None:
+def test_worked_examples_name_existing_code(title: str) -> None:
     page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
     section = re.split(r"\n##", page.split(f"### Example: {title}\n")[1])[0]
     quoted = re.findall(r"`([^`]+)`", section)

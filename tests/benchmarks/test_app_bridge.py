@@ -216,7 +216,7 @@ SPOILT: Sequence[Mapping[str, tuple[str, str]]] = (
 
 @needs_browser
 @pytest.mark.parametrize("spoilt", SPOILT, ids=[next(iter(spoilt)) for spoilt in SPOILT])
-def test_what_is_broken_in_a_page_is_named(
+def test_broken_parts_of_a_page_are_named(
     browser: Browser, views: Mapping[str, str], spoilt: Mapping[str, tuple[str, str]]
 ) -> None:
     page = empty_page("board")

@@ -40,7 +40,7 @@ def test_the_judge_sees_words_that_leave_the_mark(text: str, fault: str) -> None
         ({f"key {WORD}": 1}, False),
     ],
 )
-def test_the_judge_sees_words_that_are_no_field_of_their_own(value: dict[str, object], is_right: bool) -> None:
+def test_the_judge_sees_words_that_are_not_fields(value: dict[str, object], is_right: bool) -> None:
     assert (not list(faults_of_value(value, WORD))) == is_right
 
 

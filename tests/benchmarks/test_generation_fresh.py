@@ -24,7 +24,7 @@ def raising(error: Exception) -> Callable[..., None]:
     return operation
 
 
-def test_a_map_that_is_refused_by_name_is_no_crash(tmp_path: Path) -> None:
+def test_a_map_that_is_refused_by_name_is_not_a_crash(tmp_path: Path) -> None:
     path = tmp_path / "broken.osm"
     path.write_text("<osm><node", encoding="utf-8")
     found = try_map(path, 1)

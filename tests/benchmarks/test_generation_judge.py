@@ -50,7 +50,7 @@ def test_the_street_has_to_be_named_near_the_middle(street: str, *, right: bool)
         ({"motorcycle": (1, None)}, False),
     ],
 )
-def test_classes_are_told_by_type_and_length_and_counted(
+def test_classes_are_recognised_by_type_and_length_and_counted(
     wished: dict[str, tuple[int, int | None]], *, right: bool
 ) -> None:
     obstacles = (("car", 4.5), ("car", 4.5), ("truck", 16.5), ("motorcycle", 2.1))

@@ -71,7 +71,7 @@ def test_one_behind_a_queue_or_at_the_end_of_its_lane_is_late_with_reason(folder
     assert waiting.is_late_with_reason()
 
 
-def test_one_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> None:
+def test_a_vehicle_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> None:
     through = journey(folder, {12}, driving(51, (165, 0), 10.0, 80))
     speeds = np.concatenate([np.linspace(10.0, 0.0, 50), np.zeros(20), np.linspace(0.0, 1.5, 10)])
     places = through.track.positions[0] + np.outer(np.concatenate([[0], np.cumsum(speeds[1:] * 0.1)]), (1, 0))
@@ -81,7 +81,7 @@ def test_one_that_stops_and_starts_again_is_late_with_reason(folder: Path) -> No
 
 
 @pytest.mark.parametrize("is_bend", [True, False])
-def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_none(folder: Path, is_bend: bool) -> None:
+def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_is_not(folder: Path, is_bend: bool) -> None:
     bend = (*line((0, 0), (40, 0)), *arc((40.0, 6.0), 6.0, -math.pi / 2, 0.0)[1:])
     way = bend if is_bend else line((0, 0), (49, 0))
     onward = line(way[-1], (46, 40) if is_bend else (90, 0))
@@ -94,7 +94,7 @@ def test_braking_for_the_curve_ahead_is_a_reason_and_on_a_straight_road_none(fol
 
 
 @pytest.mark.parametrize(("past_m", "is_late"), [(0.1, True), (1.0, False)])
-def test_one_stands_at_the_end_of_its_lane_with_its_bumper_on_the_line_not_past_it(
+def test_a_vehicle_at_the_end_of_its_lane_stands_with_its_bumper_on_the_line(
     folder: Path, past_m: float, is_late: bool
 ) -> None:
     stop = journey(folder, {13}, driving(51, (197.75 + past_m, 0), 0.0, 80))
@@ -111,7 +111,7 @@ def test_slow_driving_is_late_with_reason_where_signs_allow_no_more(
     assert slow.is_late_with_reason() is is_late
 
 
-def test_one_beside_its_target_needs_a_slow_end_or_a_lane_without_a_gap(folder: Path) -> None:
+def test_a_vehicle_next_to_its_target_needs_a_slow_end_or_a_lane_without_a_gap(folder: Path) -> None:
     alone = journey(folder, {2}, driving(51, (20, 0), 10.0, 100))
     assert not alone.is_late_with_reason()
     assert slowing(alone, 2.0).is_late_with_reason()
@@ -159,7 +159,7 @@ def test_a_refusal_is_right_only_where_physics_ask_for_it(
     assert refusal_is_right(one.network, one.track, one.targets) is is_right
 
 
-def test_a_recording_begins_where_it_stays_and_not_on_what_lies_over_it(folder: Path) -> None:
+def test_a_recording_begins_on_its_own_lanelet_and_not_on_an_overlapping_one(folder: Path) -> None:
     one = journey(folder, {12}, driving(51, (201, 0), 8.0, 60))
     assert lanelets_at_first(one.network, one.track) == {11}
     assert refusal_is_right(one.network, one.track, frozenset({12}))

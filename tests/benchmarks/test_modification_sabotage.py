@@ -37,7 +37,7 @@ def spoil(monkeypatch: pytest.MonkeyPatch, op: EditOperation, **instead: Any) ->
     monkeypatch.setattr("plannerforge.engine.edits.apply.OPERATIONS", spoiled)
 
 
-def test_a_reroute_that_does_nothing_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reroute_without_effect_is_seen(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reroute, "drive_along", lambda scene, plan, way, targets: replace(plan, targets=targets))
     assert not verdicts(carried_out(base, TRUTHS["T"]))["T_ends"]
 
@@ -179,7 +179,7 @@ def test_a_place_refused_as_taken_or_hit_has_a_vehicle_on_it_or_right_behind(
     assert figures_of([refused, Measured((done,))])["P_count"] == 0.5
 
 
-def test_a_reroute_that_physics_forbid_is_no_failure_of_any_key() -> None:
+def test_a_reroute_that_physics_forbids_is_not_a_failure_of_any_key() -> None:
     done = Case("T", "done", checks={"T_ends": True}, edit_s=0.1)
     never = Case("T", "never", "too fast", tries=(Refusal("T", "too fast", True),))
     assert figures_of([Measured((done, never))])["T_ends"] == 1.0

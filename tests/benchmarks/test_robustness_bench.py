@@ -79,7 +79,7 @@ def test_a_text_that_stays_within_its_line_is_not_forged() -> None:
     assert _laws(repr(f"x\n{INJECTED}")) == []
 
 
-def test_unexpected_oversized_and_read_answers_are_told() -> None:
+def test_unexpected_oversized_and_read_answers_are_reported() -> None:
     assert _laws("3 files, 1 refused:\n- a.xml: [unexpected] import failed (incident 00).") == ["unexpected"]
     assert _laws("[unknown_name] there is no job 'x'.") == ["unadvised"]
     assert _laws("x" * 20_001) == ["oversized"]
@@ -87,7 +87,7 @@ def test_unexpected_oversized_and_read_answers_are_told() -> None:
     assert _laws(f"<a>{CANARY_TEXT}</a>") == ["outside_read"]
 
 
-def test_the_canary_tells_whatever_becomes_of_its_tree(tmp_path: Path) -> None:
+def test_the_canary_reports_any_change_of_its_tree(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("1")
     (tmp_path / "c").write_text("1")
@@ -103,7 +103,7 @@ def test_the_canary_tells_whatever_becomes_of_its_tree(tmp_path: Path) -> None:
     assert canary.changes() == []
 
 
-def test_a_journal_that_keeps_too_much_or_is_open_is_told(tmp_path: Path) -> None:
+def test_a_journal_that_keeps_too_much_or_is_open_is_reported(tmp_path: Path) -> None:
     journal = tmp_path / "journal" / "calls.jsonl"
     journal.parent.mkdir()
     sound = {"arguments": {"text": "a" * 200 + "…", "list": [1, None]}, "error": "x" * 900}

@@ -56,7 +56,7 @@ def test_page_is_written_and_opened_where_there_is_a_screen(
         (["current"], "no view shows"),
     ],
 )
-def test_what_cannot_be_seen_is_refused(
+def test_artifacts_without_a_view_are_refused(
     settings: Settings, words: list[str], told: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.argv", ["plannerforge", "view", *words, "--workspace", str(settings.workspace)])

@@ -129,7 +129,7 @@ def test_houses_land_and_limits_tell_of_a_town(evidence: MapEvidence) -> None:
     assert shows_type(made([SECONDARY]), "urban", evidence)
 
 
-def test_roads_without_a_name_are_not_taken_for_two_sides_of_one() -> None:
+def test_roads_without_a_name_are_not_two_sides_of_one_road() -> None:
     fork = [replace(road, name="") for road in CARRIAGEWAYS]
     fork[0] = replace(fork[0], points=[(0, 0), (-60, 45)])
     assert shows_type(made([ARMS[0], *fork]), "intersection", NOTHING)

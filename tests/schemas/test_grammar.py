@@ -96,7 +96,7 @@ def test_interval_the_wrong_way_round_is_refused_with_the_right_way() -> None:
     assert parse_interval(caught.value.valid[0], "m/s") == parse_interval("8..12km/h", "m/s")
 
 
-def test_interval_holds_its_ends() -> None:
+def test_an_interval_contains_its_ends() -> None:
     interval = Interval(1.0, 2.0)
     assert [interval.contains(value) for value in (0.99, 1.0, 1.5, 2.0, 2.01)] == [False, True, True, True, False]
     assert Interval(None, None).contains(-1e300)
@@ -203,7 +203,7 @@ def test_selector(text: str, expected: Selector) -> None:
         ("-3", UnknownName, "an id"),
     ],
 )
-def test_word_that_selects_nothing_is_refused_with_the_nearest(
+def test_a_word_without_matches_is_refused_with_the_nearest(
     text: str, error: type[InvalidRequest], offered: str
 ) -> None:
     with pytest.raises(error) as caught:
@@ -248,7 +248,7 @@ def test_arbitrary_text_is_read_or_refused_but_never_a_crash(text: str) -> None:
 
 
 @given(LIKELY_TEXT)
-def test_what_is_read_holds_finite_numbers_only(text: str) -> None:
+def test_only_finite_numbers_are_read(text: str) -> None:
     for unit in ("m/s", "m", "s", ""):
         try:
             interval = parse_interval(text, unit)  # type: ignore[arg-type]

@@ -73,7 +73,7 @@ def test_printable_keeps_the_breaks_of_an_answer() -> None:
         (1200, "road user", "1,200 road users"),
     ],
 )
-def test_a_number_stands_with_its_noun_in_the_right_form(count: int, noun: str, words: str) -> None:
+def test_a_number_precedes_its_noun_in_the_right_form(count: int, noun: str, words: str) -> None:
     assert counted(count, noun) == words
 
 

@@ -45,7 +45,7 @@ def test_id_behind_the_parameters_is_found() -> None:
 
 
 @pytest.mark.parametrize("line", ["hello", "[1]", '{"jsonrpc": "2.0", "id": 7}', "{", '{"id": "\\', ""])
-def test_what_is_no_request_is_not_answered(line: str) -> None:
+def test_an_invalid_request_is_not_answered(line: str) -> None:
     assert answered(line) is None
 
 

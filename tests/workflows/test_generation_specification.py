@@ -72,19 +72,19 @@ def test_box_and_manoeuvre_are_typed() -> None:
     assert (spec.bbox, spec.others) == ((1.0, 2.0, 3.0, 4.0), RequestedManoeuvre("cut_in", "truck"))
 
 
-def test_all_that_is_wrong_with_a_call_is_told_at_once() -> None:
+def test_all_faults_of_a_generation_call_are_reported_at_once() -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read(goal="nowhere", ego="second", bbox=[3, 2, 1, 4], vehicles=["spaceship"], conditions=["weather=sunny"])
     assert len(refusal.value.faults) == 5
 
 
-def test_a_turn_that_no_ego_makes_at_a_type_is_refused_with_those_that_are_made() -> None:
+def test_a_turn_that_no_ego_makes_at_a_type_is_refused_with_possible_turns() -> None:
     with pytest.raises(InvalidRequest) as refusal:
         read(goal="through:left", scenario_type="highway").check_turn()
     assert set(refusal.value.valid) == {"through:straight", "through:lane_change"}
 
 
-def test_every_default_stands_in_one_place() -> None:
+def test_every_default_is_defined_in_one_place() -> None:
     assert read() == GenerationSpec()
     arguments, asked = GenerateScenariosArguments(), ScenarioSpec().model_dump(mode="json")
     shared = asked.keys() & arguments.model_dump().keys() - {"road_classes", "vehicles", "conditions"}
@@ -92,7 +92,7 @@ def test_every_default_stands_in_one_place() -> None:
     assert {name: asked[name] for name in shared} == {name: getattr(arguments, name) for name in shared}
 
 
-def test_a_recipe_has_the_form_that_recipes_always_had() -> None:
+def test_a_recipe_keeps_its_form_over_versions() -> None:
     request = request_for(read(place="Fahrhausen", ego="lorry", conditions=["others=cut_in"]), site(), 0)
     recorded = recipe_of(request).arguments
     assert [name for name in recorded if name != "map_content"] == [

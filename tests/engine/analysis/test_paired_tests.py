@@ -72,7 +72,7 @@ def test_interval_covers_the_true_shift_at_its_level() -> None:
     assert 0.93 <= np.mean(covered) <= 0.98
 
 
-def test_equal_values_show_nothing() -> None:
+def test_equal_values_give_no_significance() -> None:
     found = signed_rank([0.0] * 7)
     assert (found.p, found.effect, found.shift) == (1.0, 0.0, 0.0)
 

@@ -33,7 +33,7 @@ def place(away_m: float) -> Rectangle:
     ],
     ids=["far", "near", "lanelets far", "one lanelet near", "no place"],
 )
-def test_a_goal_too_far_for_its_time_is_told(
+def test_a_goal_too_far_for_its_time_is_reported(
     where: Shape | None, told: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     start = InitialState(

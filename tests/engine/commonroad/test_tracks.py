@@ -229,7 +229,7 @@ def test_the_size_of_a_group_of_shapes_is_that_of_the_box_around_them() -> None:
     assert size_of(Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 2.0]]))) == (3.0, 2.0)
 
 
-def test_states_that_are_cut_out_of_bytes_are_those_that_a_parser_takes(tmp_path: Path) -> None:
+def test_states_read_from_bytes_match_those_of_a_parser(tmp_path: Path) -> None:
     content = town_road().write(tmp_path / "town.xml").read_bytes()
     split = SplitDocument.of(content)
     assert split is not None

@@ -12,7 +12,7 @@ from plannerforge.engine.cosimulation.controllers import (
 )
 
 
-def test_controllers_are_asked_in_this_order() -> None:
+def test_controllers_decide_in_this_order() -> None:
     """Waiting gives orders to change lanes besides, and so comes first."""
     assert (GapWaitController, AnticipatoryBraking, CurveSpeedController, StopController) == SPEED_CONTROLLERS
 

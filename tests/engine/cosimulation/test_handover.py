@@ -82,7 +82,7 @@ def test_a_vehicle_recorded_at_an_angle_off_its_lane_is_led_in_smoothly(apply: A
 
 
 @pytest.mark.parametrize("braking_mps2", [4.0, 7.0, 8.0])
-def test_one_that_brakes_into_a_tight_bend_at_once_changes_speed_step_by_step(braking_mps2: float) -> None:
+def test_a_vehicle_that_brakes_at_once_into_a_tight_curve_changes_speed_step_by_step(braking_mps2: float) -> None:
     start = Track(
         obstacle_id=36,
         kind="car",
@@ -126,7 +126,7 @@ def test_a_bus_in_a_too_tight_turn_swings_out() -> None:
 
 
 @pytest.mark.parametrize("speed_mps", [1.0, 3.4, 10.0])
-def test_one_that_is_stopped_does_not_roll_back(apply: Apply, speed_mps: float) -> None:
+def test_a_stopped_vehicle_does_not_roll_back(apply: Apply, speed_mps: float) -> None:
     stop = {"op": "set_speed", "vehicles": ["36"], "speed": "0m/s"}
     applied = apply(stop, builder=town_road().with_vehicles(driving(36, (60, 0), speed_mps, 101)))
     assert np.diff(applied.tracks()[36].positions[:, 0]).min() >= 0.0

@@ -43,7 +43,7 @@ def test_standing_at_a_red_light_is_reported(scene: Scene) -> None:
     )
 
 
-def test_standing_while_the_light_was_green_is_no_waiting_for_it(scene: Scene) -> None:
+def test_standing_at_a_green_light_is_not_waiting_for_it(scene: Scene) -> None:
     late = driven(["e1_0"] * 30, [0.0] * 20 + [5.0] * 10, first_step=35)
     assert delay(scene, late, {}) == ", after 2.0 s standing on lanelet 1"
 
@@ -66,7 +66,7 @@ def test_driving_freely_gives_no_reason(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "first_step"), [(0.0, 35), (9.0, 0)])
-def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_so(
+def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_with_it(
     scene: Scene, speed_mps: float, first_step: int
 ) -> None:
     late = driven(["e1_0"] * 30, [speed_mps] * 30, first_step)
@@ -78,7 +78,7 @@ def test_a_vehicle_behind_another_for_most_of_the_time_is_reported_so(
     assert "behind" not in delay(scene, late, {61: replace(ahead, first_step=first_step + 20)})
 
 
-def test_the_ego_and_walkers_are_called_what_they_are(scene: Scene) -> None:
+def test_the_ego_and_pedestrians_are_named_by_their_kind(scene: Scene) -> None:
     late, ahead = driven(["e1_0"] * 30, [9.0] * 30), parked(61, (8.0, 0.5))
     walker = replace(ahead, kind="pedestrian")
     assert delay(replace(scene, tracks={61: walker}), late, {61: walker}) == ", behind pedestrian 61"

@@ -32,7 +32,7 @@ def test_every_argument_belongs_to_some_operation() -> None:
         ({"op": "add_vehicle", "vehicle_class": "car", "at": "3", "turn": "left"}, "turn"),
     ],
 )
-def test_an_argument_of_another_operation_is_refused_with_those_that_belong(
+def test_an_argument_of_another_operation_is_refused_with_the_valid_ones(
     apply: Apply, edit: dict[str, object], foreign: str
 ) -> None:
     with pytest.raises(InvalidRequest, match=f"{foreign} is not an argument of op {edit['op']}") as caught:

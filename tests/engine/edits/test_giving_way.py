@@ -58,18 +58,18 @@ def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp
 
 
 @pytest.mark.parametrize(("behind_m", "later"), [(48.0, 31), (52.0, 32)])
-def test_of_two_that_were_handed_over_the_later_one_waits(tmp_path: Path, behind_m: float, later: int) -> None:
+def test_of_two_handed_over_vehicles_the_later_one_waits(tmp_path: Path, behind_m: float, later: int) -> None:
     assert set(told(tmp_path, EAST, north(behind_m), ("handed_over", "handed_over"), 50)) == {later}
 
 
-def test_one_that_comes_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
+def test_a_vehicle_too_fast_to_stop_does_not_wait(tmp_path: Path) -> None:
     rushing = replace(EAST, poses=tuple((x + 42.0, y, heading, 12.0) for x, y, heading, _ in EAST.poses))
     near = north(8.0)
     assert set(told(tmp_path, rushing, north(11.0), ("handed_over", "edited"), 8)) == {32}
     assert told(tmp_path, rushing, replace(near, poses=near.poses[2:]), ("handed_over", "edited"), 5) == {}
 
 
-def test_no_vehicle_brakes_for_one_that_has_not_entered_yet(tmp_path: Path) -> None:
+def test_no_vehicle_brakes_for_another_that_has_not_entered_yet(tmp_path: Path) -> None:
     entering = replace(north(4.0, 1.0), first_step=44)
     assert told(tmp_path, EAST, entering, ("handed_over", "added"), 46) == {}
     (plan,) = told(tmp_path, EAST, replace(entering, first_step=36), ("handed_over", "added"), 48).values()
@@ -91,7 +91,7 @@ def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, na
     assert all(one.feasible for one in outcome.touched)
 
 
-def test_a_halt_that_cures_nothing_leaves_the_motion_as_it_was(
+def test_a_useless_halt_leaves_the_motion_unchanged(
     shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     base = shared_data / "data" / "commonroad" / "DEU_Arnstadt-46_1_T-1.xml"

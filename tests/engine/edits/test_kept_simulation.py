@@ -24,6 +24,6 @@ def test_no_simulation_is_kept_unasked_or_where_no_vehicle_was_driven(apply: App
     assert not (removed.xml.parent / TYPES_FILE).exists()
 
 
-def test_keeping_the_simulation_changes_nothing_in_the_scenario(apply: Apply) -> None:
+def test_caching_the_simulation_does_not_change_the_scenario(apply: Apply) -> None:
     written = apply(AGGRESSIVE).xml.read_bytes()
     assert apply(AGGRESSIVE, keep_simulation=True).xml.read_bytes() == written

@@ -28,7 +28,7 @@ def test_a_replaced_vehicle_has_the_size_of_its_new_class_and_drives_as_before(a
     assert new.positions == pytest.approx(old.positions)
 
 
-def test_a_time_gap_says_where_a_vehicle_enters(apply: Apply) -> None:
+def test_a_time_gap_decides_where_a_vehicle_enters(apply: Apply) -> None:
     added = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "gap_s": 2.0}
     applied = apply(added, builder=town_road().with_vehicles(driving(31, (150, 3.5), 10.0, 101)))
     (key,) = applied.outcome.edits[0].vehicles

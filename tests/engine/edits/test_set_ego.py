@@ -34,14 +34,14 @@ def test_its_goal_is_where_its_recording_ends(apply: Apply) -> None:
     assert "lanelet 11" in applied.outcome.edits[0].what
 
 
-def test_a_goal_named_afterwards_holds(apply: Apply) -> None:
+def test_a_later_goal_applies(apply: Apply) -> None:
     goal = {"op": "set_goal", "to": ["13"], "goal_time": "<=15s"}
     applied = apply({"op": "set_ego", "vehicles": ["35"]}, goal, builder=SHORT)
     assert problem(applied).goal.state_list[0].position.center == pytest.approx((220.0, -99.99))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("former", ["vanish", None])
-def test_the_former_ego_vanishes_unless_asked(apply: Apply, former: str | None) -> None:
+def test_the_former_ego_vanishes_unless_requested_otherwise(apply: Apply, former: str | None) -> None:
     applied = apply({"op": "set_ego", "vehicles": ["35"], "former_ego": former}, builder=SHORT)
     assert max(applied.tracks()) < 100
 
@@ -124,7 +124,7 @@ def test_the_ego_keeps_its_class_until_it_is_given_another(apply: Apply) -> None
     assert ego_class(apply(bus, {"op": "set_ego", "vehicles": ["31"]}, builder=SHORT)) == "car"
 
 
-def test_in_the_place_of_a_truck_the_ego_is_one(apply: Apply) -> None:
+def test_an_ego_in_a_truck_s_place_is_a_truck(apply: Apply) -> None:
     applied = apply({"op": "set_ego", "vehicles": ["33"]}, builder=SHORT)
     assert ego_class(applied) == "truck"
     assert "truck, 7.1 × 2.4 m" in applied.outcome.edits[0].what
@@ -175,7 +175,7 @@ def test_untouched_recordings_stay(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("name", "is_refused"), [("trailer", True), ("truck", False), ("car", False)])
-def test_an_ego_that_the_planners_refuse_is_told_before_they_do(apply: Apply, name: str, is_refused: bool) -> None:
+def test_an_ego_that_the_planners_refuse_is_reported_in_advance(apply: Apply, name: str, is_refused: bool) -> None:
     outcome = apply({"op": "set_ego", "vehicle_class": name}, builder=SHORT).outcome
     assert bool(outcome.planners_refuse) is is_refused
     told = ModifyScenarioResult(

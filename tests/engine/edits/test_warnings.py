@@ -23,7 +23,7 @@ EVERY_KIND = [
 
 
 @pytest.mark.parametrize("edit", EVERY_KIND, ids=lambda edit: edit["op"])
-def test_an_edit_of_ordinary_traffic_warns_of_nothing(apply: Apply, edit: dict[str, Any]) -> None:
+def test_an_edit_of_ordinary_traffic_gives_no_warnings(apply: Apply, edit: dict[str, Any]) -> None:
     outcome = apply(edit, builder=SHORT).outcome
     assert outcome.warnings == ()
     assert outcome.edits[0].done

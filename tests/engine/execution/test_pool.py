@@ -54,7 +54,7 @@ async def run(
     return await pool.run(operation, Words(text=text, number=number), on_progress=on_progress)
 
 
-async def test_a_worker_that_holds_too_much_between_operations_gives_way(
+async def test_a_worker_with_too_much_memory_between_operations_is_replaced(
     tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(pool_module.PRELOAD, "compute", ())
@@ -268,7 +268,7 @@ async def test_warm_up_starts_the_worker_that_the_first_call_gets(pool: WorkerPo
     assert pool.worker_pids == (pid,)
 
 
-async def test_what_was_imported_to_be_warm_is_left_out_of_later_collections(
+async def test_warm_up_imports_are_left_out_of_later_collections(
     pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(pool_module.PRELOAD, "compute", ("json",))
@@ -290,9 +290,7 @@ async def test_closed_pool_leaves_no_process(tmp_path: Path, log: Path, monkeypa
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows environments in /proc")
-async def test_no_token_stands_in_the_environment_of_a_worker(
-    pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_a_worker_s_environment_has_no_token(pool: WorkerPool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLANNERFORGE_HTTP_TOKENS", "a token of the server")
     monkeypatch.setenv("API_KEY", "of the user")
     assert (await run(pool, "tell_environment", "PLANNERFORGE_HTTP_TOKENS")).text == ""

@@ -10,9 +10,7 @@ from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 @pytest.mark.parametrize(("country", "signed"), [("AUS", False), ("ZAM", True)])
-def test_where_no_sign_stands_for_a_limit_the_answer_says_so_and_keeps_it(
-    tmp_path: Path, country: str, signed: bool
-) -> None:
+def test_a_limit_without_a_sign_is_kept_and_reported(tmp_path: Path, country: str, signed: bool) -> None:
     entry = next(entry for entry in built_in_maps() if entry.facts.place == "Landmoor")
     wish = GenerationRequest(
         map_path=str(entry.path),

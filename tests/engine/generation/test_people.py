@@ -57,7 +57,7 @@ def test_the_answer_tells_guessed_pavements_and_crossings(made: tuple[Path, Gene
     assert any("of 6 pedestrians use a crossing" in note for note in scenario.notes)
 
 
-def test_ways_for_people_are_no_lanes_of_the_network_that_is_read(made: tuple[Path, GeneratedScenario]) -> None:
+def test_footways_are_not_lanes_of_the_network(made: tuple[Path, GeneratedScenario]) -> None:
     folder, scenario = made
     loaded = read_recorded(folder / "scenario.xml").loaded
     kinds = [{kind.value for kind in lanelet.lanelet_type} for lanelet in loaded.footways]
@@ -139,7 +139,7 @@ def test_a_marked_crossing_between_junctions_is_built_once_and_cars_wait(tmp_pat
     assert all(waits[lane][-1 - at] == "1" for lane in lanes if lane != ":2_c0_0")
 
 
-def test_without_people_a_marked_crossing_is_no_junction(tmp_path: Path) -> None:
+def test_without_pedestrians_a_marked_crossing_is_not_a_junction(tmp_path: Path) -> None:
     extract, net = tmp_path / "block.osm", tmp_path / "block.net.xml"
     extract.write_text(BLOCK)
     convert_osm(extract, net, lefthand=False)

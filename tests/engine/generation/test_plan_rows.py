@@ -48,7 +48,7 @@ def test_levels_are_hopeless_where_all_rows_with_them_were_refused(rows: PlanRow
     assert rows.hopeless(3) == {("ramp", "map_1", 1, 1), ("ramp", "map_3", 0, 1)}
 
 
-def test_a_row_that_is_passed_takes_its_turn_and_counts_for_nothing_else(rows: PlanRows) -> None:
+def test_a_skipped_row_takes_its_turn_without_other_effects(rows: PlanRows) -> None:
     rows.add([replace(row(0, 1), state="passed"), row(1, 1)])
     assert (rows.turns(), rows.next_number(), rows.last_lap()) == ({"ramp": 2}, 2, 1)
     assert [planned.number for planned in rows.waiting(5)] == [1]

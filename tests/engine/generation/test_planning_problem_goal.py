@@ -47,7 +47,7 @@ def car() -> GeneratedVehicle:
         ("lanelet:1:0.5:179x3", 90),
     ],
 )
-def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
+def test_a_goal_around_the_start_is_not_chosen(goal: str, step: int | None) -> None:
     found = passage(asked(goal, 20.0), car(), road(), 0.1)
     assert (found.step if found else None) == step
 
@@ -76,7 +76,7 @@ def waiting(number: str) -> GeneratedVehicle:
     return replace(car(), vehicle_id=number, motion=Motion(np.tile([50.0, 0.0], (181, 1)), still, still, still))
 
 
-def test_a_car_behind_stands_in_for_one_that_waits() -> None:
+def test_a_car_behind_replaces_a_waiting_one() -> None:
     driving, focus = replace(car(), vehicle_id="driving"), cast("SiteFocus", WholeRoad())
     cars = [driving, waiting("a"), waiting("b"), replace(driving, vehicle_id="later")]
     specs = [asked("steps:50", 20.0, f"index:{index}") for index in (0, 1, 3)]

@@ -141,7 +141,7 @@ def test_a_site_with_a_network_that_breaks_a_rule_is_refused_with_the_rule(
 
 
 @pytest.mark.parametrize("kind", ["urban", "intersection", "highway", "any"])
-def test_a_type_that_the_road_classes_leave_out_is_refused_with_what_they_leave(kind: ScenarioType) -> None:
+def test_a_type_excluded_by_the_road_classes_is_refused_with_the_remaining_types(kind: ScenarioType) -> None:
     request = request_for_fahrhausen().model_copy(update={"scenario_type": kind, "road_classes": ("track",)})
     with pytest.raises(NotPossible, match=f"has no .*{'any type' if kind == 'any' else kind}") as caught:
         fitting_sites(read_map_file(Path(request.map_path)), request)
@@ -234,7 +234,7 @@ def test_a_site_with_only_the_ego_is_refused(tmp_path: Path, monkeypatch: pytest
     assert error.message == "no vehicle but the ego found room on the roads of this site"
 
 
-def test_a_site_that_is_asked_for_again_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_repeatedly_requested_site_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[Path] = []
     build = site_network.build_network
 
@@ -251,7 +251,9 @@ def test_a_site_that_is_asked_for_again_is_built_once(tmp_path: Path, monkeypatc
     assert built[1:] == [tmp_path / "c"], "traffic keeps to the other side there"
 
 
-def test_a_refusal_of_a_site_is_told_again_without_building_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refusal_of_a_site_is_reported_again_without_building_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     tried: list[Path] = []
 
     def refuses(request: Any, osm: Any, site: Any, radius_m: float, folder: Path, *rest: Any) -> SiteNetwork:
@@ -269,7 +271,7 @@ def test_a_refusal_of_a_site_is_told_again_without_building_it(tmp_path: Path, m
     assert {(error.text, error.reason) for error in told} == {(told[0].text, "closed")}
 
 
-def test_of_the_sites_of_a_map_the_last_ones_stay_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_sites_of_a_map_stay_cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[str | None] = []
     build = site_network.build_network
 

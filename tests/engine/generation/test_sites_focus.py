@@ -46,7 +46,7 @@ def test_the_ego_of_a_roundabout_drives_on_the_ring(tmp_path: Path, seed: int) -
     assert np.linalg.norm(way[:, None] - ring[None], axis=2).min() < 1.0
 
 
-def test_an_ego_that_passes_nothing_of_the_site_is_told(tmp_path: Path) -> None:
+def test_an_ego_that_misses_the_site_is_reported(tmp_path: Path) -> None:
     told = [
         any("misses the ring" in note for note in found.notes)
         for found in (generated(tmp_path, "Kreiselheim", "roundabout", ego=ego) for ego in ("first", "index:0"))

@@ -34,9 +34,7 @@ def turned_deg(folder: Path) -> float:
 
 
 @pytest.mark.parametrize(("turn", "degrees"), [("left", 90.0), ("right", -90.0), ("straight", 0.0)])
-def test_the_ego_goes_where_it_is_asked_to_on_streets_at_right_angles(
-    tmp_path: Path, turn: str, degrees: float
-) -> None:
+def test_the_ego_makes_the_requested_turn_on_streets_at_right_angles(tmp_path: Path, turn: str, degrees: float) -> None:
     made = make("Quadratstadt", tmp_path, scenario_type="intersection", goal=f"through:{turn}", duration_s=15.0, seed=1)
     assert turned_deg(tmp_path) == pytest.approx(degrees, abs=20.0)
     assert made.site.scenario_type == "intersection"
@@ -87,7 +85,7 @@ def test_a_turn_alone_chooses_a_type_of_site_that_has_it(tmp_path: Path) -> None
     assert made.site.scenario_type == "ramp"
 
 
-def test_a_turn_that_no_such_site_has_is_refused_with_those_that_it_has(tmp_path: Path) -> None:
+def test_a_turn_that_the_site_lacks_is_refused_with_its_turns(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", goal="through:merge")
     with pytest.raises(InvalidRequest, match=r"'merge' at a roundabout site.*through:left"):
         generate_scenario(request, silent)

@@ -32,6 +32,6 @@ def test_without_lengths_the_tangents_are_as_long_as_the_ends_lie_apart() -> Non
     assert np.array_equal(hermite(ends[0], ahead, ends[1], ahead, shares), stated)
 
 
-def test_a_vector_without_length_keeps_none() -> None:
+def test_a_vector_without_length_stays_zero() -> None:
     assert unit(np.zeros(2)).tolist() == [0.0, 0.0]
     assert np.linalg.norm(unit(np.array([3.0, -4.0]))) == pytest.approx(1.0)

@@ -43,11 +43,11 @@ def sides(osm: OsmMap) -> tuple[str, bool]:
         ({"highway": "service"}, ("no", False)),
     ],
 )
-def test_what_tags_say_of_pavements(tags: dict[str, str], expected: tuple[str, bool]) -> None:
+def test_meanings_of_pavement_tags(tags: dict[str, str], expected: tuple[str, bool]) -> None:
     assert sides(street(tags)) == expected
 
 
-def test_pavements_drawn_beside_a_road_are_its_own() -> None:
+def test_pavements_drawn_next_to_a_road_belong_to_it() -> None:
     assert sides(street({}, drawn(3, 4))) == ("left", False)
     assert sides(street({}, drawn(5, 6))) == ("right", False)
     assert sides(street({}, drawn(3, 4), drawn(5, 6))) == ("both", False)

@@ -30,7 +30,7 @@ def cost_of(steps: Steps, way: tuple[int, ...]) -> int:
 
 
 @given(GRAPHS, st.sampled_from(NODES), st.sampled_from(NODES))
-def test_searches_find_what_trying_all_routes_finds(steps: Steps, start: int, goal: int) -> None:
+def test_searches_agree_with_trying_all_routes(steps: Steps, start: int, goal: int) -> None:
     graph, possible = graph_of(steps), routes(steps, start, goal)
     assert (goal in graph.reachable([start])) == bool(possible)
     cheapest, shortest = graph.cheapest_route([start], [goal]), graph.fewest_steps_route(start, goal)

@@ -64,7 +64,7 @@ def test_all_thirteen_weights_act_and_the_three_external_ones_do_not() -> None:
     assert not any(weight.acts for weight in tuning.external.values())
 
 
-def test_external_weights_change_nothing_that_is_driven() -> None:
+def test_external_weights_do_not_change_the_driven_motion() -> None:
     scenario = scenario_on(straight_road(lanes=2), parked_car(7, (35.0, 0.0)))
     goal = goal_state((20, 30), rectangle_at(25.0, 0.0))
     plain, kept = (

@@ -128,14 +128,14 @@ def test_a_standing_vehicle_stays_where_it_is() -> None:
     assert np.abs(answer.headings_rad - 0.1).max() == 0.0
 
 
-def test_accelerations_beyond_tyres_and_engine_are_cut_and_told() -> None:
+def test_accelerations_beyond_tyres_and_engine_are_limited_and_reported() -> None:
     speeds = np.minimum(20.0 + 1.0 * np.arange(31), 40.0)  # 10 m/s², where the engine has 4.2
     answer = followed(planned(np.zeros(31), speeds), 0.0)
     assert not answer.within_tyres
     assert excesses_of(answer.trajectory, BMW_320I, STEP_S) == ()
 
 
-def test_a_plan_is_gone_on_with_only_near_to_it() -> None:
+def test_a_plan_is_continued_only_near_it() -> None:
     plan = turning(np.zeros(30), 10.0)
     near = EgoState(1, plan.positions[1] + [0.0, 0.2], 0.0, 10.0)
     assert is_on_plan(plan, 1, near, 0.3)

@@ -26,7 +26,7 @@ def beside_one_another(*, oncoming: bool, named_back: bool = True) -> list[Lanel
 
 
 @pytest.mark.parametrize("oncoming", [True, False])
-def test_a_border_of_two_lanelets_is_one_line(oncoming: bool) -> None:
+def test_a_common_border_of_two_lanelets_is_one_line(oncoming: bool) -> None:
     lanelets = beside_one_another(oncoming=oncoming)
     assert [line.tolist() for line in dividers(lanelets)] == [EASTBOUND.tolist()]
     assert len(list(dividers(lanelets[::-1]))) == 1
@@ -47,7 +47,7 @@ def test_dashes_lie_where_they_lie_in_whichever_part_of_the_road_is_shown() -> N
     assert inside[0] == inside[1] != set()
 
 
-def test_dashes_follow_a_bend_and_leave_gaps() -> None:
+def test_dashes_follow_a_curve_and_leave_gaps() -> None:
     bend = np.array([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)])
     found = dashes([bend], Viewport(-50, -50, 50, 50))
     lengths = [np.linalg.norm(np.diff(dash, axis=0), axis=1).sum() for dash in found]

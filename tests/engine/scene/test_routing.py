@@ -84,7 +84,7 @@ def test_a_side_street_that_ends_on_a_road_turns_where_it_must(tmp_path: Path) -
     assert _way(tmp_path, lanes, (120.0, 100.0))[0] == "turns left"
 
 
-def test_a_road_that_bends_without_a_junction_is_neither_a_turn_nor_straight_on(tmp_path: Path) -> None:
+def test_a_road_that_curves_without_a_junction_is_neither_a_turn_nor_straight_on(tmp_path: Path) -> None:
     lanes = (
         Lane(1, line((0, 0), (100, 0)), successors=(2,)),
         Lane(2, arc((100, 20), 20, -math.pi / 2, 0), predecessors=(1,), successors=(3,)),

@@ -28,7 +28,7 @@ def test_a_lane_change_at_speed_stays_as_it_is() -> None:
     assert on_wheels(track, along, aside) == pytest.approx(track, abs=1e-9)
 
 
-def test_a_vehicle_that_stands_does_not_slide_into_the_next_lane() -> None:
+def test_a_standing_vehicle_does_not_slide_into_the_next_lane() -> None:
     along = np.concatenate([np.full(20, 0.5), np.zeros(60)])
     aside = np.concatenate([np.zeros(20), np.full(30, 0.107), np.zeros(30)])
     made = in_lane(on_wheels(driven(along, aside), along, aside))

@@ -49,7 +49,7 @@ def test_a_road_that_nominatim_does_not_know_is_left_to_the_map_of_its_town(tmp_
         assert (place.name, place.roads) == ("Rechteck", (("Marktstrasse Nord",),))
 
 
-def test_of_two_towns_the_far_better_known_is_meant(tmp_path: Path) -> None:
+def test_of_two_towns_the_far_better_known_one_is_chosen(tmp_path: Path) -> None:
     towns = [town("Paris", (48.86, 2.35), 0.9, "Île-de-France", "FRA"), town("Paris", (33.66, -95.56), 0.5, "Texas")]
     with MapServers((), towns).running() as servers:
         assert found(servers, tmp_path, "Paris").country == "FRA"
@@ -89,7 +89,7 @@ def test_an_unknown_place_is_refused(tmp_path: Path) -> None:
             located(servers, tmp_path, "Ringstadt", "FRA")
 
 
-def test_a_bar_is_not_what_a_bare_name_means(tmp_path: Path) -> None:
+def test_a_bare_name_does_not_select_a_bar(tmp_path: Path) -> None:
     bar = Place({"name": "Atlantis"}, "amenity", "bar", *HERE, (48.0, 11.0, 48.0, 11.0), "DEU", {"city": "Ringstadt"})
     extract = drawn_town("kreiselheim.osm")
     with MapServers([extract], [bar, *town_places("Ringstadt", extract)]).running() as servers:

@@ -73,7 +73,7 @@ def test_sumo_loads_the_network_with_exactly_these_lanes(tmp_path: Path) -> None
             libsumo.close()
 
 
-def test_bends_are_driven_more_slowly_than_straights(tmp_path: Path) -> None:
+def test_curves_are_driven_more_slowly_than_straights(tmp_path: Path) -> None:
     _, net = written(town_road(), tmp_path)
     lanes = etree.parse(net)
     straight = float(lanes.find(".//lane[@id='e1_0']").get("speed"))

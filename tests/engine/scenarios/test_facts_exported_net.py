@@ -32,7 +32,7 @@ def test_a_network_file_next_to_a_scenario_is_used(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_network_is_refused_by_its_name(tmp_path: Path, name: str) -> None:
+def test_a_file_that_is_not_a_network_is_refused_by_name(tmp_path: Path, name: str) -> None:
     net, reason = REFUSED[name]
     asked = request(tmp_path, net)
     limit = 4000 if "larger" in name else asked.file_bytes
