@@ -135,7 +135,7 @@ def words_of_cldr(folder: Path, languages: str) -> tuple[dict[str, str], dict[st
         for word, classes in used.items():
             if len(set(classes.values())) == 1 and any(set(kind) <= set(classes) for kind in _KINDS):
                 keywords[word].update(set(classes.values()))
-    return _most_say(names), _most_say(keywords)
+    return _majority(names), _majority(keywords)
 
 
 def _for_both_trucks(pictures: Mapping[str, tuple[set[str], set[str]]]) -> set[str]:
@@ -188,10 +188,10 @@ def words_of_wikdict(folder: Path, annotations: Path, english: Mapping[str, str]
     ).values():
         for word, name in words.items():
             votes[word][name] += 1
-    return _most_say(votes)
+    return _majority(votes)
 
 
-def _most_say(votes: Mapping[str, Counter[str]]) -> dict[str, str]:
+def _majority(votes: Mapping[str, Counter[str]]) -> dict[str, str]:
     return {word: winner for word, classes in votes.items() if (winner := most(classes)) is not None}
 
 

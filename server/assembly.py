@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import anyio
 
-from ..engine.execution import CallThreads, HeapsGivenBack, WorkerPool
+from ..engine.execution import CallThreads, MemoryTrimmer, WorkerPool
 from ..engine.workspace import Workspace
 from ..schemas.catalog import BuildIndexRequest
 from ..schemas.errors import PlannerForgeError, error_to_report
@@ -65,7 +65,7 @@ def create_server(
                     for end in ends:
                         tasks.start_soon(_ended, end)
 
-    heaps = HeapsGivenBack()
+    heaps = MemoryTrimmer()
     on_end: list[OnEnd] = [log_call, lambda _: heaps.after_work()]
     if telemetry is not None:
         on_end.append(telemetry.call_ended)

@@ -44,7 +44,7 @@ Ask = Callable[[Question], Awaitable[str | None]]
 """Asks the user a question; returns None if the client cannot ask, or the user chose nothing."""
 
 
-async def ask_no_one(question: Question) -> str | None:
+async def cannot_ask(question: Question) -> str | None:
     """Answer for a client that cannot ask."""
     del question
     return None
@@ -122,7 +122,7 @@ class WorkflowContext:
         made_here: what this use made or found again, in order.
     """
 
-    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = ask_no_one) -> None:
+    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = cannot_ask) -> None:
         self.services, self.ask = services, ask
         self.remarks: list[str] = []
         self.made_here: dict[tuple[MadeKind, str], None] = {}

@@ -267,7 +267,7 @@ async def run_many(
     stored = context.workspace.find_by_recipe("batch", recipe)
     if stored is not None:
         batch = stored.read(BatchRecord)
-        _take_note(context, batch)
+        _mark_latest(context, batch)
         results = [_stored(context, run_id) for run_id in batch.runs]
         return await answer_of(context, cells, results, batch_id=batch.batch_id, notes=notes)
 
@@ -286,7 +286,7 @@ async def run_many(
 
         results = await run_grid(context, cells, on_done)
         batch = store_batch(context, cells, results)
-        _take_note(context, batch)
+        _mark_latest(context, batch)
         progress.add_result(batch.batch_id)
 
     job = context.start_job("batch", recipe, work)
@@ -295,7 +295,7 @@ async def run_many(
     batch_id = next((key for key in job.results if key.startswith("batch_")), None)
     if batch_id is not None:
         record = context.workspace.get(batch_id, "batch").read(BatchRecord)
-        _take_note(context, record)
+        _mark_latest(context, record)
         lost = [CellResult(None, cell) for cell in record.lost]
         reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
         results = [_stored(context, run_id, reused=run_id in reused) for run_id in record.runs] + lost
@@ -358,7 +358,7 @@ def own_versions(planners: Iterable[str]) -> dict[str, str]:
     return {name: version for name, version in known.items() if version}
 
 
-def _take_note(context: WorkflowContext, batch: BatchRecord) -> None:
+def _mark_latest(context: WorkflowContext, batch: BatchRecord) -> None:
     """Make a batch and its runs the client's latest ones."""
     context.made("run", *batch.runs)
     context.made("batch", batch.batch_id)

@@ -256,7 +256,7 @@ def _holds_for(signal: Values, steps: int) -> Values:
     return np.where(np.arange(len(signal)) >= steps, historically(signal, 0, steps), -np.inf)
 
 
-def _giving_way(by: YieldsBy) -> Callable[[RuledDrive], Iterator[Signal]]:
+def _yielding(by: YieldsBy) -> Callable[[RuledDrive], Iterator[Signal]]:
     def signals(drive: RuledDrive) -> Iterator[Signal]:
         for one in drive.conflicts:
             if one.by == by:
@@ -318,11 +318,11 @@ TRAFFIC_RULES: tuple[TrafficRule, ...] = (
         _red_light,
     ),
     TrafficRule(
-        "R_IN3", "right before left", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _giving_way("right before left")
+        "R_IN3", "right before left", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("right before left")
     ),
-    TrafficRule("R_IN4", "priority by signs", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _giving_way("signs")),
+    TrafficRule("R_IN4", "priority by signs", "s", f"{_CROSSINGS}; StVO § 8(1)", _CLEAR, _yielding("signs")),
     TrafficRule(
-        "R_IN5", "left turn before oncoming", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _giving_way("left turn")
+        "R_IN5", "left turn before oncoming", "s", f"{_CROSSINGS}; StVO § 9(3)", _CLEAR, _yielding("left turn")
     ),
 )
 """The rules in display order."""

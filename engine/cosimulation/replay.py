@@ -309,9 +309,9 @@ class _Run:
             if index is not None and (actor.drive_from is not None or actor.key in near):
                 self._place(actor, index)
             elif actor.key in self._present:
-                self._take_out(actor.key)
+                self._remove(actor.key)
 
-    def _take_out(self, key: str) -> None:
+    def _remove(self, key: str) -> None:
         for keys in (self._present, self._held, self._standing, self._on_road):
             keys.discard(key)
         self._sumo.remove(key)
@@ -328,7 +328,7 @@ class _Run:
             if self._sumo.lane(actor.key):
                 self._on_road.add(actor.key)
             elif actor.key in self._on_road:
-                self._take_out(actor.key)
+                self._remove(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
         """Return actors in the order of all: SUMO's results depend on the order of placement."""
@@ -350,7 +350,7 @@ class _Run:
         if not actor.stands_at(index) or actor.key not in self._held:
             if actor.key in self._standing:
                 self._standing.discard(actor.key)
-                self._sumo.let_roll(actor.key)
+                self._sumo.cancel_stop(actor.key)
             return False
         if actor.key not in self._standing:
             if not self._sumo.stays_as_placed(actor.key):
@@ -375,7 +375,7 @@ class _Run:
         if step == actor.drive_from:
             if actor.ignores_lights:
                 self._sumo.ignore_lights(key)
-            self._sumo.let_drive(key)
+            self._sumo.release(key)
             if self._sumo.last_edge(key) != actor.edges[-1]:
                 self.astray.add(key)
         lane = self._sumo.lane(key)

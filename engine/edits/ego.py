@@ -23,7 +23,7 @@ from ..scene import Ego, Scene, goal_center_lanelets
 from ..vehicles import (
     BMW_320I,
     VehicleParameters,
-    can_be_there,
+    can_be_between,
     ego_class,
     ego_class_of,
     latest_passing_s,
@@ -483,10 +483,10 @@ class _GoalTask:
         times = np.linspace(*(self.window_s or (0.0, _LONGEST_S)), _TIMES)
         bounds = self.bounds_m[0], math.inf if self.comes_back else self.bounds_m[1]
         wanted = np.append(np.linspace(low, high, _SPEEDS), np.clip(self.speed_mps, low, high))
-        if can_be_there(self.speed_mps, bounds, times, wanted, self.vehicle).any():
+        if can_be_between(self.speed_mps, bounds, times, wanted, self.vehicle).any():
             return
         every = np.arange(0.0, self.vehicle.maximum_speed_mps, _SPEED_STEP_MPS)
-        possible = every[can_be_there(self.speed_mps, bounds, times, every, self.vehicle).any(axis=0)]
+        possible = every[can_be_between(self.speed_mps, bounds, times, every, self.vehicle).any(axis=0)]
         raise NotPossible(
             f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s can be {self.ahead_m:.1f} m on "
             f"{self}",

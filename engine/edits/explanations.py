@@ -284,9 +284,9 @@ class DrivenVehicle:
         gets_over = not targets.isdisjoint(scene.layout.lanelets_of_lane.get(lane, ()))
         if edge and side_lanelets and not gets_over:
             missing = "room" if (track.last_step - since) * scene.step_s > LANE_CHANGE_S else "time"
-            return f"no {missing} to change into lanelet {min(side_lanelets)} before {ends}{self._in_the_way}"
+            return f"no {missing} to change into lanelet {min(side_lanelets)} before {ends}{self._blocking_road_users}"
         if set(self.lanelets) & _side_by_side(scene, targets) and not gets_over:
-            return f"no room to change into lanelet {target} before its road ends{self._in_the_way}"
+            return f"no room to change into lanelet {target} before its road ends{self._blocking_road_users}"
         if track.leaves:
             return f"{ends} before lanelet {target}"
         late = delay(scene, track, self.others, self.lanelets)
@@ -309,7 +309,7 @@ class DrivenVehicle:
         return nearer
 
     @property
-    def _in_the_way(self) -> str:
+    def _blocking_road_users(self) -> str:
         """The road users that left no room for a lane change, as text; empty if unknown."""
         names = [_in_words(self.scene, key) for key in self.track.blocked_by]
         more = " and others" if len(names) > _MOST_NAMED else ""

@@ -234,12 +234,12 @@ def _plan(
         targets=targets,
         behaviour=usual,
         vehicle_class=vehicle_class,
-        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _is_to_stand(edit, speed) else (),
+        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _stands_until_edited(edit, speed) else (),
     )
     return _Entering(plan, reason, *gaps_in_words(scene, changes, vehicle_class, place, step, speed))
 
 
-def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
+def _stands_until_edited(edit: Edit, speed_mps: float) -> bool:
     """Return True if a vehicle is added to stand until another edit moves it."""
     return edit.speed is not None and speed_mps == 0.0 and not edit.to
 

@@ -306,7 +306,7 @@ def _check_lane_changes(scene: Scene, plan: DrivePlan, route: tuple[int, ...], w
         needed_m = min(
             speed_mps**2 / (2 * hardest_braking_mps2(scene.friction)), speed_mps * LANE_CHANGE_S * (end - place)
         )
-        needed_m = max(needed_m, _least_way_over_m(scene, route[place : end + 1]))
+        needed_m = max(needed_m, _shortest_crossing_m(scene, route[place : end + 1]))
         room_m, wrong, right = _last_place(scene, route, place, end, in_junctions=in_junctions)
         if end > place and left_m + room_m < needed_m:
             raise NotPossible(
@@ -323,7 +323,7 @@ def _way_along_m(line: Points, front: Points) -> float:
     return station_m if station_m < total_m else total_m + float(np.linalg.norm(front - line[-1]))
 
 
-def _least_way_over_m(scene: Scene, row: tuple[int, ...]) -> float:
+def _shortest_crossing_m(scene: Scene, row: tuple[int, ...]) -> float:
     """Return the shortest distance in which a vehicle gets from the first of adjacent lanes to the last one's edge."""
     first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST

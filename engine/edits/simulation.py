@@ -69,7 +69,7 @@ class Simulation:
         for _ in range(_ROUNDS):
             more, reacting = self._handed_over(plans, result.overlaps), self._reacting(shown, result)
             if not more and reacting is None:
-                more = self._giving_way(result)
+                more = self._plans_giving_way(result)
                 if not more:
                     break
             shown = reacting or shown
@@ -156,7 +156,7 @@ class Simulation:
     def _reaction_steps(self) -> int:
         return round(HAND_OVER_S / self.scene.step_s)
 
-    def _giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
+    def _plans_giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
         """Return plans that give way, except for vehicles that enter on top of another: such entries are refused."""
         overlaps = tuple(hit for hit in result.overlaps if not self._is_at_entry(result.plans, hit))
         if not overlaps:
@@ -237,7 +237,7 @@ def _wait(plan: DrivePlan, track: HandoverTrack, other: Track, hit_step: int, ha
     It does not react before the other vehicle has entered.
     """
     in_the_way, roomy_m = (
-        _in_the_way(other, hit_step),
+        _occupied_places(other, hit_step),
         (track.length_m + _CLEAR_LENGTH_M, track.width_m + _CLEAR_WIDTH_M),
     )
     index, gone = hit_step - track.first_step, hit_step
@@ -258,7 +258,7 @@ def _wait(plan: DrivePlan, track: HandoverTrack, other: Track, hit_step: int, ha
     return _Wait(plan, Halt(from_step, gone + _AFTER_STEPS, rolled_m), track.first_step + index)
 
 
-def _in_the_way(track: Track, from_step: int) -> list[tuple[int, Points]]:
+def _occupied_places(track: Track, from_step: int) -> list[tuple[int, Points]]:
     """Return a road user's places after a step, each with its corners and the last step at which it is occupied."""
     places: list[tuple[int, int]] = []
     for index in range(max(from_step - track.first_step, 0), len(track.positions)):

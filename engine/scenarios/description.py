@@ -71,7 +71,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     name = focus.name if focus is not None else "the ego" if scene.ego is not None else "the middle of the map"
     tracks = scene.tracks | scene.standing
     if request.time_s:
-        tracks = _there_at(scene, tracks, begin)
+        tracks = _present_at(scene, tracks, begin)
     near = _near(tracks, begin, center, request.radius_m)
     own = next((key for key in near if focus is not None and focus.name == f"vehicle {key}"), None)
     shown = [key for key in near if key != own][: VEHICLES_SHOWN[request.detail]]
@@ -95,7 +95,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     )
 
 
-def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
+def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
     """Return the vehicles that are present at a step.
 
     Raises:

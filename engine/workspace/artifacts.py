@@ -197,11 +197,11 @@ class Workspace:
         """
         placed: list[Path] = []
 
-        def take_back() -> None:
+        def remove_placed() -> None:
             for folder in placed:
                 shutil.rmtree(folder, ignore_errors=True)
 
-        with self.database.writing(take_back) as connection:
+        with self.database.writing(remove_placed) as connection:
             for new in artifacts:
                 stored = self.find(new.kind, new.artifact_id)  # another server may have stored it meanwhile
                 if stored is not None and (new.imported or not stored.imported):
@@ -247,7 +247,7 @@ class Workspace:
         marked = {row[0] for row in self.database.connection().execute(query, (json.dumps(wanted),))}
         return [artifact_id for artifact_id in wanted if artifact_id in marked]
 
-    def take_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
+    def move_out(self, kind: ArtifactKind, artifact_id: str, kept: Path) -> None:
         """Move an artifact out of the workspace, with its files and its row as JSON, to a new folder.
 
         Raises:

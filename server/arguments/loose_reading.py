@@ -47,7 +47,7 @@ def read_loosely(model: type[BaseModel], given: Mapping[str, Any], where: str = 
         if resolved not in model.model_fields:
             reading.values[name] = value
             continue
-        if value is None and not _takes_none(model.model_fields[resolved].annotation):
+        if value is None and not _accepts_none(model.model_fields[resolved].annotation):
             reading.notes.append(f"{path}=null is read as not given")
             continue
         read = _value(model.model_fields[resolved].annotation, value, path, reading.notes)
@@ -85,7 +85,7 @@ def _arms(annotation: Any) -> tuple[Any, ...]:
     return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
-def _takes_none(annotation: Any) -> bool:
+def _accepts_none(annotation: Any) -> bool:
     return type(None) in _arms(annotation)
 
 

@@ -90,7 +90,7 @@ def index_extract(request: IndexExtractRequest, report: ProgressReporter) -> Ind
 
 def _begun(index: Path) -> TileStore:
     """Return the unfinished index; start again if it is damaged or from another version of this program."""
-    if index.exists() and not _can_go_on(index):
+    if index.exists() and not _is_resumable(index):
         for leftover in index.parent.glob(f"{index.name}*"):
             leftover.unlink()
     store = TileStore(index, writable=True)
@@ -98,7 +98,7 @@ def _begun(index: Path) -> TileStore:
     return store
 
 
-def _can_go_on(index: Path) -> bool:
+def _is_resumable(index: Path) -> bool:
     """Return whether an index is of this version and, if complete, undamaged.
 
     Raises:

@@ -133,7 +133,7 @@ class _Section:
     def center_m(self) -> float:
         return (self.right_m + self.left_m) / 2
 
-    def comes_after(self, other: "_Section") -> bool:
+    def is_lane_change_from(self, other: "_Section") -> bool:
         """Return True if the route changes to this lane from the other lane."""
         return self.place is not None and other.place is not None and self.place > other.place
 
@@ -223,7 +223,7 @@ def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Sect
 
 
 def _is_next(under: _Section, neighbour: _Section | None) -> bool:
-    return neighbour is not None and neighbour.comes_after(under)
+    return neighbour is not None and neighbour.is_lane_change_from(under)
 
 
 def _adjacent_band(neighbours: list[_Section | None], is_next: list[bool], inner_m: Values) -> LaneBand:

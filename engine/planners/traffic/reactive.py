@@ -299,7 +299,7 @@ class _ReactiveTraffic:
             grown.add(*state)
             if actor.key in there:
                 self._sumo.show_speed(actor.key, state[3])
-                self._sumo.let_drive(actor.key)
+                self._sumo.release(actor.key)
                 self._under_way.append(actor)
             else:
                 self._lost.append(actor)

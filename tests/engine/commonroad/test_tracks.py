@@ -19,7 +19,7 @@ from lxml import etree
 from support.builders import ScenarioBuilder, town_road
 
 from plannerforge.engine.commonroad.document import SplitDocument
-from plannerforge.engine.commonroad.plain_states import cut_states, take_plain_states, take_states
+from plannerforge.engine.commonroad.plain_states import cut_states, remove_plain_states, remove_states
 from plannerforge.engine.commonroad.reader import read_recorded, read_scenario
 from plannerforge.engine.commonroad.tracks import Track, last_recorded_step, recorded_tracks, size_of
 from plannerforge.engine.commonroad.value_limits import check_document
@@ -201,7 +201,7 @@ def test_plain_trajectories_are_taken_out_and_the_others_stay_whole() -> None:
     trajectories = root.findall(".//trajectory")
     trajectories[1][2].remove(trajectories[1][2].find("velocity"))
     before = len(trajectories[1])
-    assert list(take_plain_states(root)) == [31]
+    assert list(remove_plain_states(root)) == [31]
     assert [len(one) for one in trajectories] == [2, before]
 
 
@@ -235,7 +235,7 @@ def test_states_read_from_bytes_match_those_of_a_parser(tmp_path: Path) -> None:
     assert split is not None
     for chunk in split.chunks:
         parsed = etree.fromstring(chunk)
-        taken, cut = take_states(parsed), cut_states(chunk)
+        taken, cut = remove_states(parsed), cut_states(chunk)
         assert taken is not None
         assert cut is not None
         assert taken[0] == cut[0]

@@ -12,7 +12,7 @@ from support.builders import Lane, Problem, ScenarioBuilder, arc, line, town_roa
 from support.edits import Apply
 
 from plannerforge.engine.commonroad.reader import read_scenario
-from plannerforge.engine.vehicles import can_be_there, latest_passing_s, least_time_s
+from plannerforge.engine.vehicles import can_be_between, latest_passing_s, least_time_s
 from plannerforge.engine.vehicles.models import LARGEST_ACCELERATION_MPS2, LARGEST_SPEED_MPS
 from plannerforge.schemas.errors import InvalidRequest, NotPossible
 
@@ -30,7 +30,7 @@ def test_every_motion_within_the_limits_is_possible(speed: float, accelerations:
         after = min(max(now + acceleration * 0.1, 0.0), LARGEST_SPEED_MPS)
         now, driven = after, driven + (now + after) / 2 * 0.1
     time = 0.1 * len(accelerations)
-    assert can_be_there(speed, (driven, driven), np.array([time]), np.array([now])).all()
+    assert can_be_between(speed, (driven, driven), np.array([time]), np.array([now])).all()
     assert least_time_s(speed, driven) <= time + 1e-6
     assert latest_passing_s(speed, driven + 1e-3) >= time
 
@@ -39,8 +39,8 @@ def test_the_bounds_are_full_braking_and_full_acceleration() -> None:
     assert latest_passing_s(23.0, 23.0) == math.inf
     assert latest_passing_s(23.0, 17.25) == pytest.approx(1.0)
     assert least_time_s(0.0, 23.0) == pytest.approx(2.0)
-    assert not can_be_there(10.0, (0.0, 100.0), np.array([1.0]), np.array([22.0])).any()
-    assert not can_be_there(10.0, (16.0, 16.0), np.array([1.0]), np.array([10.0])).any()
+    assert not can_be_between(10.0, (0.0, 100.0), np.array([1.0]), np.array([22.0])).any()
+    assert not can_be_between(10.0, (16.0, 16.0), np.array([1.0]), np.array([10.0])).any()
 
 
 def test_the_sentence_names_time_and_speed(apply: Apply) -> None:
