@@ -149,7 +149,7 @@ def test_schemas_and_tools_load_no_heavy_modules() -> None:
 
 
 @pytest.mark.parametrize("name", LAYERS)
-def test_common_names_are_not_taken_in_other_folders(name: str, tmp_path: Path) -> None:
+def test_common_names_stay_free_in_other_folders(name: str, tmp_path: Path) -> None:
     done = run(
         f"import importlib.util, sys, plannerforge.{name}\n"
         f"sys.path = [folder for folder in sys.path if folder != {str(CHECKOUT)!r}]\n"  # where PYTHONPATH names it

@@ -400,7 +400,7 @@ def test_the_registry_entry_starts_an_existing_program_and_command(tmp_path: Pat
     assert words[-2:] == [package["identifier"], package["packageArguments"][0]["value"]]
 
 
-def test_no_public_address_is_made_up() -> None:
+def test_no_public_address_is_invented() -> None:
     assert "urls" not in project()["project"]
 
 
@@ -444,7 +444,7 @@ def test_the_environment_that_workflows_ask_make_for_is_the_one_of_developers() 
     assert stamp.replace("$(VENV)", venv) == DEVELOPERS
 
 
-def test_the_release_is_tried_in_every_way_that_the_page_names() -> None:
+def test_the_release_is_tried_in_every_documented_way() -> None:
     known = {*get_command(application).commands, "--version"}  # type: ignore[attr-defined]
     run = commands()
     ours = [words[number + 1] for words in run for number, word in enumerate(words[:-1]) if is_ours(word, words)]
@@ -491,7 +491,7 @@ def test_the_tag_is_checked_against_the_version() -> None:
         assert ended.returncode == expected
 
 
-def test_actions_are_pinned_and_rights_are_given_where_they_are_needed() -> None:
+def test_actions_are_pinned_and_rights_are_granted_where_needed() -> None:
     uses = [step["uses"] for job in jobs().values() for step in job["steps"] if "uses" in step]
     assert [action for action in uses if not re.search(r"@v\d+\.\d+\.\d+$", action)] == []
     rights = {name: job.get("permissions", {}) for name, job in jobs().items()}

@@ -39,7 +39,7 @@ def test_two_tools_take_a_path_and_no_tool_takes_an_address_or_a_command() -> No
     assert words & {"url", "address", "host", "command", "program", "environment", "token"} == set()
 
 
-def test_no_command_goes_through_a_shell() -> None:
+def test_no_command_uses_a_shell() -> None:
     calls = [
         (path.relative_to(CHECKOUT).as_posix(), node.lineno)
         for path in source_files()

@@ -51,7 +51,7 @@ async def test_a_missing_server_is_reported(server: Server) -> None:
             pass
 
 
-async def test_what_a_program_writes_to_standard_error_is_kept_in_the_log(tmp_path: Path) -> None:
+async def test_standard_error_of_a_program_is_kept_in_the_log(tmp_path: Path) -> None:
     log = tmp_path / "logs" / "server.log"
     program = StdioServerParameters(command=sys.executable, args=["-c", "import sys; sys.exit('no licence')"])
     with pytest.raises(ToolServerGone, match=r"check that .*, and the log .*server\.log"):

@@ -25,7 +25,7 @@ async def test_a_call_is_made_and_its_answer_reaches_the_model(kind: Kind) -> No
 
 
 @pytest.mark.parametrize("written", ["functions.make_scenario", "made:make_scenario", "tools/make_scenario"])
-async def test_a_name_before_the_tools_is_taken_away(written: str) -> None:
+async def test_a_prefix_of_the_tools_names_is_removed(written: str) -> None:
     async with talk(Reply(calls=((written, {"vehicles": 2}),)), Reply("It is there.")) as talked:
         result = await talked.say("A scenario.")
     assert [(done.call.tool, done.answer.is_error) for done in result.calls] == [("make_scenario", False)]

@@ -177,7 +177,7 @@ async def test_a_huge_answer_of_the_model_is_left() -> None:
 
 
 @both
-async def test_two_calls_at_once_are_made_in_order(kind: Kind) -> None:
+async def test_two_calls_at_once_are_carried_out_in_order(kind: Kind) -> None:
     two = Reply(calls=(("make_scenario", {"vehicles": 2}), ("make_scenario", {"vehicles": 5})))
     async with talk(two, DONE, kind=kind) as talked:
         result = await talked.say("Two scenarios.")
@@ -242,7 +242,7 @@ async def test_an_interrupt_while_a_tool_works_answers_the_call_for_the_model() 
     assert sent[3]["content"].startswith("[not carried out")
 
 
-async def test_an_interrupt_between_turns_does_nothing() -> None:
+async def test_an_interrupt_between_turns_has_no_effect() -> None:
     async with talk(DONE) as talked:
         talked.session.interrupt()
         assert (await talked.say("Hello.")).ending == "answered"
@@ -327,7 +327,7 @@ async def test_a_claim_without_a_call_is_questioned_and_then_reported(text: str)
     assert "no tool was called in this turn, so nothing was done" in result.problem
 
 
-async def test_a_claim_is_made_good_by_the_call() -> None:
+async def test_a_claim_is_fulfilled_by_the_call() -> None:
     async with talk(Reply("I have generated a scenario."), MAKE, Reply("I have generated TST_Town-2_1_T-1.")) as talked:
         result = await talked.say("A scenario.")
     assert (result.ending, result.problem, len(result.calls)) == ("answered", "", 1)

@@ -181,7 +181,7 @@ async def test_a_model_without_tools_chooses_by_a_schema(
 
 
 @both
-async def test_an_address_without_a_server_says_how_to_start_one(kind: Kind) -> None:
+async def test_an_address_without_a_server_gives_the_start_command(kind: Kind) -> None:
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         nowhere = ModelServer(url=f"http://127.0.0.1:{closed.getsockname()[1]}")
@@ -208,7 +208,9 @@ async def test_an_unknown_model_is_reported_with_the_valid_ones(kind: Kind) -> N
     ],
     ids=["cut", "no json", "error in the stream", "error", "too many"],
 )
-async def test_an_answer_that_fails_says_why(kind: Kind, reply: Reply, failure: type[ModelFailure], told: str) -> None:
+async def test_a_failed_answer_gives_its_reason(
+    kind: Kind, reply: Reply, failure: type[ModelFailure], told: str
+) -> None:
     with serving(kind, replies(reply)) as server, pytest.raises(failure, match=told):
         await asked(kind, server)
 
@@ -222,7 +224,7 @@ async def test_a_model_that_stays_silent_is_abandoned(kind: Kind) -> None:
         await asked(kind, server, silence_s=0.2)
 
 
-async def test_a_refused_key_says_where_to_set_it() -> None:
+async def test_a_refused_key_names_its_setting() -> None:
     with serving("openai", replies(Reply("Two.")), key="right") as server:
         with pytest.raises(ModelRefused, match="PLANNERFORGE_AGENT_API_KEY"):
             await asked("openai", server, api_key="wrong")

@@ -76,7 +76,7 @@ def test_a_request_prints_calls_with_progress_and_the_answer(tmp_path: Path) -> 
     ("reply", "status"),
     [(Reply("Out of scope: no poems."), 3), (Reply("Which town do you mean?"), 4), (Reply("no memory", status=500), 1)],
 )
-def test_the_exit_status_says_how_a_request_ended(tmp_path: Path, reply: Reply, status: int) -> None:
+def test_the_exit_status_gives_the_end_of_a_request(tmp_path: Path, reply: Reply, status: int) -> None:
     assert request(tmp_path, reply)[1] == status
 
 
@@ -177,7 +177,7 @@ def test_an_interrupt_ends_the_turn_and_the_chat_continues(tmp_path: Path) -> No
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_an_interrupt_at_the_prompt_says_how_to_leave(tmp_path: Path) -> None:
+def test_an_interrupt_at_the_prompt_explains_how_to_leave(tmp_path: Path) -> None:
     waiting = ["interrupted", "Hello?"]
 
     def read_line(prompt: str) -> str:

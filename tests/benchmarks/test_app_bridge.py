@@ -228,7 +228,7 @@ def test_broken_parts_of_a_page_are_named(
 
 
 @needs_browser
-def test_page_that_never_says_hello_is_one_failed_check(browser: Browser, views: Mapping[str, str]) -> None:
+def test_a_page_without_its_handshake_is_one_failed_check(browser: Browser, views: Mapping[str, str]) -> None:
     ((words, holds),) = looked_into(browser, views, "<!DOCTYPE html><p>silent", Case("run", "run", {}), 1280, 0.4)
     assert "does not say that it is ready" in words
     assert not holds

@@ -44,7 +44,7 @@ def test_the_judge_sees_words_that_are_not_fields(value: dict[str, object], is_r
     assert (not list(faults_of_value(value, WORD))) == is_right
 
 
-def test_a_path_that_no_word_takes_is_wrong() -> None:
+def test_an_unknown_path_is_wrong() -> None:
     assert Heard(["an answer"], [{}]).faults(WORD) == ["not reached"]
 
 

@@ -44,7 +44,7 @@ async def measured(folder: Path, journal: Journal) -> Any:
 
 
 @pytest.mark.anyio
-async def test_broken_files_are_refused_by_name_and_nothing_is_lost(
+async def test_broken_files_are_refused_by_name_and_no_file_is_lost(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     journal = Journal.read(tmp_path / "rows.jsonl")

@@ -93,7 +93,7 @@ def test_a_broken_file_is_a_fault_with_its_reason(tmp_path: Path, old: str, new:
     assert not verdict.executable
 
 
-def test_an_environment_that_cannot_be_made_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_environment_that_cannot_be_created_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("PLANNERFORGE_FACTORY", str(tmp_path / "file" / "environment"))
     with pytest.raises(LeftOut, match="cannot be created here: "):

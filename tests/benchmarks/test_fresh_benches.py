@@ -109,7 +109,7 @@ def test_searches_find_the_same_scenarios_as_the_predicates() -> None:
     assert 50 < sum(request.expect == "ok" for request in requests) < 350
 
 
-def test_drawn_requests_name_the_stage_that_leaves_nothing() -> None:
+def test_drawn_requests_name_the_stage_without_matches() -> None:
     known = _known()
     connection = catalogue([one.facts for one in known])
     empty = [one for one in fresh_requests(known, 4, 200) if one.expect == "empty"]

@@ -16,7 +16,7 @@ from plannerforge.evals.scoring.map_evidence import MapEvidence
 SECONDARY = Road("road", "a", "b")
 
 
-def test_the_middle_has_to_lie_in_the_box() -> None:
+def test_the_middle_must_be_in_the_box() -> None:
     files = made([SECONDARY])
     assert is_in_box(files, (49.9, 9.9, 50.1, 10.1), 0.0)
     for box in ((50.01, 9.9, 50.1, 10.1), (49.9, 9.9, 49.99, 10.1), (49.9, 10.01, 50.1, 10.1), (49.9, 9.9, 50.1, 9.99)):

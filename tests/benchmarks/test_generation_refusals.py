@@ -60,7 +60,7 @@ def test_a_result_instead_of_a_refusal_is_reported() -> None:
     assert refused_right(possible, built_in_maps()) == "was made in map_landmoor"
 
 
-def test_several_scenarios_where_no_site_fits_are_a_failure() -> None:
+def test_several_scenarios_without_a_fitting_site_are_a_failure() -> None:
     arguments = GenerateScenariosArguments.model_validate({**NO_RAMP, "count": 2})
     maps = BenchMaps(tuple(built_in_maps()), {}, {}, {})
     made = make_all(BenchRequest("ramps", arguments, "landmoor.osm"), Session(maps), seed=0)

@@ -43,7 +43,7 @@ def test_seeded_requests_are_reproducible_and_satisfiable() -> None:
     assert all(r.arguments.scenario_type in PLACES[str(r.map_name)]["scenario_types"] for r in first)  # type: ignore[operator]
 
 
-def test_samples_with_all_offsets_hold_every_request_once() -> None:
+def test_samples_with_all_offsets_contain_every_request_once() -> None:
     found = list(range(60))
     samples = [_spread(found, 15, offset) for offset in range(4)]
     assert sorted(number for sample in samples for number in sample) == found

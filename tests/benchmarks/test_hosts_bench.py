@@ -437,7 +437,7 @@ async def test_the_real_server_carries_the_story_out(connect: Connect, settings:
 # What stands between client and server
 
 
-def test_lines_pass_both_ways_and_a_copy_is_kept(tmp_path: Path) -> None:
+def test_lines_pass_in_both_directions_and_are_copied(tmp_path: Path) -> None:
     copy = tmp_path / "copy.txt"
     program = "import sys\nfor line in sys.stdin:\n    print(line.strip().upper(), flush=True)\nsys.exit(3)"
     command = [sys.executable, "-P", wire.__file__, str(copy), sys.executable, "-c", program]

@@ -51,7 +51,7 @@ def test_sets_members_and_unions_follow_each_other() -> None:
     assert keys(f'[out:json];(way["highway"]({BOX});)->.a;.a out 3;'.replace(".a out", "(.a;);out")) != set()
 
 
-def test_the_middle_of_a_way_and_a_bound_on_elements() -> None:
+def test_the_middle_of_a_way_and_a_limit_on_elements() -> None:
     town = drawn_town("quadratstadt.osm")
     (one,) = run_query(f'[out:json];way["highway"]({BOX});out tags center 1;', town).elements
     assert set(one) == {"type", "id", "center", "tags"}

@@ -53,9 +53,7 @@ def test_drivers_that_all_drive_as_usual_are_seen(base: Path, monkeypatch: pytes
     assert not verdicts(carried_out(base, TRUTHS["B"]))["B_preset"]
 
 
-def test_vehicles_that_are_all_cars_which_stand_at_once_anywhere_are_seen(
-    base: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_with_only_standing_cars_is_detected(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     spoil(monkeypatch, "add_vehicle", to=[], vehicle_class="car", speed="0m/s", time_s=None)
     found = verdicts(carried_out(base, TRUTHS["P"] | {"destination_lanelet": 21}))
     assert not any(found[name] for name in ("P_class", "P_speed", "P_departure"))
@@ -163,7 +161,7 @@ def _counted_ids() -> Any:
     ],
     ids=["taken", "free", "right before somebody", "far before somebody", "in the lane beside"],
 )
-def test_a_place_refused_as_taken_or_hit_has_a_vehicle_on_it_or_right_behind(
+def test_an_occupied_place_has_a_vehicle_on_it_or_right_behind(
     base: Path, monkeypatch: pytest.MonkeyPatch, reason: str, lanelet: int, station_m: float, is_right: bool
 ) -> None:
     row = {"id": "p", "task": "modification_P", "expect": "ok", "scenario": base.name}

@@ -58,7 +58,7 @@ def test_a_vehicle_with_its_bumper_over_the_line_has_not_arrived(scene: Scene, o
 
 
 @pytest.mark.parametrize(("leads_there_too", "is_there"), [((), True), ((2,), False)])
-def test_grazing_the_target_counts_where_the_way_driven_on_leads_from_it_alone(
+def test_grazing_the_target_counts_if_the_route_continues_from_it_alone(
     tmp_path: Path, leads_there_too: tuple[int, ...], is_there: bool
 ) -> None:
     lanes = [

@@ -68,7 +68,7 @@ def test_a_verdict_is_left_out_if_another_vehicle_may_hide_the_one_that_was_hit(
     assert prevented_by(made, "r157_careful") is None
 
 
-def test_places_on_a_way_that_comes_back_are_near_the_last_one() -> None:
+def test_places_on_a_route_that_returns_are_near_the_last_one() -> None:
     turn = np.linspace(0.0, 2 * np.pi, 60)
     lap = np.column_stack([20 * np.sin(turn), 20 - 20 * np.cos(turn), turn, np.full(60, 5.0)])
     way = DrivenPath.driven(lap)

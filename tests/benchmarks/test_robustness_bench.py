@@ -70,7 +70,7 @@ def _laws(text: str) -> list[str]:
 @pytest.mark.parametrize(
     "end", ["\n", "\r", "\r\n", "\x0b", "\x0c", "\x1c", "\x85", "\u2028", "\u2029", "\n\t- ", "\n> "]
 )
-def test_a_text_on_a_line_of_its_own_is_forged(end: str) -> None:
+def test_a_text_on_its_own_line_is_forged(end: str) -> None:
     assert _laws(f"[unknown_name] there is no job 'x{end}{INJECTED}'. Next: list them.") == ["forged"]
 
 

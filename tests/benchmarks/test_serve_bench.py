@@ -43,7 +43,7 @@ def suite_said(held: int, broken: int = 0, empty: str = "server-sse-polling") ->
         ({"empty": "a-new-one"}, 1, "a-new-one: no check was made: the reason is not known"),
     ],
 )
-def test_checks_that_were_not_made_count_as_failed(changed: dict[str, Any], failed: int, told: str) -> None:
+def test_missing_checks_count_as_failed(changed: dict[str, Any], failed: int, told: str) -> None:
     said = {key: suite_said(held) for key, held in KNOWN.items()}
     said["conformance_2026"] = suite_said(**{"held": KNOWN["conformance_2026"], **changed})
     figures, words = judged(said)

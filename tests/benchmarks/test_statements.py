@@ -145,7 +145,7 @@ def test_a_figure_of_a_text_that_is_in_no_field_is_unknown(sources: list[RunSour
     assert unknown_in_text(comparison.text.replace("10 pairs", "11 pairs"), comparison.fields) != []
 
 
-def test_a_figure_of_a_finding_has_to_stand_in_the_finding_itself() -> None:
+def test_a_figure_of_a_finding_must_be_in_the_finding_itself() -> None:
     finding = {"statement": "The third of 17 runs is late by 2.5 s.", "figures": {"runs": 17.0, "late_s": 2.51}}
     assert unknown_in_fields({"findings": [finding]}) == []
     elsewhere = {"findings": [finding | {"figures": {"runs": 17.0}}], "late_s": 2.51}

@@ -49,7 +49,7 @@ def headings_as_they_come(self: FrameKeeper, station_m: float, ahead_m: float) -
 
 
 @pytest.mark.parametrize("speed_mps", [5.0, 10.0, 15.0])
-def test_the_bench_counts_a_heading_wrap_only_where_its_cure_is_off(
+def test_the_bench_counts_a_heading_wrap_only_if_its_remedy_is_off(
     speed_mps: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cured = driven(westward_bend(speed_mps), tmp_path)

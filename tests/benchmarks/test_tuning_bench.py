@@ -5,7 +5,7 @@ import random
 from benchmarks.tuning import optimised, weight_files
 
 
-def test_ends_are_counted_by_scenario_and_only_where_all_sides_ran() -> None:
+def test_endings_are_counted_by_scenario_and_only_if_all_sides_ran() -> None:
     base = {"A": (False, True), "B": (True, False), "C": (True, False)}
     best = {"A": (True, False), "B": (True, False), "C": (True, False)}
     rows = optimised._rows(base, best, {"A": (False, True), "B": (True, False)})

@@ -40,7 +40,7 @@ def test_call_prints_the_text_of_the_answer(tmp_path: Path) -> None:
     assert (tmp_path / "workspace" / "journal" / "calls.jsonl").is_file()
 
 
-def test_a_shell_is_given_the_paths_of_pictures_not_links(tmp_path: Path) -> None:
+def test_a_shell_gets_paths_of_pictures_not_links(tmp_path: Path) -> None:
     result = run("call", "echo", '{"text": "see plannerforge://picture/a_12.png (9×9)"}')
     assert f"see {tmp_path / 'workspace' / 'pictures' / 'a_12.png'} (9" in json.loads(result.stdout)["text"]
 
@@ -187,7 +187,7 @@ def test_serving_commands_share_their_heaps_before_starting_threads(
     assert begun[1:] in (["stdio"], ["http"])
 
 
-def test_pages_leave_out_origins_that_the_settings_let_in_with_a_token(
+def test_pages_leave_out_origins_that_the_settings_accept_with_a_token(
     monkeypatch: pytest.MonkeyPatch, settings: Settings
 ) -> None:
     served: list[Settings] = []

@@ -162,7 +162,7 @@ def test_an_entry_of_another_form_is_left_alone(
     assert path.read_bytes() == before
 
 
-def test_folders_of_the_user_are_not_made_and_the_nearest_is_named(
+def test_the_user_s_folders_are_not_created_and_the_nearest_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(doctor, "TRIALS", {})

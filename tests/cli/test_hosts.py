@@ -104,7 +104,7 @@ def test_an_unknown_host_names_the_nearest() -> None:
 
 @pytest.mark.parametrize("name", sorted(set(HOSTS) - {"codex"}))
 @pytest.mark.parametrize("key", ["url", "serverUrl", "httpUrl"])
-def test_an_entry_by_http_gives_way_to_a_program_whole(name: str, key: str, tmp_path: Path) -> None:
+def test_an_entry_by_http_is_replaced_completely_by_a_program(name: str, key: str, tmp_path: Path) -> None:
     host = HOSTS[name]
     path = host.file(tmp_path, "linux")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +166,7 @@ def test_a_program_that_may_vanish_is_started_by_uvx(passing: Path) -> None:
         ),
     ],
 )
-def test_uvx_takes_the_package_from_where_it_was_installed_from(
+def test_uvx_takes_the_package_from_its_source(
     told: dict[str, Any] | None, source: list[str], passing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Installed:
@@ -178,7 +178,7 @@ def test_uvx_takes_the_package_from_where_it_was_installed_from(
     assert list(start_command([], passing))[1:] == [*source, "plannerforge-mcp", "serve"]
 
 
-def test_installing_out_of_uvs_cache_says_that_the_host_uses_uvx(
+def test_installing_from_uv_s_cache_reports_that_the_host_uses_uvx(
     passing: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.prefix", str(passing))

@@ -53,7 +53,7 @@ def test_an_unknown_country_is_refused_before_anything_is_read() -> None:
     assert "there is no country 'Atlantis'" in result.stderr
 
 
-def test_ids_are_listed_whole_where_the_terminal_is_narrow(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ids_are_listed_in_full_on_a_narrow_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     listed = maps("list")
     assert "map_fahrhausen " in listed.stdout

@@ -93,7 +93,7 @@ def test_a_new_planner_is_checked_in_words(installed: Install, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", ["My Planner", "9lives", "frenetix", "../up", ""])
-def test_a_name_that_no_planner_can_have_writes_nothing(name: str, tmp_path: Path) -> None:
+def test_an_invalid_planner_name_writes_no_files(name: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidRequest):
         write_planner(name, tmp_path)
     assert list(tmp_path.iterdir()) == []

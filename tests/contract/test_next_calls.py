@@ -64,7 +64,7 @@ async def test_an_unknown_scenario_leads_to_a_list_of_existing_ones(
     assert call == {"tool": "list_artifacts", "arguments": {"kind": "scenario"}}
 
 
-async def test_a_scenario_that_exists_is_taken_over(client: Client) -> None:
+async def test_an_existing_scenario_is_kept_in_the_call(client: Client) -> None:
     _, call = await refused(client, "modify_scenario", {"scenario_id": SCENARIO, "edits": []})
     assert call == {"tool": "describe_scenario", "arguments": {"scenario_id": SCENARIO, "detail": "vehicles"}}
 
@@ -131,7 +131,7 @@ async def test_a_wrong_word_or_number_leads_to_the_nearest_valid_one(
         ("generate_scenarios", {"conditions": ["weather=zzz"]}),
     ],
 )
-async def test_no_other_list_is_proposed_where_the_refusal_names_all_valid_values(
+async def test_no_other_list_is_proposed_if_the_refusal_names_all_valid_values(
     client: Client, tool: str, arguments: dict[str, Any]
 ) -> None:
     text, call = await refused(client, tool, arguments)
@@ -220,7 +220,7 @@ async def test_a_proposal_that_is_refused_for_another_reason_is_mended_once_more
     assert not (await client.call_tool(call["tool"], call["arguments"] | {"dry_run": True})).is_error
 
 
-async def test_a_file_outside_the_roots_is_proposed_where_the_roots_have_it(client: Client, tmp_path: Path) -> None:
+async def test_a_file_outside_the_roots_is_proposed_inside_them(client: Client, tmp_path: Path) -> None:
     _, call = await refused(client, "import_files", {"path": "/rotos/town.xml"})
     assert call == {"tool": "import_files", "arguments": {"path": str(tmp_path / "roots" / "town.xml")}}
 

@@ -43,7 +43,7 @@ def test_the_server_s_schemas_match_the_models(spec: ToolSpec) -> None:
 
 
 @pytest.mark.parametrize("spec", TOOLS, ids=lambda spec: spec.name)
-def test_a_tool_has_its_title_where_older_clients_look_for_it_too(spec: ToolSpec) -> None:
+def test_a_tool_has_its_title_also_for_older_clients(spec: ToolSpec) -> None:
     tool = described_tool(spec)
     assert tool.title == spec.title
     assert tool.annotations is not None

@@ -24,7 +24,7 @@ def test_a_slower_vehicle_ahead_is_reached_after_the_gap_over_the_closing_speed(
     assert time_to_collision_s(body(0, 0, 0, 15), body(34.5, 0, 0, 5)) == pytest.approx(3.0)
 
 
-def test_crossing_courses_meet_where_both_are_at_once() -> None:
+def test_crossing_courses_meet_if_both_arrive_at_once() -> None:
     # the other's front reaches the ego's lane edge after (20 − 0.9 − 2.25) / 10 s, the ego is there from 1.285 s on
     assert time_to_collision_s(body(-16, 0, 0, 10), body(0, -20, math.pi / 2, 10)) == pytest.approx(1.685)
 

@@ -55,7 +55,7 @@ def mark(request_id: str, began_s: float, ended_s: float, **fields: Any) -> dict
     return {"request_id": request_id, "began_s": began_s, "ended_s": ended_s, **fields}
 
 
-async def test_calls_within_the_marks_are_made_again_and_refusals_kept(tmp_path: Path) -> None:
+async def test_calls_within_the_marks_are_repeated_and_refusals_kept(tmp_path: Path) -> None:
     agent = agent_of(tmp_path, mark("sel-001", 20, 25), mark("sel-002", 30, 35))
     attempt = await agent.attempt(request(1), EchoSession(tmp_path))
     assert [(call.is_error, dict(call.arguments)) for call in attempt.calls] == [
@@ -66,13 +66,13 @@ async def test_calls_within_the_marks_are_made_again_and_refusals_kept(tmp_path:
     assert "lorry" in attempt.calls[0].text
 
 
-async def test_how_a_client_ended_comes_from_the_mark(tmp_path: Path) -> None:
+async def test_a_client_s_ending_comes_from_the_mark(tmp_path: Path) -> None:
     agent = agent_of(tmp_path, mark("sel-001", 50, 55, ending="asked"))
     attempt = await agent.attempt(request(1), EchoSession(tmp_path))
     assert (attempt.ending, attempt.calls) == ("asked", ())
 
 
-async def test_turns_of_a_conversation_have_marks_of_their_own(tmp_path: Path) -> None:
+async def test_turns_of_a_conversation_have_their_own_marks(tmp_path: Path) -> None:
     agent = agent_of(tmp_path, mark("e2e-001", 30, 35, turn=1), mark("e2e-001", 20, 25))
     attempt = await agent.attempt(request(1, "e2e"), EchoSession(tmp_path))
     assert [call.turn for call in attempt.calls] == [0, 0, 1]

@@ -141,7 +141,7 @@ def test_town_and_country_are_never_both() -> None:
             assert shows_type(files, "urban", evidence) != shows_type(files, "rural", evidence)
 
 
-def test_a_trunk_road_is_a_highway_where_the_map_has_no_motorway() -> None:
+def test_a_trunk_road_is_a_highway_if_the_map_has_no_motorway() -> None:
     files = made([replace(MOTORWAY, kind=TRUNK), LINK], [("main", "slip")])
     assert shows_type(files, "highway", FAST)
     assert not shows_type(files, "highway", SLOW)

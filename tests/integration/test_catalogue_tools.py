@@ -55,7 +55,7 @@ async def test_a_folder_is_imported_without_refused_files(connect: Connect, bare
         assert "30 m ahead, same lane" in text
 
 
-async def test_a_changed_file_is_a_new_version_and_takes_the_place_of_the_old(
+async def test_a_changed_file_is_a_new_version_and_replaces_the_old_one(
     connect: Connect, bare: Settings, folder: Path
 ) -> None:
     async with connect(bare) as client:

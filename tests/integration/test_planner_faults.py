@@ -236,9 +236,7 @@ def server(tmp_path: Path) -> Iterator[Callable[..., StdioServer]]:
         one.kill()
 
 
-def test_killed_server_takes_up_its_batch_where_it_was(
-    server: Callable[..., StdioServer], files: Path, tmp_path: Path
-) -> None:
+def test_a_killed_server_resumes_its_batch(server: Callable[..., StdioServer], files: Path, tmp_path: Path) -> None:
     first = server("--workers", "1")
     first.call("import_files", path=str(files))
     grid = {"scenarios": ["preset:9"], "configs": ["frenetix:Default", "frenetix:Safety"]}

@@ -49,7 +49,7 @@ def test_quantity_is_turned_into_the_base_unit(text: str, unit: str, expected: f
     assert parse_quantity(text, unit) == pytest.approx(expected)  # type: ignore[arg-type]
 
 
-def test_steps_are_seconds_where_the_step_is_known() -> None:
+def test_steps_are_seconds_if_the_step_is_known() -> None:
     assert parse_quantity("90steps", "s", step_s=0.1) == pytest.approx(9.0)
     with pytest.raises(InvalidRequest, match="'steps'"):
         parse_quantity("90steps", "s")
@@ -90,7 +90,7 @@ def test_interval(text: str, unit: str, expected: Interval) -> None:
     )
 
 
-def test_interval_the_wrong_way_round_is_refused_with_the_right_way() -> None:
+def test_a_reversed_interval_is_refused_with_the_right_order() -> None:
     with pytest.raises(InvalidRequest) as caught:
         parse_interval("12..8km/h", "m/s")
     assert parse_interval(caught.value.valid[0], "m/s") == parse_interval("8..12km/h", "m/s")
@@ -121,7 +121,7 @@ def test_condition(text: str, expected: Condition) -> None:
     assert parse_condition(text, words=True) == expected
 
 
-def test_a_word_where_a_number_is_compared_is_refused() -> None:
+def test_a_word_in_a_comparison_with_a_number_is_refused() -> None:
     with pytest.raises(InvalidRequest, match="compares with 'many', which is not a number"):
         parse_condition("car=many", whole=True)
 

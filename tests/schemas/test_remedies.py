@@ -128,7 +128,7 @@ def test_the_refused_call_itself_is_not_proposed() -> None:
     assert followed(calling("list_planners"), "list_planners", {}) is None
 
 
-def test_remedies_survive_the_way_through_json() -> None:
+def test_remedies_survive_json() -> None:
     for remedy in (instead("a", "b").at(("edits", 0)), with_values(lane=None), VEHICLES_LISTED):
         assert Remedy.of_json(json.loads(json.dumps(remedy.to_json()))) == remedy
 

@@ -100,7 +100,7 @@ def test_a_text_that_is_cut_inside_a_mark_closes_it(text: str, longest: int) -> 
         *("frenetix:Default, jerk=0.5 and 3 more", "mylane:Default v2 (d4e5f6a)", "DEU_Ulm-1_1_T-1"),
     ],
 )
-def test_names_of_this_program_and_one_word_stand_bare(name: str) -> None:
+def test_names_of_this_program_and_single_words_are_not_quoted(name: str) -> None:
     assert shown_name(name) == name
 
 
@@ -122,7 +122,7 @@ def test_texts_in_a_call_are_cited_if_they_are_more_than_a_word() -> None:
     }
 
 
-def test_clauses_that_all_sentences_share_are_taken_out_once() -> None:
+def test_clauses_common_to_all_sentences_are_stated_once() -> None:
     first = "hit car 1 (ego 1; car 2); preventable (a; b); attributed to planning"
     second = "hit car 3 (ego 1; car 2); attributed to planning"
     assert without_shared_clauses([first, second]) == (

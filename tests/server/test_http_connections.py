@@ -161,7 +161,7 @@ async def test_a_body_that_continues_after_its_answer_is_dropped_and_its_connect
         assert (await exchanged(stream, b"abc")).startswith(b"HTTP/1.1 200")
 
 
-async def test_connection_that_was_idle_longest_gives_way_to_a_new_one() -> None:
+async def test_the_longest_idle_connection_is_closed_for_a_new_one() -> None:
     async with listening(ConnectionLimits(connections=3)) as server:
         held = [await anyio.connect_tcp("127.0.0.1", server.port) for _ in range(3)]
         for stream in held:

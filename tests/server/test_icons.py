@@ -58,7 +58,7 @@ def contrast(one: float, two: float) -> float:
     return (max(one, two) + 0.05) / (min(one, two) + 0.05)
 
 
-def test_the_picture_stands_out_on_light_and_dark_and_its_drawing_on_its_ground() -> None:
+def test_the_picture_is_visible_on_light_and_dark_and_its_drawing_on_its_background() -> None:
     """Contrast of 3, which WCAG 2.2 asks of graphics: the ground against white and near black, white on the ground."""
     shown = [pixel for pixel in pixels(server_icons()[1]) if pixel[3] == 255]
     assert len(shown) > 48 * 48 * 0.8

@@ -83,7 +83,7 @@ async def test_no_journal_is_written_if_it_is_off(connect: Any, settings: Settin
     assert not (settings.workspace / "journal").exists()
 
 
-def test_ids_are_taken_from_the_structure_once_each(tmp_path: Path) -> None:
+def test_ids_come_from_the_structure_once_each(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "calls.jsonl", 10_000)
     add(journal, "text", {"a": "run_0123456789ab", "b": ["cfg_aaaaaaaa", "run_0123456789ab"], "c": "runway_1"})
     journal.close()
@@ -127,7 +127,7 @@ assert [entry["result_tokens"] for entry in entries(path)] == [None]
     subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
 
 
-def test_text_that_no_file_can_hold_is_written_all_the_same(tmp_path: Path) -> None:
+def test_text_that_no_file_can_contain_is_still_written(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "calls.jsonl", 10_000)
     add(journal, arguments={"text": "half a pair \ud83d", "line": "a\nb\u2028c"})
     journal.close()

@@ -115,7 +115,7 @@ def test_a_missing_required_argument_has_no_correction() -> None:
         },
     )
 )
-def test_arguments_that_are_right_are_taken_as_they_are(arguments: dict[str, Any]) -> None:
+def test_valid_arguments_are_unchanged(arguments: dict[str, Any]) -> None:
     notes: list[str] = []
     assert read_arguments(Request, arguments, notes) == Request.model_validate(arguments)
     assert notes == []

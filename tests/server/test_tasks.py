@@ -90,7 +90,7 @@ async def test_task_begun_in_one_session_is_found_in_the_next(connect: Any) -> N
     assert ended.result["structuredContent"]["said"]["text"] == "done"
 
 
-async def test_task_of_a_server_that_was_killed_is_taken_up_again(connect: Any, settings: Settings) -> None:
+async def test_a_task_of_a_killed_server_is_resumed(connect: Any, settings: Settings) -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     workspace = Workspace(settings.workspace)
@@ -231,7 +231,7 @@ def test_task_is_forgotten_after_its_lifetime(settings: Settings) -> None:
     assert rows[0] == 1
 
 
-def test_only_one_server_takes_a_task_over(settings: Settings) -> None:
+def test_only_one_server_takes_over_a_task(settings: Settings) -> None:
     workspace = Workspace(settings.workspace)
     store = TaskStore(workspace.database)
     task = store.begin("", "make_long", {"text": "1"})

@@ -131,7 +131,7 @@ async def test_pictures_too_large_for_an_answer_are_linked_only(connect: Any) ->
     assert "too large for this answer; open their links: 1" in text.text
 
 
-async def test_links_are_left_out_where_the_host_cannot_take_them(connect: Any, settings: Settings) -> None:
+async def test_links_are_left_out_if_the_host_does_not_support_them(connect: Any, settings: Settings) -> None:
     async with connect(settings.model_copy(update={"links": False})) as client:
         drawn, job = await client.call_tool("draw", {}), await client.call_tool("start_job", {"text": "short"})
     assert [type(block) for block in drawn.content] == [TextContent, ImageContent]

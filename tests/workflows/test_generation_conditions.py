@@ -163,7 +163,7 @@ def test_flows_are_read_as_they_are_written(text: str, flows: list[tuple[str, st
     assert read.per_lane_km is None, "counts stand in the place of the hour's density"
 
 
-def test_counts_and_origins_stand_side_by_side() -> None:
+def test_counts_and_origins_are_listed_side_by_side() -> None:
     read = read_conditions(arguments("counts=A:5", "od=B>C:6", "trips=fringe")).conditions
     assert read is not None
     assert [str(flow) for flow in read.flows] == ["A", "B to C"]

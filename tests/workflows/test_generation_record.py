@@ -44,7 +44,7 @@ async def test_requested_and_realised_values_are_reported_with_the_checks(connec
         assert "5 s recorded (requested: 5)" in str(answer.content)
 
 
-async def test_notes_and_warnings_are_listed_whole_where_the_detail_asks_for_them(
+async def test_notes_and_warnings_are_listed_in_full_if_the_detail_requests_them(
     connect: Connect, settings: Settings
 ) -> None:
     async with connect() as client:

@@ -58,7 +58,7 @@ async def test_a_map_is_identified_by_its_content_under_any_name(connect: Connec
         assert {item["kind"] for item in (answer.structured_content or {})["items"]} == {"map"}
 
 
-async def test_a_compressed_scenario_is_taken_and_other_compressed_xml_passed_over(
+async def test_a_compressed_scenario_is_imported_and_other_compressed_xml_is_skipped(
     connect: Connect, tmp_path: Path
 ) -> None:
     folder = tmp_path / "scenarios"

@@ -81,7 +81,7 @@ async def test_a_map_that_was_mended_is_read_again(connect: Connect, folder: Pat
         assert not answer.is_error, answer.content
 
 
-async def test_a_box_larger_than_the_maps_is_used_where_they_lie(connect: Connect) -> None:
+async def test_a_box_larger_than_the_maps_is_used_within_them(connect: Connect) -> None:
     async with connect() as client:
         country = {"bbox": [50.0, 0.0, 60.0, 10.0], "duration_s": 5}
         answer = await client.call_tool("generate_scenarios", country)

@@ -71,7 +71,7 @@ def stored(settings: Settings, kind: str) -> list[Any]:
         workspace.close()
 
 
-async def test_a_place_is_fetched_kept_and_made_again_without_a_net(
+async def test_a_place_is_fetched_cached_and_generated_again_without_a_net(
     connect: Connect, online: Settings, servers: MapServers, tmp_path: Path
 ) -> None:
     async with connect(online) as client:

@@ -93,7 +93,7 @@ def test_the_rate_is_given_with_and_without_unpreventable_collisions(tmp_path: P
     assert "goal 1/2" in told
 
 
-def test_where_followers_of_a_recording_decide_reactive_traffic_is_advised(tmp_path: Path) -> None:
+def test_reactive_traffic_is_advised_if_followers_of_a_recording_decide(tmp_path: Path) -> None:
     runs = followers_and_a_leader(tmp_path)
     told = analyse(AnalyseRequest(results=("batch_x",), runs=tuple(runs)), silent).answer()
     assert "traffic=reactive" in told.next_step

@@ -99,7 +99,7 @@ def test_an_interval_without_zero_but_no_significance_is_attributed_to_the_test(
     assert ("for this test alone" in found.to_text()) is alone
 
 
-def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> None:
+def test_a_metric_names_the_better_side_only_if_the_interval_leaves_zero() -> None:
     gaps = [1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2, 2.4]
     better = compared(runs(["goal_reached"] * 8, gaps=gaps), runs(["goal_reached"] * 8, SAFE, [g + 0.5 for g in gaps]))
     test = next(test for test in better.comparisons[0].metrics if test.name == "minimum_distance_m")
@@ -110,7 +110,7 @@ def test_metric_names_the_better_side_only_where_the_interval_leaves_zero() -> N
     assert test.better is None
 
 
-def test_comfort_is_compared_only_where_both_reached_the_goal() -> None:
+def test_comfort_is_compared_only_if_both_reached_the_goal() -> None:
     found = compared(runs(["goal_reached", "collision"]), runs(["goal_reached", "goal_reached"], SAFE)).comparisons[0]
     pairs = {test.name: test.pairs for test in found.metrics}
     assert (pairs["duration_s"], pairs["minimum_distance_m"]) == (1, 2)
@@ -229,7 +229,7 @@ def test_noise_of_floating_point_is_not_a_difference() -> None:
     assert {test.direction for test in one.metrics} == {"same"}
 
 
-def test_metrics_that_differ_come_first_and_the_others_stand_in_one_line() -> None:
+def test_metrics_that_differ_come_first_and_the_others_are_in_one_line() -> None:
     gaps = [1.0 + n / 10 for n in range(12)]
     wider = [gap + 0.5 + n / 100 for n, gap in enumerate(gaps)]
     result = compared(runs(["goal_reached"] * 12, gaps=gaps), runs(["goal_reached"] * 12, SAFE, wider))
@@ -349,7 +349,7 @@ def test_the_code_of_a_headline_follows_its_flips(before: str, after: str, code:
         assert set(found.run_ids[:2]) <= flipped
 
 
-def test_the_table_names_a_better_side_only_where_the_headline_does() -> None:
+def test_the_table_names_a_better_side_only_if_the_headline_does() -> None:
     gaps = [1.0 + n / 10 for n in range(7)]
     wider = [gap + 0.5 for gap in gaps]
     jerky = [metrics(minimum_distance_m=gap, maximum_jerk_mps3=2.0 + (-1) ** n) for n, gap in enumerate(wider)]

@@ -123,7 +123,7 @@ def test_late_runs_are_attributed_to_a_slower_vehicle_within_the_time_gap_of_fol
     assert "held_up" not in names(driven(EGO_M + 50.0, 0.0, 8.0))  # too far ahead
 
 
-def test_a_weight_that_is_off_is_named_where_runs_fail_as_it_works_against() -> None:
+def test_a_disabled_weight_is_named_if_runs_fail_in_what_it_penalises() -> None:
     known = {"prediction": 0.2, "velocity_offset": 1.0}
     off = DEFAULT.model_copy(update={"weights": {**known, "velocity_offset": 0.0}, "default_weights": known})
     late = [source(record(f"ZAM_{n}-1_1_T-1", "timeout")) for n in range(2)]

@@ -120,7 +120,7 @@ def test_braking_for_a_vehicle_that_stands_across_starts_at_the_stopping_distanc
     assert react[0] >= brake[0]
 
 
-def test_accelerating_is_left_where_braking_is_too_late() -> None:
+def test_accelerating_is_a_way_out_if_braking_is_too_late() -> None:
     ego, other = bodies(track(0.0, 0.0, 16.0)), bodies(track(8.0, -9.5, 12.0, math.pi / 2))
     brake, react = times_left_to_crossing(ego, other, np.array([0.55]), replace(BMW_320I, switching_speed_mps=50.0))
     assert brake[0] == 0.0

@@ -26,7 +26,7 @@ def made_of(kind: str) -> Made:
         ("goal", ["stood_in_goal"]),
     ],
 )
-def test_a_stand_has_the_code_of_its_reason(kind: str, codes: list[str], tmp_path: Path) -> None:
+def test_standing_has_the_code_of_its_reason(kind: str, codes: list[str], tmp_path: Path) -> None:
     answer = asked(made_of(kind), tmp_path, 1)
     assert [one.code for one in answer.moments if one.code.startswith("stood")] == codes
 

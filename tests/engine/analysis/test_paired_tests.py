@@ -19,7 +19,7 @@ def test_mcnemar_is_the_binomial_test(before: int, after: int) -> None:
     assert mcnemar_exact(before, after) == pytest.approx(expected)
 
 
-def test_five_flips_one_way_do_not_reach_5_percent_but_six_do() -> None:
+def test_five_flips_in_one_direction_do_not_reach_5_percent_but_six_do() -> None:
     assert mcnemar_exact(0, 5) == 0.0625
     assert mcnemar_exact(0, 6) == 0.03125
 

@@ -76,7 +76,7 @@ def test_a_careful_driver_needs_the_time_that_its_perception_takes() -> None:
         assert found.by_braking_until_s is not None
 
 
-def test_the_careful_driver_is_too_late_where_two_seconds_are_too_short() -> None:
+def test_the_careful_driver_is_too_late_if_two_seconds_are_too_short() -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     found = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S)
@@ -169,7 +169,7 @@ ROAD = shapely.box(-50, -1.75, 500, 5.25)
 """Two lanes of 3.5 m; the ego's is the right one."""
 
 
-def test_steering_aside_helps_where_braking_cannot_any_more() -> None:
+def test_swerving_helps_if_braking_cannot_any_more() -> None:
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (45.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     found = prevention_or_none(ego.part(0, hit + 1), standing, hit, STEP_S, Surroundings([], ROAD))
@@ -226,7 +226,7 @@ def test_a_driver_that_still_rolls_after_three_seconds_has_not_prevented_anythin
     assert [one.prevents for one in ending.drivers] == [one.prevents for one in whole.drivers]
 
 
-def test_an_ego_that_sped_up_has_made_the_encounter_itself() -> None:
+def test_an_ego_that_sped_up_caused_the_encounter() -> None:
     speeds = np.minimum(8.0 + 3.0 * np.arange(200) * STEP_S, 20.0)
     ego = track(-1, (0.0, 0.0), 8.0, 200)
     ego.speeds_mps[:] = speeds

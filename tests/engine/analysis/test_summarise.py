@@ -123,7 +123,7 @@ def test_cost_of_several_configurations_is_not_averaged() -> None:
     assert "mean_total_cost" not in {item.name for item in two.metrics}
 
 
-def test_metrics_count_only_where_they_are_defined() -> None:
+def test_metrics_count_only_if_they_are_defined() -> None:
     runs = [source(record()), source(record("ZAM_B-1_1_T-1", figures=metrics(minimum_distance_m=None)))]
     found = {item.name: item for item in analysed(*runs).metrics}
     assert (found["minimum_distance_m"].n, found["duration_s"].n) == (1, 2)
@@ -202,7 +202,7 @@ def test_spans_that_cannot_be_shown_are_refused(tmp_path: Path, where: tuple[str
         analysed(source(record(), tmp_path), detail=detail, where=where)
 
 
-def test_rows_stand_the_hardest_first() -> None:
+def test_rows_are_sorted_with_the_hardest_first() -> None:
     worst, near, far = metrics(risk_score=0), metrics(risk_score=1), metrics(risk_score=4)
     runs = [
         source(record("ZAM_Far-1_1_T-1", figures=far)),
@@ -308,7 +308,7 @@ def test_costs_and_rows_are_shown_on_request(tmp_path: Path) -> None:
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
 
 
-def test_rows_come_in_pages_that_hold_every_run_once() -> None:
+def test_rows_come_in_pages_with_every_run_once() -> None:
     runs = [source(record(f"DEU_A-{n}_1_T-1", "collision" if n % 3 else "goal_reached")) for n in range(1, 24)]
     seen, offset = list[str](), 0
     while True:

@@ -61,7 +61,7 @@ def test_a_catalogue_without_circumstances_refuses_them_as_unknown_words() -> No
         answer({"A": ()}, tags=["night"])
 
 
-def test_circumstances_stand_in_descriptions_and_among_the_facets_of_tags() -> None:
+def test_circumstances_are_in_descriptions_and_among_the_facets_of_tags() -> None:
     assert "Circumstances: night, snow." in description_of(entry("A", HELD["A"]))
     assert "Circumstances" not in description_of(entry("D", ()))
     _, facets = scenario_facets(catalogue([entry(*one) for one in HELD.items()]), "tags", None)

@@ -126,7 +126,7 @@ def test_stages_only_shrink_and_relaxations_satisfy_the_rest(made: list[Scenario
 
 
 @given(scenarios(), conditions)
-def test_the_fewest_conditions_are_given_up(made: list[ScenarioFacts], asked: list[Condition]) -> None:
+def test_the_fewest_conditions_are_relaxed(made: list[ScenarioFacts], asked: list[Condition]) -> None:
     slots = {slot: [one.text for one in asked if one.slot == slot] for slot in ("tags", "obstacles", "road_net")}
     one = funnel(catalogue(made), FindScenariosArguments(**slots))
     if one.matches:
@@ -220,7 +220,7 @@ def test_tags_and_computed_features_stay_apart() -> None:
     assert not found(connection, FindScenariosArguments(tags=["intersection"]))
 
 
-def test_the_country_takes_its_city_along_when_it_is_given_up() -> None:
+def test_relaxing_the_country_relaxes_its_city() -> None:
     connection = catalogue([facts("ESP_Bilbao-1_1_T-1", tags=["urban"])])
     one = funnel(connection, FindScenariosArguments(country="JPN", city="Osaka", tags=["urban"]))
     assert [constraint.label for constraint in one.relaxations()[0].constraints] == ["country JPN", "city Osaka"]

@@ -32,7 +32,7 @@ def test_the_same_content_is_stored_once(workspace: Workspace, tmp_path: Path) -
     assert put(workspace, tmp_path, 1, EDITED).artifact_id == put(workspace, tmp_path, 1, EDITED).artifact_id == ID
 
 
-def test_a_recipe_that_made_another_file_before_names_another_seed(workspace: Workspace, tmp_path: Path) -> None:
+def test_a_recipe_that_gave_another_file_before_names_another_seed(workspace: Workspace, tmp_path: Path) -> None:
     put(workspace, tmp_path, 1, EDITED)
     with pytest.raises(NotPossible, match=f"{ID} was stored by the same call with other content") as caught:
         put(workspace, tmp_path, 2, EDITED)

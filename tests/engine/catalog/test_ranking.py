@@ -199,7 +199,7 @@ def test_the_packaged_model_finds_the_description_that_means_the_same(database: 
     assert not ranked(database).built_index
 
 
-def test_an_index_that_other_weights_made_is_made_again(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_index_of_other_weights_is_rebuilt(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as earlier:  # as a release with other weights left the workspace
         earlier.setattr(packaged_model, "WEIGHTS_SHA256", "0" * 64)
         earlier.setattr(vector_index, "load_packaged", lambda name: CountingEmbedding())
@@ -218,7 +218,7 @@ def test_an_empty_list_of_candidates_ranks_no_scenarios(database: Path, method: 
     assert rank(request, silent).scenario_ids == ()
 
 
-def test_an_index_that_was_made_ready_is_not_built_by_the_first_search(database: Path) -> None:
+def test_a_prepared_index_is_not_built_by_the_first_search(database: Path) -> None:
     request = BuildIndexRequest(database=database, index=database.parent / "index")
     assert build_index(request, silent) == BuildIndexResponse(descriptions=2, built=True)
     assert not ranked(database).built_index

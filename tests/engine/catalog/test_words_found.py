@@ -131,7 +131,7 @@ def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> 
     assert "available: origins simulated" in found.emptied_by.note
 
 
-def test_lists_of_places_hold_places_only(three: sqlite3.Connection) -> None:
+def test_lists_of_places_contain_only_places(three: sqlite3.Connection) -> None:
     _, facets = scenario_facets(three, "places", None)
     assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
     assert facets[0].note == "plus 1 scenario on artificial networks, country ZAM"

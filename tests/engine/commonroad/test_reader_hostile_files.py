@@ -145,7 +145,7 @@ def test_a_large_hostile_file_is_refused(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of the memory is read from /proc")
-def test_refusing_takes_less_than_a_gigabyte(tmp_path: Path) -> None:
+def test_refusing_needs_less_than_a_gigabyte(tmp_path: Path) -> None:
     for index, (content, _) in enumerate(HOSTILE.values()):
         (tmp_path / f"{index}.xml").write_bytes(content if isinstance(content, bytes) else content.encode())
     for index, (write, _) in enumerate(LARGE.values()):

@@ -74,7 +74,7 @@ def test_a_file_with_ambiguous_bytes_is_not_split(content: bytes) -> None:
     ],
     ids=["empty", "no_id", "id_inside", "reference", "open", "id_in_text", "two_at_once", "nested"],
 )
-def test_an_obstacle_that_its_id_does_not_tell_stays_where_it_is(inside: bytes) -> None:
+def test_an_obstacle_without_a_readable_id_is_not_split_off(inside: bytes) -> None:
     content = document(inside)
     split = SplitDocument.of(content)
     assert split is not None

@@ -196,7 +196,7 @@ def test_several_unusual_states_are_judged_as_commonroad_io_judges_them(changes:
     agree(root)
 
 
-def test_plain_trajectories_are_taken_out_and_the_others_stay_whole() -> None:
+def test_plain_trajectories_are_removed_and_the_others_stay_complete() -> None:
     root = etree.fromstring(small().xml().encode())
     trajectories = root.findall(".//trajectory")
     trajectories[1][2].remove(trajectories[1][2].find("velocity"))
@@ -213,7 +213,7 @@ def test_real_recordings_are_the_same_either_way(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize("read", [read_scenario, read_recorded])
-def test_a_country_without_signs_of_its_own_is_read_without_a_word(
+def test_a_country_without_its_own_signs_is_read_without_a_warning(
     read: Callable[[Path], object], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     path = tmp_path / "a.xml"

@@ -17,7 +17,7 @@ def test_controllers_decide_in_this_order() -> None:
     assert (GapWaitController, AnticipatoryBraking, CurveSpeedController, StopController) == SPEED_CONTROLLERS
 
 
-def test_braking_exceeds_the_vehicles_own_deceleration_only_where_that_is_too_late() -> None:
+def test_braking_exceeds_the_vehicle_s_own_deceleration_only_if_necessary() -> None:
     def stopped(speed_mps: float, room_m: float) -> tuple[float, float]:
         hardest, rolled_m = 0.0, 0.0
         for _ in range(200):

@@ -50,7 +50,7 @@ def test_a_vehicle_without_a_gap_waits_at_the_end_of_its_lane(apply: Apply) -> N
 
 
 @pytest.mark.parametrize("x_m", [140, 160])
-def test_one_waits_where_the_map_ends_too(apply: Apply, x_m: float) -> None:
+def test_a_vehicle_also_waits_at_the_end_of_the_map(apply: Apply, x_m: float) -> None:
     applied = apply(TO_LANE_2, builder=beside_a_column(x_m, 10.0, cut_motorway()))
     assert applied.outcome.edits[0].routes[0].arrives
     track = applied.tracks()[36]

@@ -85,7 +85,7 @@ def test_a_vehicle_held_up_before_it_is_across_does_not_arrive(apply: Apply) -> 
     assert not applied.outcome.collisions
 
 
-def test_a_way_that_comes_into_the_junction_changes_before_it(apply: Apply) -> None:
+def test_a_route_into_the_junction_changes_lanes_before_it(apply: Apply) -> None:
     (route,) = apply(TO_THE_LEFT, builder=straight_on_through_a_crossing(40.0)).outcome.edits[0].routes
     assert route.lanelets[:3] == (1, 2, 12)
     assert route.arrives

@@ -114,7 +114,7 @@ def test_far_vehicles_are_left_out_without_any_effect(
     assert few < 0.5 * (len(placed) - few)
 
 
-def test_a_vehicle_that_was_left_out_comes_back(
+def test_a_removed_vehicle_returns(
     tmp_path: Path, placed: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hurries = [(20.0 + 3.0 * step, 0.0, 0.0, 0.0) for step in range(50)]  # recorded as if it stood: it is soon left out

@@ -39,14 +39,14 @@ def test_a_change_waits_for_a_gap(apply: Apply) -> None:
     assert not applied.outcome.collisions
 
 
-def test_it_cuts_in_where_the_vehicle_behind_can_still_brake(apply: Apply) -> None:
+def test_it_cuts_in_if_the_vehicle_behind_can_still_brake(apply: Apply) -> None:
     faster = FREE.with_vehicles(*FREE.vehicles, driving(33, (52, 3.5), 12.0, 101))
     applied = apply(LEFT, builder=faster)
     assert applied.tracks()[31].positions[30][1] > 3.0
     assert not applied.outcome.collisions
 
 
-def test_it_lets_a_vehicle_pass_that_comes_too_fast_to_brake(apply: Apply) -> None:
+def test_it_yields_to_a_vehicle_too_fast_to_brake(apply: Apply) -> None:
     racing = FREE.with_vehicles(*FREE.vehicles, driving(33, (40, 3.5), 25.0, 101))
     applied = apply(LEFT, builder=racing)
     assert applied.tracks()[31].positions[12][1] < 0.5

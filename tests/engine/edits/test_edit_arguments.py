@@ -18,7 +18,7 @@ def test_every_operation_of_the_schema_is_carried_out_by_a_function() -> None:
     assert names == (OPERATIONS.keys() - {"replace"}) | {"replace_vehicle"}
 
 
-def test_every_argument_belongs_to_some_operation() -> None:
+def test_every_argument_is_used_by_some_operation() -> None:
     belonging = {name for kind in EDITS.values() for name in kind.arguments}
     assert belonging == set(Edit.model_fields) - {"op"}
 

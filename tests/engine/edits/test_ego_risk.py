@@ -34,7 +34,7 @@ def test_a_driven_vehicle_keeps_clear_of_the_ego(apply: Apply) -> None:
     assert after.minimum_distance_m > 0.5
 
 
-def test_a_slow_vehicle_ahead_makes_the_way_of_the_ego_more_dangerous(apply: Apply) -> None:
+def test_a_slow_vehicle_ahead_raises_the_ego_s_risk(apply: Apply) -> None:
     slow = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 12.0, "speed": "2m/s"}
     outcome = apply(slow, builder=ALONE).outcome
     assert outcome.ego_before is not None

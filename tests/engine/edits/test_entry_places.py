@@ -34,7 +34,7 @@ def test_the_oncoming_lane_is_the_adjacent_one_not_a_nearer_one_across(apply: Ap
     assert applied.tracks()[101].positions[0] == pytest.approx((50.0, 3.5), abs=0.01)
 
 
-def test_several_with_a_destination_stand_on_the_way_to_it(apply: Apply) -> None:
+def test_several_vehicles_with_a_destination_enter_on_the_route_to_it(apply: Apply) -> None:
     edit = apply(CAR | {"at": "1", "position": "185m", "count": 2, "spacing_m": 20, "to": ["13"]}).outcome.edits[0]
     assert [route.lanelets[0] for route in edit.routes] == [1, 12]
     assert "from lanelet 1 at 185.0 m to lanelet 12 at 5.0 m, 20 m apart" in edit.what

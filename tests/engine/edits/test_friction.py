@@ -99,7 +99,7 @@ def test_curves_are_driven_slower_on_a_slippery_road(apply: Apply) -> None:
     assert slippery[1] == dry[1]
 
 
-def test_both_judges_of_motions_hold_vehicles_to_the_road() -> None:
+def test_both_judges_of_motions_use_the_road_s_friction() -> None:
     speeds = np.arange(20.0, 5.0, -0.4)
     stations = np.concatenate([[0.0], np.cumsum((speeds[1:] + speeds[:-1]) / 2 * 0.1)])
     still = np.zeros(len(speeds))
@@ -109,7 +109,7 @@ def test_both_judges_of_motions_hold_vehicles_to_the_road() -> None:
         assert not check(motion, 0.1, friction=0.2).feasible
 
 
-def test_tyres_hold_less_on_a_slippery_road_and_the_power_stays() -> None:
+def test_tyres_grip_less_on_a_slippery_road_and_the_power_stays() -> None:
     on_ice = BMW_320I.on_road(0.1)
     assert on_ice.maximum_acceleration_mps2 == pytest.approx(0.981)
     assert on_ice.most_acceleration_mps2(50.0) == pytest.approx(min(0.981, BMW_320I.most_acceleration_mps2(50.0)))

@@ -47,7 +47,7 @@ def as_driven(track: Track) -> HandoverTrack:
     return HandoverTrack(**vars(track), accelerations_mps2=track.speeds_mps * 0.0, leaves=False, lanes=())
 
 
-def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_way_is_free(tmp_path: Path) -> None:
+def test_a_handed_over_vehicle_waits_for_an_edited_one_until_the_road_is_free(tmp_path: Path) -> None:
     (plan,) = told(tmp_path, EAST, north(49.0), ("handed_over", "edited"), 48).values()
     assert plan.start.obstacle_id == 31
     (halt,) = plan.halts
@@ -83,7 +83,9 @@ def test_no_vehicle_brakes_for_another_that_has_not_entered_yet(tmp_path: Path) 
         ("BEL_Brussels-51_2_T-1", {"op": "reroute", "vehicles": ["30199"], "to": ["649"]}),
     ],
 )
-def test_no_two_collide_where_one_can_wait(shared_data: Path, tmp_path: Path, name: str, edit: dict[str, Any]) -> None:
+def test_no_two_vehicles_collide_if_one_can_wait(
+    shared_data: Path, tmp_path: Path, name: str, edit: dict[str, Any]
+) -> None:
     base = shared_data / "data" / "commonroad" / f"{name}.xml"
     outcome = apply_to(base, tmp_path, edit, detail="checks").outcome
     assert outcome.collisions == ()

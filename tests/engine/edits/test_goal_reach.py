@@ -49,7 +49,7 @@ def test_the_sentence_names_time_and_speed(apply: Apply) -> None:
     assert "from 6.0 to 15.0 s, at any speed" in apply({"op": "set_goal", "to": ["11"]}).outcome.edits[0].what
 
 
-def test_a_time_by_which_every_car_has_passed_is_refused_with_the_latest_beginning(apply: Apply) -> None:
+def test_a_time_after_every_car_has_passed_is_refused_with_the_latest_start(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="has passed the goal") as caught:
         apply({**NEAR, "goal_time": "3..4s"}, builder=FAST)
     (latest,) = re.findall(r"begins by (\d\.\d) s", caught.value.valid[0])

@@ -64,7 +64,7 @@ def test_a_queue_that_builds_up_behind_is_handed_over_to_its_end(apply: Apply) -
     assert applied.outcome.collisions == ()
 
 
-def test_a_vehicle_that_keeps_its_recording_where_all_should_react_is_named(apply: Apply) -> None:
+def test_a_vehicle_that_keeps_its_recording_although_all_should_react_is_named(apply: Apply) -> None:
     walker = driving(36, (75, 5), 0.5, 101, kind="pedestrian", size_m=(0.6, 0.6))
     last = driving(37, (20, 3.5), 8.0, 2, first_step=99)
     applied = apply(

@@ -56,7 +56,7 @@ def test_every_class_gets_its_own_size_and_type(apply: Apply, name: str) -> None
     assert track.positions[-1][0] < 150.0
 
 
-def test_several_stand_downstream_of_the_first(apply: Apply) -> None:
+def test_several_vehicles_enter_downstream_of_the_first(apply: Apply) -> None:
     applied = apply(CAR | {"at": "13", "position": "beginning", "count": 3, "spacing_m": 12})
     tracks = applied.tracks()
     assert applied.outcome.edits[0].vehicles == (101, 102, 103)
@@ -97,7 +97,7 @@ def test_beyond_the_road_the_largest_offset_is_named_and_works(apply: Apply, off
     assert apply(CAR | {"at": "ego", "offset_m": float(largest_m)}, builder=alone).outcome.edits[0].done
 
 
-def test_a_taken_place_is_refused_with_the_nearest_free_one(apply: Apply) -> None:
+def test_an_occupied_place_is_refused_with_the_nearest_free_one(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="occupied by vehicle 31") as caught:
         apply(CAR | {"at": "1", "position": "71m"})
     free = caught.value.valid[0]
@@ -166,7 +166,7 @@ def test_an_added_vehicle_can_be_edited_and_removed(apply: Apply) -> None:
     assert 101 not in apply(add, remove).tracks()
 
 
-def test_a_scenario_without_vehicles_takes_one(apply: Apply) -> None:
+def test_a_vehicle_can_be_added_to_a_scenario_without_vehicles(apply: Apply) -> None:
     applied = apply(
         CAR | {"at": "13", "position": "beginning"}, builder=town_road().with_vehicles(driving(31, (10, 7), 9, 51))
     )
@@ -241,7 +241,7 @@ STANDING = CAR | {"at": "3", "position": "200m", "speed": "0m/s"}
 HELD = {"op": "set_speed", "vehicles": ["new:0"], "speed": "0m/s"}
 
 
-def test_a_later_departure_is_refused_where_an_edited_vehicle_is_by_then(apply: Apply) -> None:
+def test_a_later_departure_at_an_edited_vehicle_s_position_is_refused(apply: Apply) -> None:
     alone = SHORT.with_vehicles(driving(31, (10, 0), 5.0, 61))
     onto = CAR | {"at": "3", "position": "201m", "time_s": 2}
     with pytest.raises(NotPossible, match=r"lanelet 3 at 201.0 m .* by vehicle 101 at 2.0 s") as caught:

@@ -39,7 +39,7 @@ def test_a_share_of_its_speed_is_driven_along_its_way(apply: Apply) -> None:
     assert track.speeds_mps[-1] == pytest.approx(12.0, abs=0.2)
 
 
-def test_a_lane_change_takes_the_prescribed_time(apply: Apply) -> None:
+def test_a_lane_change_lasts_the_prescribed_time(apply: Apply) -> None:
     aside = {"op": "change_lane", "vehicles": ["31"], "lane": "left", "time_s": 2.0, "lateral_s": 4.0}
     places = apply(aside, builder=ALONE).tracks()[31].positions[:, 1]
     assert places[20] == pytest.approx(0.0, abs=0.1)
@@ -47,7 +47,7 @@ def test_a_lane_change_takes_the_prescribed_time(apply: Apply) -> None:
     assert places[62] == pytest.approx(3.5, abs=0.1)
 
 
-def test_a_swerve_comes_back(apply: Apply) -> None:
+def test_a_swerve_returns(apply: Apply) -> None:
     swerve = {"op": "swerve", "vehicles": ["31"], "side": "right", "offset_m": 0.8, "time_s": 2.0}
     places = apply(swerve, builder=ALONE).tracks()[31].positions[:, 1]
     assert places.min() == pytest.approx(-0.8, abs=0.1)

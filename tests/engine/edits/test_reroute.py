@@ -96,7 +96,7 @@ def test_all_vehicles_are_rerouted_or_the_edit_is_refused(apply: Apply) -> None:
         apply({"op": "reroute", "vehicles": ["35", "34"], "to": ["13"]})
 
 
-def test_lanelets_on_the_way_are_driven_through_in_order(apply: Apply) -> None:
+def test_lanelets_on_the_route_are_driven_through_in_order(apply: Apply) -> None:
     alone = town_road().with_vehicles(driving(31, (20, 0), 10.0, 281))
     route = apply({"op": "reroute", "vehicles": ["31"], "via": ["2"], "to": ["11"]}, builder=alone)
     (driven,) = route.outcome.edits[0].routes
@@ -105,7 +105,7 @@ def test_lanelets_on_the_way_are_driven_through_in_order(apply: Apply) -> None:
     assert 11 in driven.lanelets
 
 
-def test_a_lanelet_on_the_way_that_leads_nowhere_is_refused(apply: Apply) -> None:
+def test_a_dead_end_on_the_route_is_refused(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="11 cannot be reached by vehicle 31 from lanelet 13"):
         apply({"op": "reroute", "vehicles": ["31"], "via": ["13"], "to": ["11"]})
 

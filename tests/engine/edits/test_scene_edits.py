@@ -48,7 +48,7 @@ def test_a_parked_vehicle_is_off_the_lane(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("side", "sign"), [("left", -1.0), ("right", 1.0)])
-def test_a_pedestrian_comes_from_either_side(apply: Apply, side: str, sign: float) -> None:
+def test_a_pedestrian_starts_on_either_side(apply: Apply, side: str, sign: float) -> None:
     walker = {"op": "add_vehicle", "vehicle_class": "pedestrian", "at": "1", "position": "0.9", "side": side}
     applied = apply(walker, builder=FREE)
     (key,) = applied.outcome.edits[0].vehicles

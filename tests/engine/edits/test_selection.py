@@ -46,7 +46,7 @@ def test_selectors(apply: Apply, selectors: list[str], expected: tuple[int, ...]
     assert meant(apply, *selectors) == expected
 
 
-def test_a_vehicle_that_comes_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
+def test_a_vehicle_that_enters_later_is_in_no_outer_lane_at_the_start(apply: Apply) -> None:
     late = driving(36, (20, 3.5), 8.0, 20, first_step=5)
     assert meant(apply, "leftmost", builder=town_road().cut(11).with_vehicles(*town_road().vehicles, late)) == (33,)
 
@@ -115,7 +115,7 @@ def test_an_unknown_id_is_refused_with_the_nearest(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize("word", ["ego", "the ego", "100", "!ego"])
-def test_the_ego_is_refused_with_the_way_to_go(apply: Apply, word: str) -> None:
+def test_the_ego_is_refused_with_the_right_operation(apply: Apply, word: str) -> None:
     with pytest.raises(NotPossible, match="ego") as caught:
         meant(apply, word)
     assert "set_goal" in caught.value.next_step

@@ -83,13 +83,13 @@ def test_a_start_from_which_the_goal_cannot_be_reached_is_refused(apply: Apply) 
     assert apply({"op": "set_ego", "at": "3", "position": "middle"}, goal, builder=SHORT).outcome.edits[1].done
 
 
-def test_a_taken_start_is_refused_with_a_free_one(apply: Apply) -> None:
+def test_an_occupied_start_is_refused_with_a_free_one(apply: Apply) -> None:
     with pytest.raises(NotPossible, match="occupied by vehicle 31") as caught:
         apply({"op": "set_ego", "at": "1", "position": "70m"}, builder=SHORT)
     assert caught.value.valid[0].startswith("at=1 position=")
 
 
-def test_the_former_ego_is_in_the_way_only_where_it_stays_as_traffic(apply: Apply) -> None:
+def test_the_former_ego_is_in_the_way_only_if_it_stays_as_traffic(apply: Apply) -> None:
     a_little_on = {"op": "set_ego", "at": "1", "position": "41m"}
     assert problem(apply(a_little_on, builder=SHORT)).initial_state.position == pytest.approx((41.0, 0.0))  # type: ignore[attr-defined]
     with pytest.raises(NotPossible, match="occupied by the ego"):
@@ -117,7 +117,7 @@ def test_a_class_alone_leaves_the_start_as_it_is(apply: Apply) -> None:
     assert schema_errors(applied.xml) <= schema_errors(applied.base)
 
 
-def test_the_ego_keeps_its_class_until_it_is_given_another(apply: Apply) -> None:
+def test_the_ego_keeps_its_class_until_it_gets_another(apply: Apply) -> None:
     bus = {"op": "set_ego", "vehicle_class": "bus"}
     assert ego_class(apply(bus, {"op": "set_ego", "speed": "5m/s"}, builder=SHORT)) == "bus"
     assert ego_class(apply(bus, {"op": "set_ego", "vehicle_class": "car"}, builder=SHORT)) == "car"
@@ -160,7 +160,7 @@ def test_either_a_car_or_a_start_is_needed(apply: Apply, edit: dict[str, object]
         apply({"op": "set_ego", **edit}, builder=SHORT)
 
 
-def test_the_former_ego_cannot_stay_where_the_ego_still_starts(apply: Apply) -> None:
+def test_the_former_ego_cannot_stay_at_the_ego_s_start(apply: Apply) -> None:
     with pytest.raises(InvalidRequest, match="where the ego still starts") as caught:
         apply({"op": "set_ego", "speed": "5m/s", "former_ego": "traffic"}, builder=SHORT)
     assert "at=LANELET" in caught.value.valid

@@ -52,7 +52,7 @@ def test_time_and_rectangle_stay_unless_they_are_named(apply: Apply) -> None:
 
 
 @pytest.mark.parametrize(("speed_mps", "too_fast"), [(16.0, True), (6.0, False)])
-def test_a_curve_on_the_way_that_no_car_takes_at_its_speed_is_reported(
+def test_a_curve_too_tight_for_the_speed_on_the_route_is_reported(
     apply: Apply, speed_mps: float, too_fast: bool
 ) -> None:
     corner = (
@@ -197,6 +197,6 @@ def test_a_turn_that_is_not_there_names_the_branches_for_a_goal(apply: Apply) ->
 
 
 @pytest.mark.parametrize("both", [{}, {"to": ["2"], "turn": "left"}])
-def test_a_goal_takes_a_lanelet_or_a_turn(apply: Apply, both: dict[str, object]) -> None:
+def test_a_goal_needs_a_lanelet_or_a_turn(apply: Apply, both: dict[str, object]) -> None:
     with pytest.raises(InvalidRequest, match="either a lanelet in 'to' or a 'turn'"):
         apply({"op": "set_goal"} | both, builder=AT_FORK)

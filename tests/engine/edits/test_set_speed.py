@@ -31,7 +31,7 @@ def test_a_speed_is_reached_and_kept_above_the_limit_too(apply: Apply, speed: st
     assert "34 reaches the speed at" in applied.outcome.edits[0].what
 
 
-def test_it_drives_as_recorded_until_then(apply: Apply) -> None:
+def test_it_drives_as_recorded_before_the_edit(apply: Apply) -> None:
     applied = apply(held("3m/s", time_s=4.0), builder=ALONE)
     old, new = applied.base_tracks()[34], applied.tracks()[34]
     assert new.positions[:41] == pytest.approx(old.positions[:41])

@@ -30,7 +30,7 @@ def test_an_edit_of_ordinary_traffic_gives_no_warnings(apply: Apply, edit: dict[
     assert all(touched.feasible for touched in outcome.touched)
 
 
-def test_unseen_vehicles_are_named_only_where_one_drives(apply: Apply) -> None:
+def test_unseen_vehicles_are_named_only_if_one_drives(apply: Apply) -> None:
     beside = SHORT.with_vehicles(*SHORT.vehicles, OFF_ROAD)
     driven = apply(EVERY_KIND[0], builder=beside).outcome.warnings
     assert driven == ("recorded off the lanelets, so driven vehicles do not see them: 36",)

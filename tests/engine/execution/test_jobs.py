@@ -69,7 +69,7 @@ def test_job_that_ended_stays_as_it_is(store: JobStore) -> None:
     assert found.remaining_s is None
 
 
-def test_attempts_of_one_recipe_have_ids_of_their_own(store: JobStore) -> None:
+def test_attempts_of_one_recipe_have_their_own_ids(store: JobStore) -> None:
     first = store.start("batch", RECIPE)[0]
     store.end(first.job_id, "failed", results=(), error="x")
     second = store.start("batch", RECIPE)[0]

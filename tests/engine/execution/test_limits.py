@@ -22,7 +22,7 @@ def roots(tmp_path: Path) -> tuple[Path, ...]:
     return folders
 
 
-def test_freed_memory_is_given_back_after_work_but_not_all_the_time() -> None:
+def test_freed_memory_is_returned_after_work_but_not_all_the_time() -> None:
     trims, now_s = [], [0.0]
     heaps = MemoryTrimmer(lambda: trims.append(now_s[0]), lambda: now_s[0])
     for moment_s in (1.0, 9.9, 10.0, 10.5, 19.9, 20.0, 300.0):

@@ -66,7 +66,7 @@ async def test_a_worker_with_too_much_memory_between_operations_is_replaced(
             assert same or await gone(first)
 
 
-async def test_a_module_in_the_current_folder_takes_no_place_of_another(
+async def test_a_module_in_the_current_folder_replaces_no_other(
     pool: WorkerPool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in ("json.py", "numpy.py", "plannerforge.py"):
@@ -138,7 +138,7 @@ async def test_started_program_cannot_read_the_orders(pool: WorkerPool) -> None:
 
 
 @pytest.mark.parametrize("variable", ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"])
-async def test_sums_are_made_by_one_thread(pool: WorkerPool, variable: str) -> None:
+async def test_sums_are_computed_by_one_thread(pool: WorkerPool, variable: str) -> None:
     assert (await run(pool, "tell_environment", variable)).text == "1"
 
 
@@ -211,7 +211,7 @@ async def test_memory_beyond_the_limit_is_a_failure_of_that_call_only(pool: Work
     assert (await run(pool, "fill_memory", number=1000)).number == 1000
 
 
-async def test_refusal_comes_back_as_it_was_raised(pool: WorkerPool) -> None:
+async def test_a_refusal_comes_back_unchanged(pool: WorkerPool) -> None:
     with pytest.raises(UnknownName) as caught:
         await run(pool, "refuse")
     assert caught.value.text == "[unknown_name] there is no such thing. Valid: this, that. Next: ask for this."

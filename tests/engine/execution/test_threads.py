@@ -29,7 +29,7 @@ async def refuse(word: str) -> None:
     raise NotPossible(word)
 
 
-async def test_function_runs_in_a_thread_and_loop_of_its_own(threads: CallThreads) -> None:
+async def test_a_function_runs_in_its_own_thread_and_loop(threads: CallThreads) -> None:
     own = threading.get_ident()
     first = await threads.run(thread_of_this)
     assert first != own

@@ -57,7 +57,7 @@ def test_a_vehicle_with_a_spare_in_its_place_counts_as_replaced() -> None:
     assert told([*cars(6), *TRUCKS], DroppedVehicle(standing("x"), "overlap")) == {("replaced", "overlap", "car", 1)}
 
 
-def test_vehicles_that_a_file_cannot_hold_are_reported() -> None:
+def test_vehicles_beyond_a_file_s_limit_are_reported() -> None:
     fewer = Demand({"car": 4, "truck": 2}, {"truck": 2}, {})
     assert told([*cars(4), *TRUCKS], demand=fewer) == {("never_there", "file_too_large", "car", 2)}
 

@@ -52,7 +52,7 @@ def test_a_scenario_matches_its_request(tmp_path: Path, place: str, kind: str, c
     assert density.at_start_per_lane_km == pytest.approx(made.vehicles_realised / density.lane_km, abs=0.01)
 
 
-def test_a_goal_may_lie_on_a_lanelet_that_a_car_drives_over(tmp_path: Path) -> None:
+def test_a_goal_may_be_on_a_lanelet_that_a_car_drives_over(tmp_path: Path) -> None:
     wish = {"scenario_type": "intersection", "duration_s": 12.0}
     first = make("Fahrhausen", tmp_path, goal="distance_m:40", **wish)
     made = make("Fahrhausen", tmp_path, goal=f"lanelet:{first.ego.goal_lanelet}:middle:8x3", **wish)
@@ -248,7 +248,7 @@ def test_a_request_near_its_time_limit_tries_no_further_site(tmp_path: Path, mon
         assert len(tried) == expected
 
 
-def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
+def test_after_the_most_rounds_the_best_scenario_is_returned_with_its_faults(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rounds: list[int] = []
@@ -266,7 +266,7 @@ def test_after_the_most_rounds_the_best_scenario_is_taken_with_its_faults(
 
 
 @pytest.mark.usefixtures("unknown_sites")
-def test_a_scenario_is_the_same_where_its_site_was_built_for_another_one(tmp_path: Path) -> None:
+def test_a_scenario_is_the_same_if_its_site_was_built_for_another_one(tmp_path: Path) -> None:
     wishes = [{"seed": 1, "density": "high"}, {"seed": 2, "vehicles": (VehicleDemand(vehicle_class="truck"),)}]
 
     def made(folder: Path, wish: dict[str, Any]) -> list[bytes]:

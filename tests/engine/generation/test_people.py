@@ -32,7 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, GeneratedScena
     return folder, make("Musterstadt", folder, scenario_type="intersection", vehicles=wish, duration_s=12.0)
 
 
-def test_people_walk_on_ways_of_their_own_and_meet_no_vehicle(made: tuple[Path, GeneratedScenario]) -> None:
+def test_pedestrians_walk_on_their_own_paths_and_meet_no_vehicle(made: tuple[Path, GeneratedScenario]) -> None:
     folder, scenario = made
     assert scenario.classes_realised["pedestrian"] == 6
     counts = judge_file(folder / "scenario.xml")
@@ -98,7 +98,7 @@ def test_a_motorway_is_refused_to_people(tmp_path: Path) -> None:
     assert "leave pedestrian out" in str(refused.value.next_step)
 
 
-def test_vehicles_give_way_at_every_crossing_without_lights(tmp_path: Path) -> None:
+def test_vehicles_yield_at_every_crossing_without_lights(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="urban", vehicles=[ON_FOOT])
     osm = read_map_file(Path(request.map_path))
     site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)
@@ -165,7 +165,7 @@ def test_people_of_a_real_extract_cross_between_junctions(shared_data: Path, tmp
     assert counts["on_ways"] >= 0.99 * counts["positions"]
 
 
-def test_drawn_ways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:
+def test_drawn_footways_cover_pavements_and_crossings_of_the_net(tmp_path: Path) -> None:
     request = request_for("Kreiselheim", tmp_path, scenario_type="roundabout", vehicles=[ON_FOOT])
     osm = read_map_file(Path(request.map_path))
     site = prepare_site(request, osm, fitting_sites(osm, request)[0], tmp_path, silent)

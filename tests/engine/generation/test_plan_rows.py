@@ -20,7 +20,7 @@ def rows(tmp_path: Path) -> PlanRows:
     return rows
 
 
-def test_refusals_count_from_the_last_row_that_was_made_and_only_beyond_the_cover(rows: PlanRows) -> None:
+def test_refusals_count_from_the_last_generated_row_and_only_beyond_the_cover(rows: PlanRows) -> None:
     states: list[tuple[int, RowState]] = [(0, "made"), (0, "refused"), (1, "refused"), (2, "made"), (3, "refused")]
     counts = []
     for number, (lap, state) in enumerate([*states, (3, "failed"), (4, "refused")]):
@@ -32,7 +32,7 @@ def test_refusals_count_from_the_last_row_that_was_made_and_only_beyond_the_cove
     assert rows.last_lap() == 4
 
 
-def test_levels_are_hopeless_where_all_rows_with_them_were_refused(rows: PlanRows) -> None:
+def test_levels_are_hopeless_if_all_rows_with_them_were_refused(rows: PlanRows) -> None:
     tried: list[tuple[str, tuple[int, int], RowState]] = [
         *[("map_1", (0, 1), "refused")] * 3,
         ("map_1", (0, 0), "made"),

@@ -97,7 +97,7 @@ def test_a_goal_behind_the_site_is_as_far_as_time_and_cut_allow(duration_s: floa
     assert abs(found.step - step) <= 1
 
 
-def test_a_goal_behind_the_site_is_where_a_car_that_waits_came_to_stand() -> None:
+def test_a_goal_behind_the_site_is_at_a_waiting_car_s_stop() -> None:
     driving = car().motion
     positions = np.concatenate([driving.positions[:100], np.repeat(driving.positions[99:100], 81, axis=0)])
     stops = replace(car(), motion=replace(driving, positions=positions))

@@ -79,7 +79,7 @@ def test_a_site_is_cut_out_wider_for_more_vehicles_than_its_roads_hold(tmp_path:
     )
 
 
-def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
+def test_a_site_keeps_its_usual_width_if_a_wider_one_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     build = site_network.build_network
@@ -95,7 +95,7 @@ def test_a_site_stays_as_wide_as_usual_where_a_wider_one_is_refused(
     assert site.notes[-1].endswith(": too many nodes")
 
 
-def test_a_wider_site_that_breaks_a_rule_gives_way_to_the_usual_one(
+def test_a_wider_site_that_breaks_a_rule_is_replaced_by_the_usual_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     judge = site_network.judged
@@ -157,7 +157,7 @@ def refused(folder: Path, **changes: object) -> NotPossible:
     return caught.value
 
 
-def test_where_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_if_all_sites_are_lost_the_other_types_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(site_network, "why_not_realised", lambda site, net: f"the {site.kind} is lost")
     error = refused(tmp_path)
     assert re.fullmatch(
@@ -189,9 +189,7 @@ def test_lost_sites_use_no_attempts_and_are_named(tmp_path: Path, monkeypatch: p
     assert note.endswith(f"{generator.MOST_SITES + 1 - generator.SHOWN_LOST} more")
 
 
-def test_no_more_sites_are_passed_over_than_takes_a_bounded_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_number_of_skipped_sites_is_bounded_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looked_at: list[Site] = []
 
     def prepared(request: GenerationRequest, osm: OsmMap, site: Site, *rest: Any) -> SiteNetwork:

@@ -37,7 +37,7 @@ def two_ramps() -> Sketch:
     return sketch
 
 
-def test_ramps_that_lead_where_the_ego_is_to_go_come_first(tmp_path: Path) -> None:
+def test_ramps_in_the_ego_s_requested_direction_come_first(tmp_path: Path) -> None:
     osm = drawn(tmp_path, two_ramps())
     for turn in ("merge", "exit"):
         for seed in range(4):

@@ -43,7 +43,7 @@ def test_the_ego_makes_the_requested_turn_on_streets_at_right_angles(tmp_path: P
 ONE_CAR = ({"vehicle_class": "car", "least": 1, "most": 1},)
 
 
-def test_a_turn_that_no_drawn_car_makes_is_made_all_the_same_and_again_alike(tmp_path: Path) -> None:
+def test_a_turn_that_no_drawn_car_makes_is_made_reproducibly(tmp_path: Path) -> None:
     folders = [tmp_path / name for name in ("one", "two")]
     for folder in folders:
         folder.mkdir()
@@ -64,7 +64,7 @@ def test_a_refused_turn_comes_with_calls_that_keep_it_first(tmp_path: Path) -> N
     assert (remedies[0], remedies[-1]) == (with_values(duration_s=20), with_values(goal=None, ego=None))
 
 
-def test_every_way_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> None:
+def test_every_route_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> None:
     nodes = {"1": (0, 0), "2": (150, 0), "3": (0, 150), "4": (-150, 0), "5": (0, -150)}
     places = [f'<node id="{k}" lat="{y / 111195:.7f}" lon="{x / 111195:.7f}"/>' for k, (x, y) in nodes.items()]
     roads = [

@@ -54,7 +54,7 @@ def test_a_hostile_or_broken_map_is_refused(tmp_path: Path, content: str, compla
         read_map(ReadMapRequest(path=str(path)), silent)
 
 
-def test_real_extracts_hold_the_sites_that_were_seen_in_them(shared_data: Path) -> None:
+def test_real_extracts_have_their_known_sites(shared_data: Path) -> None:
     expected = {
         "ALB_Korce-1.osm": {"roundabout": 1},
         "munich.osm": {"signalised_intersection": 4},

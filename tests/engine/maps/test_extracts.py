@@ -300,7 +300,7 @@ def with_other_bytes_in_the_tiles(index: Path) -> None:
 @pytest.mark.parametrize(
     "damage", [Path.unlink, without_its_beginning, with_pages_of_noise, with_other_bytes_in_the_tiles]
 )
-def test_a_damaged_index_is_reported_and_made_again(
+def test_a_damaged_index_is_reported_and_rebuilt(
     damage: Callable[[Path], None], country: IndexedExtract, folder: Path, tmp_path: Path
 ) -> None:
     held = indexed(folder / "Country.osm.pbf", tmp_path)
@@ -313,7 +313,7 @@ def test_a_damaged_index_is_reported_and_made_again(
     assert cut(again, tmp_path, SECOND_TOWN).facts is not None
 
 
-def test_an_index_that_is_whole_is_not_made_again(folder: Path, tmp_path: Path) -> None:
+def test_a_complete_index_is_not_rebuilt(folder: Path, tmp_path: Path) -> None:
     held = indexed(folder / "Country.osm.pbf", tmp_path)
     told: list[str] = []
     request = IndexExtractRequest(path=str(folder / "gone.osm.pbf"), folder=str(tmp_path), map_id="map_country")
@@ -333,7 +333,7 @@ def test_an_extract_under_the_name_of_another_format_is_refused(
 
 
 @pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="the system does not list what is mapped")
-def test_pages_that_are_given_back_stay_in_the_file(tmp_path: Path) -> None:
+def test_released_pages_stay_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "positions"
     path.write_bytes(bytes(4_000_000))
     with path.open("r+b") as file, closing(mmap.mmap(file.fileno(), 0)) as mapped:
@@ -350,7 +350,7 @@ def resident_kb(path: Path) -> int:
     return int(rest.partition("Rss:")[2].split()[0])
 
 
-def test_positions_are_found_again_after_their_pages_were_given_back(
+def test_positions_are_found_again_after_their_pages_were_released(
     country: IndexedExtract, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(indexing, "REPORTED_EVERY", 7)

@@ -49,7 +49,7 @@ def test_a_box_over_two_countries_belongs_to_neither() -> None:
     assert country_of((45.0, 5.0, 50.0, 12.0)) is None
 
 
-def test_no_real_extract_is_given_a_wrong_country(shared_data: Path) -> None:
+def test_no_real_extract_gets_a_wrong_country(shared_data: Path) -> None:
     places = json.loads((shared_data / "data" / "osm" / "places.json").read_text(encoding="utf-8"))
     found = {name: (country_of(tuple(entry["bbox"])), entry["country"]) for name, entry in places.items()}
     unknown = [name for name, (country, _) in found.items() if country is None]

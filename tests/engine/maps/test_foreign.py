@@ -160,7 +160,7 @@ def test_participants_of_lanelet2_decide_on_the_users_of_a_lanelet(
     assert "truck" not in found
 
 
-def test_lanelets_follow_where_each_line_has_nodes_of_its_own(tmp_path: Path, scenario: Path) -> None:
+def test_lanelets_follow_although_each_line_has_its_own_nodes(tmp_path: Path, scenario: Path) -> None:
     path = lanelet2_of(scenario, tmp_path / "lanes.osm")
     root = etree.parse(path).getroot()
     nodes = {node.get("id"): node for node in root.iterfind("node")}

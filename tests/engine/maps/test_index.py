@@ -22,7 +22,7 @@ def test_a_map_is_found_by_its_everyday_names() -> None:
     assert places(country="ZAM") == [entry.facts.place for entry in built_in_maps() if entry.facts.country == "ZAM"]
 
 
-def test_maps_that_hold_the_wished_site_come_first() -> None:
+def test_maps_with_the_requested_site_come_first() -> None:
     assert places(scenario_type="roundabout")[0] == "Kreiselheim"
 
 

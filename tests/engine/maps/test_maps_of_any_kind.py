@@ -108,7 +108,7 @@ def test_a_node_beyond_map_projections_is_left_out(tmp_path: Path, latitude: str
         facts_of(tmp_path, f"<osm>{NODES}{beyond}{polar}</osm>")
 
 
-def test_a_road_where_map_projections_just_hold_is_read(tmp_path: Path) -> None:
+def test_a_road_near_the_limit_of_map_projections_is_read(tmp_path: Path) -> None:
     nodes = (
         '<node id="1" lat="84" lon="11.0"/><node id="2" lat="-80" lon="11.0"/><node id="3" lat="83.999" lon="11.0"/>'
     )
@@ -137,7 +137,7 @@ OVER = (
 )
 
 
-def test_a_way_over_the_antimeridian_is_parted_there(tmp_path: Path) -> None:
+def test_a_way_over_the_antimeridian_is_split_there(tmp_path: Path) -> None:
     path = tmp_path / "fiji.osm"
     path.write_text(f"<osm>{OVER}{way(1, (1, 2, 3, 4), highway='primary', name='Kings Road')}</osm>")
     osm = read_osm(path)

@@ -97,7 +97,7 @@ def test_marked_crossings_between_junctions_are_in_the_middle_of_a_block(osm: Os
     assert ("highway" in found.tags_of_node(osm.nodes[2])) is in_block
 
 
-def test_a_crossing_where_the_cut_ends_is_not_in_the_middle_of_a_block() -> None:
+def test_a_crossing_at_the_end_of_the_cut_is_not_in_the_middle_of_a_block() -> None:
     osm = block(MIDDLE_DEG, {})
     assert find_pavements(osm, osm.ways, (0.0, 0.0), 180.0).mid_block == set()
 

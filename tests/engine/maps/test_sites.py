@@ -101,7 +101,7 @@ def test_without_a_signed_limit_a_trunk_road_is_a_highway_if_no_street_meets_it(
     assert "highway" not in finder(tmp_path, sketch).kinds()
 
 
-def test_driveways_make_a_crossing_only_where_no_streets_meet(tmp_path: Path) -> None:
+def test_driveways_make_a_crossing_only_if_no_streets_meet(tmp_path: Path) -> None:
     assert finder(tmp_path, crossing("service")).kinds()["intersection"] == 1
     both = crossing("service")
     both.road([(500, 0), (500, 150)], "residential", "Other Road")

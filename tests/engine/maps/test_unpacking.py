@@ -22,7 +22,7 @@ def test_a_packed_map_is_unpacked_under_its_own_name(tmp_path: Path, ending: str
     assert plain.read_bytes() == TOWN
 
 
-def test_a_plain_map_stays_where_it_is(tmp_path: Path) -> None:
+def test_a_plain_map_stays_in_place(tmp_path: Path) -> None:
     assert unpacked(LIBRARY / "fahrhausen.osm", tmp_path) == LIBRARY / "fahrhausen.osm"
     assert list(tmp_path.iterdir()) == []
 

@@ -56,7 +56,7 @@ def test_of_equal_routes_the_lower_ids_win_in_any_order_of_the_file(order: tuple
     assert graph_of(steps).cheapest_route([0], [3]) == (0, 1, 3)
 
 
-def test_a_change_of_lane_costs_its_length_and_comes_as_lanes_allow() -> None:
+def test_a_change_of_lane_costs_its_length_and_happens_as_lanes_allow() -> None:
     """Two lanes of two lanelets each, 1 → 3 and 2 → 4, beside each other."""
     graph = LaneletGraph(
         length_m=dict.fromkeys((1, 2, 3, 4), 50.0),

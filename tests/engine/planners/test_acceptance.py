@@ -76,7 +76,7 @@ def test_the_closed_form_agrees_with_the_checker(changed: str, size: float) -> N
     assert (first_undrivable_step(states, BMW_320I, STEP_S) is None) == feasible_by_the_checker(states)
 
 
-def test_a_motion_that_slides_sideways_is_refused_where_it_does() -> None:
+def test_a_motion_that_slides_sideways_is_refused_at_that_step() -> None:
     aside = np.zeros_like(motion().positions)
     aside[20:, 1] = 0.2
     found = refusal(replace(motion(), positions=motion().positions + aside), PROBLEM.goal, ROAD, BMW_320I, STEP_S)

@@ -40,7 +40,7 @@ def straight(speed: float, offset: float = 0.0, target: float | None = 8.0) -> C
 
 
 @pytest.mark.parametrize(("speed", "length"), [(0.0, 0.0), (5.0, 15.0), (12.0, 36.0)])
-def test_path_length_is_the_way_in_three_seconds(speed: float, length: float) -> None:
+def test_path_length_is_the_distance_in_three_seconds(speed: float, length: float) -> None:
     assert OWN_TERMS["path_length"](straight(speed)) == pytest.approx([length])
 
 

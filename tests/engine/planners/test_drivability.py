@@ -132,7 +132,7 @@ def test_the_wheels_of_the_lane_follower_turn_only_so_far(setting: str, limit: d
     assert run.final.outcome == ("infeasible" if limit else "goal_reached")
 
 
-def test_the_heading_of_the_lane_follower_depends_on_where_its_rear_axle_is() -> None:
+def test_the_heading_of_the_lane_follower_depends_on_its_rear_axle() -> None:
     near, far = (
         around_the_corner(8.0, 6.0, name="idm", settings=(f"rear_axle_behind_center_m={b}",)) for b in (0.4, 2.0)
     )
@@ -185,7 +185,7 @@ def swerving(end: EndState, speed_mps: float) -> Any:
     return next(iter(handler.get_sorted_trajectories())), handler
 
 
-def test_the_core_lets_a_swerve_pass_that_is_twice_as_tight_as_it_takes_it_for() -> None:
+def test_the_core_accepts_a_swerve_twice_as_tight_as_it_computes() -> None:
     sample, _handler = swerving(EndState(1.1, 3.2, 2.0), 3.2)
     ego = EgoState(0, np.array([51.4227, 0.0]), 0.0, 3.2)
     trajectory = copied_trajectory(sample, FrenetFrame.of(STRAIGHT, 0.0), ego, BMW_320I)

@@ -209,13 +209,13 @@ def test_headings_written_beyond_pi_mean_the_same_and_go_on_as_they_are_written(
     assert np.allclose(beyond - plain, [0.0, 0.0, turns * math.tau], atol=1e-6)
 
 
-def test_an_ego_where_lanes_cross_is_on_its_own_however_its_heading_is_written() -> None:
+def test_an_ego_at_crossing_lanes_is_on_its_own_with_any_form_of_its_heading() -> None:
     along, across = np.array([[-50.0, 0.0], [50.0, 0.0]]), np.array([[0.0, -50.0], [0.0, 50.0]])
     network = network_of(lanelet_along(along, 1), lanelet_along(across, 2))
     assert [start_lanelets(network, np.zeros(2), turns * math.tau)[0] for turns in (-1, 0, 3)] == [1, 1, 1]
 
 
-def test_the_core_is_given_the_smallest_angle_of_a_heading() -> None:
+def test_the_core_gets_the_smallest_angle_of_a_heading() -> None:
     frame = FrenetFrame.of(np.stack([np.arange(0.0, 50.0), np.zeros(50)], axis=1), 0.0)
     assert [frame.heading_inwards(0.3 + turns * math.tau) for turns in (-1, 0, 3)] == pytest.approx([0.3, 0.3, 0.3])
 

@@ -92,7 +92,7 @@ def test_headings_count_on_the_circle(middle: float, half: float, share: float, 
         assert not reached(region, ego(heading=middle + half + 0.05 + turns * math.tau)) or half > math.pi - 0.05
 
 
-def test_where_a_path_is_inside() -> None:
+def test_positions_of_a_path_inside_a_goal() -> None:
     path = np.stack([np.arange(0.0, 100.0), np.zeros(100)], axis=1)
     region = goal(goal_state((5, 20), rectangle_at(50.0, 0.0)))
     assert region.stations_on(path) == (44.0, 56.0)
@@ -142,7 +142,7 @@ def ring(radius_m: float = 20.0) -> Any:
     )
 
 
-def test_the_first_passage_of_a_goal_counts_where_the_path_passes_it_again() -> None:
+def test_the_first_passage_of_a_goal_counts_if_the_path_passes_it_again() -> None:
     line, _ = ring()
     path = np.concatenate([line, line[1:]])
     here = goal(goal_state((5, 20), rectangle_at(*line[80], size=(6.0, 6.0))))

@@ -90,7 +90,7 @@ def test_one_of_several_goal_states_in_its_time_is_enough() -> None:
     assert run.final.outcome == "goal_reached"
 
 
-def test_the_time_limit_is_1_7_times_the_way_to_the_goals_last_step() -> None:
+def test_the_time_limit_is_1_7_times_the_goal_s_last_step() -> None:
     run = cruise(goal_state((35, 45), AT_40), stop_m=20.0)
     assert run.states[-1].step == math.ceil(1.7 * 45)
     assert "1.7 × the goal's last step" in run.final.reason
@@ -140,7 +140,7 @@ def test_a_goal_on_lanes_without_a_route_is_unreachable() -> None:
 
 
 @pytest.mark.parametrize("lateral_m", [0.0, 3.5])
-def test_a_goal_behind_the_ego_without_a_way_back_is_unreachable(lateral_m: float) -> None:
+def test_a_goal_behind_the_ego_without_a_route_back_is_unreachable(lateral_m: float) -> None:
     goal = goal_state((35, 45), rectangle_at(-12.0, lateral_m, size=(8.0, 3.0)))
     run = drive(scenario_on(straight_road(lanes=2)), problem_for(goal))
     assert (run.final.outcome, run.final.invalid_reason) == ("invalid", "goal_unreachable")

@@ -96,7 +96,7 @@ def test_beyond_the_end_of_the_map_the_lane_continues_straight() -> None:
     assert lane.positions[-1] == pytest.approx([65.0, 0.0])
 
 
-def test_at_a_fork_the_straightest_way_is_taken() -> None:
+def test_at_a_fork_the_straightest_route_is_chosen() -> None:
     angle = np.linspace(0.0, 1.0, 21)
     arc = np.stack([20.0 + RADIUS_M * np.sin(angle), RADIUS_M * (1.0 - np.cos(angle))], axis=1)
     x = np.linspace(-20.0, 20.0, 9)

@@ -140,7 +140,7 @@ def test_it_swerves_around_a_parked_car_and_returns() -> None:
     assert abs(run.states[-1].position[1]) < 0.3
 
 
-def test_it_stops_where_the_road_is_closed_and_stays() -> None:
+def test_it_stops_at_a_closed_road_and_stays() -> None:
     run = driven_run(parked_car(7, (60.0, 0.0)))
     assert run.final.outcome == "timeout"
     assert run.states[-1].speed_mps < 0.2  # it still closes the last half metre of the gap

@@ -107,7 +107,7 @@ def test_when_both_change_into_the_lane_between_them_the_ego_answers_too() -> No
     assert cost(change_lane(10.0), stays) == 0.0
 
 
-def test_a_pedestrian_off_the_road_counts_where_the_ego_drives_up_to_it() -> None:
+def test_a_pedestrian_off_the_road_counts_if_the_ego_drives_up_to_them() -> None:
     walker = other((18.0, -2.4), (0.0, 0.3))
     assert cost((5.0 * TIME, 0.0), walker) > 0.1
     behind = other((-6.0, -2.4), (0.0, 0.3))

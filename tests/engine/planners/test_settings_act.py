@@ -102,6 +102,6 @@ def test_commonroads_vehicles_agree_with_their_package() -> None:
         assert ours.maximum_steering_rate_radps == theirs.steering.v_max
 
 
-def test_a_vehicle_with_parameters_of_its_own() -> None:
+def test_a_vehicle_with_its_own_parameters() -> None:
     made = vehicle_of(PlannerSettings(vehicle=3, width_m=2.0))
     assert (made.width_m, made.length_m) == (2.0, VEHICLES[3].length_m)

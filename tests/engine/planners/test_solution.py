@@ -226,7 +226,7 @@ def test_a_run_off_a_real_road_is_not_a_valid_solution(shared_data: Path, monkey
         solution_checker.boundary_collision(loaded.scenario, loaded.planning_problems, solution)
 
 
-def test_the_checker_sees_a_car_in_the_way_where_the_run_ended(tmp_path: Path) -> None:
+def test_the_checker_sees_a_car_at_the_end_of_the_run(tmp_path: Path) -> None:
     """It places the ego where our loop did: a car at the end of the run is hit, none before."""
     path = replace(town_road(), problems=(NEAR,)).write(tmp_path / "scenario.xml")
     response, target = driven(path, tmp_path)

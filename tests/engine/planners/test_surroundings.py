@@ -88,7 +88,7 @@ def test_a_goal_off_the_centre_line_curves_the_path() -> None:
     assert goal.stations_on(bent.points) is not None
 
 
-def test_goal_lanelets_are_taken_from_the_file() -> None:
+def test_goal_lanelets_come_from_the_file() -> None:
     shape = rectangle_at(150.0, 3.5)
     route, _ = path_to(goal_state((1, 2), shape), lanelets={0: [2]})
     assert route.lanelets[route.goal_index or 0] == 2

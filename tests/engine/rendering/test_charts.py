@@ -45,7 +45,7 @@ def test_causes_without_a_collision_are_refused() -> None:
         words("causes", (source(record()),))
 
 
-def test_strata_hold_every_valid_run_once_a_factor() -> None:
+def test_strata_contain_every_valid_run_once_for_each_factor() -> None:
     names = [f"ZAM_T-{number}_1_T-1" for number in range(6)]
     known = [
         ScenarioSource(scenario_id=name, path="", road="highway" if number < 2 else "", density_per_km=10.0 * number)

@@ -32,7 +32,7 @@ def test_a_common_border_of_two_lanelets_is_one_line(oncoming: bool) -> None:
     assert len(list(dividers(lanelets[::-1]))) == 1
 
 
-def test_a_border_is_kept_where_its_neighbour_is_missing_or_does_not_name_it() -> None:
+def test_a_border_is_kept_if_its_neighbour_is_missing_or_does_not_name_it() -> None:
     first, second = beside_one_another(oncoming=False)
     assert [len(list(dividers([one]))) for one in (first, second)] == [1, 1]
     assert len(list(dividers(beside_one_another(oncoming=False, named_back=False)))) == 1
@@ -40,7 +40,7 @@ def test_a_border_is_kept_where_its_neighbour_is_missing_or_does_not_name_it() -
     assert len(list(dividers(last))) == 1
 
 
-def test_dashes_lie_where_they_lie_in_whichever_part_of_the_road_is_shown() -> None:
+def test_dashes_keep_their_place_in_every_part_of_the_road() -> None:
     west, east = Viewport(-10, -20, 90, 20), Viewport(50, -20, 150, 20)
     found = [{tuple(dash[0]) for dash in dashes([EASTBOUND], shown)} for shown in (west, east)]
     inside = [{begin for begin in begins if 51 < begin[0] < 88} for begins in found]

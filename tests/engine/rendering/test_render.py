@@ -111,7 +111,7 @@ def test_long_recordings_are_thinned_to_few_frames(tmp_path: Path, town: Scenari
         assert opened.n_frames <= 60  # type: ignore[attr-defined]
 
 
-def test_two_scenarios_stand_side_by_side(tmp_path: Path, town: ScenarioSource) -> None:
+def test_two_scenarios_are_shown_side_by_side(tmp_path: Path, town: ScenarioSource) -> None:
     other = town.model_copy(update={"scenario_id": "ZAM_Other-1_1_T-1"})
     image = drawn(tmp_path / "out", scenarios=(town, other))
     assert image.width_px == 1500

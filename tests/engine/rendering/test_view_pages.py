@@ -212,7 +212,7 @@ def test_board_shows_outcomes_and_its_filters_hide_rows(board: Page) -> None:
     ]
 
 
-def test_board_opens_a_run_in_the_player_and_comes_back(board: Page) -> None:
+def test_a_board_opens_a_run_in_the_player_and_returns(board: Page) -> None:
     board.press("ArrowRight")
     board.press("Enter")
     board.wait_for("document.querySelector('.stage')")

@@ -42,7 +42,7 @@ def test_the_ego_its_lanes_and_its_goal(tmp_path: Path) -> None:
         ((250.0, 3.5, 8.0, 3.0), "ego_changes_lane"),
     ],
 )
-def test_the_way_to_the_goal_is_a_feature(
+def test_the_route_to_the_goal_is_a_feature(
     tmp_path: Path, goal: tuple[float, float, float, float], feature: str
 ) -> None:
     features = facts_of(replace(town_road(), problems=(Problem(goal=goal),)), tmp_path).features

@@ -71,7 +71,7 @@ def test_a_change_of_lane_is_reported_with_its_side(tmp_path: Path) -> None:
     assert [(event.code, "left" in event.words) for event in events] == [("changes_lane", True)]
 
 
-def test_all_are_described_where_they_are_at_a_time(tmp_path: Path) -> None:
+def test_all_vehicles_are_described_at_a_time(tmp_path: Path) -> None:
     shown = described(tmp_path, driving(75, (60, 0), 10.0, STEPS), focus="75", time_s=3.0)
     assert shown.asked is not None
     assert shown.asked.vehicle is not None

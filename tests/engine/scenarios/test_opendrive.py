@@ -270,7 +270,7 @@ def test_a_geo_reference_that_cannot_be_kept_is_reported(projection: str, turned
     assert told.lost == ("the geo-reference",)
 
 
-def test_netconvert_reads_the_lanes_where_they_were(town: Path, tmp_path: Path) -> None:
+def test_netconvert_reads_the_lanes_at_their_positions(town: Path, tmp_path: Path) -> None:
     """SUMO's reader, which shares nothing with the writer: its lanes lie on the middle of the lanelets."""
     net = tmp_path / "town.net.xml"
     run_netconvert(["--opendrive-files", str(town), "--opendrive.curve-resolution", "1"], net)

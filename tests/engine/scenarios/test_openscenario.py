@@ -36,7 +36,7 @@ def play(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("vehicle", [LATE, WALKER, BUS], ids=lambda vehicle: vehicle.kind)
-def test_centres_are_where_they_were_at_every_step(vehicle: Vehicle, play: Path) -> None:
+def test_centres_keep_their_positions_at_every_step(vehicle: Vehicle, play: Path) -> None:
     root = ElementTree.parse(play).getroot()
     name = f"{vehicle.kind}_{vehicle.vehicle_id}"
     ahead = float(root.find(f".//ScenarioObject[@name='{name}']//Center").get("x"))  # type: ignore[union-attr,arg-type]

@@ -128,7 +128,7 @@ def test_growing_occupancies_are_bounded_by_tracks_that_are_not_much_larger() ->
         assert there.speeds_mps[step - there.first_step] == pytest.approx(5.0)
 
 
-def test_rectangles_point_where_they_move_and_not_where_they_were_measured() -> None:
+def test_rectangles_point_in_their_direction_of_motion() -> None:
     north = {step: Rectangle(1.8, 4.5, np.array([0.0, 0.5 * step])) for step in range(1, 6)}
     (track,) = occupied_regions(scenario(obstacle(7, north, heading_rad=np.pi / 2)))[7]
     assert track.headings_rad == pytest.approx(np.full(6, np.pi / 2))

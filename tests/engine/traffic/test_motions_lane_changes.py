@@ -54,7 +54,7 @@ def test_a_vehicle_that_is_set_back_waits_there_instead_of_reversing() -> None:
     assert made[-1] == pytest.approx(in_lane(track)[-1], abs=1e-6)
 
 
-def test_a_vehicle_that_never_moves_stays_where_it_is() -> None:
+def test_a_vehicle_that_never_moves_stays_in_place() -> None:
     still = np.zeros(10)
     track = np.tile([3.0, 4.0], (10, 1))
     assert on_wheels(track, still, still) == pytest.approx(track)

@@ -137,7 +137,7 @@ def test_a_change_gives_a_valid_weight_or_is_refused(name: str, start: float, op
 
 
 @given(st.dictionaries(NAMES, VALUES, max_size=5))
-def test_the_id_is_made_from_the_content(values: dict[str, float]) -> None:
+def test_the_id_is_derived_from_the_content(values: dict[str, float]) -> None:
     changes = [f"{name}={value!r}" for name, value in values.items()]
     first, _ = changed_configuration(base(), None, changes)
     second, _ = changed_configuration(base("frenetix:Comfort"), "Default", list(reversed(changes)))

@@ -76,13 +76,13 @@ def test_fixed_parameters_cannot_be_varied(vary: list[str]) -> None:
 
 
 @pytest.mark.parametrize("name", ["frenetix", "idm"])
-def test_presets_lie_in_the_space_at_their_own_values(name: str) -> None:
+def test_presets_are_in_the_space_at_their_own_values(name: str) -> None:
     configuration = preset_configuration(name)
     space = dimensions(name, [])
     assert values_at(space, point_of(space, configuration)) == pytest.approx(configuration.weights)
 
 
-def test_settings_are_varied_in_their_ranges_and_whole_where_they_count() -> None:
+def test_settings_are_varied_in_their_ranges_and_counts_as_integers() -> None:
     space = dimensions("frenetix", ["replan_steps=1..4", "horizon_s=2..5", "prediction=0..50"])
     assert values_at(space, (0.99, 0.5, 0.05)) == {"replan_steps": 4.0, "horizon_s": 3.5, "prediction": 0.0}
     assert values_at(space, (0.0, 0.0, 1.0)) == {"replan_steps": 1.0, "horizon_s": 2.0, "prediction": 50.0}

@@ -93,7 +93,7 @@ def records(archive: Path, change: Callable[[dict[str, object]], object]) -> byt
     return "".join(json.dumps(line) + "\n" for line in lines).encode()
 
 
-def test_all_that_was_made_comes_back_with_dates_and_order(archive: Path, tmp_path: Path) -> None:
+def test_all_artifacts_come_back_with_dates_and_order(archive: Path, tmp_path: Path) -> None:
     first, second = Workspace(tmp_path / "first"), Workspace(tmp_path / "second")
     told: list[tuple[int, int]] = []
     made = import_workspace(second, archive, on_bytes=lambda done, total: told.append((done, total)))

@@ -123,7 +123,7 @@ def test_a_full_disk_while_files_are_placed_leaves_no_artifact(
     assert workspace.file("scenario", "DEU_A-1_1_T-1", "second.xml").read_text() == "2"
 
 
-def test_record_that_does_not_fit_takes_back_every_folder_of_its_transaction(workspace: Workspace) -> None:
+def test_a_record_that_does_not_fit_removes_every_folder_of_its_transaction(workspace: Workspace) -> None:
     workspace.find("scenario", "none")
     connection = workspace.database.connection()
     pages = connection.execute("PRAGMA page_count").fetchone()[0]
@@ -250,7 +250,7 @@ def test_newest_filters_by_kind_parent_and_text_and_pages(workspace: Workspace) 
     assert ids(text="%") == []
 
 
-def test_found_by_the_recipe_that_made_it(workspace: Workspace) -> None:
+def test_an_artifact_is_found_by_its_recipe(workspace: Workspace) -> None:
     made = put(workspace, "DEU_A-1_1_T-1", "first")
     assert workspace.find_by_recipe("scenario", recipe(text="first")) == made
     assert workspace.find_by_recipe("scenario", recipe(text="other")) is None
@@ -358,7 +358,7 @@ def test_a_file_that_is_not_a_database_is_a_resource_failure(tmp_path: Path) -> 
         Workspace(tmp_path).newest()
 
 
-def test_folder_that_cannot_be_made_is_a_resource_failure(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_a_resource_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ResourceFailure):
         Workspace(tmp_path / "file" / "workspace").newest()

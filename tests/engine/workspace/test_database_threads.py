@@ -28,7 +28,7 @@ def count(database: Database) -> int:
     return int(database.connection().execute(COUNT).fetchone()[0])
 
 
-def test_every_thread_has_a_connection_of_its_own(database: Database) -> None:
+def test_every_thread_has_its_own_connection(database: Database) -> None:
     own = id(database.connection())
     assert id(database.connection()) == own
     assert elsewhere(lambda: id(database.connection())) != own

@@ -184,7 +184,7 @@ async def test_a_call_on_a_full_workspace_gives_a_remedy_and_reading_continues(
     assert not read.is_error
 
 
-def test_broken_records_are_found_and_taken_out_and_everything_else_stays(workspace: Workspace) -> None:
+def test_broken_records_are_found_and_removed_and_everything_else_stays(workspace: Workspace) -> None:
     """Such as an archive of an earlier version could bring in."""
     with workspace.database.writing() as connection:
         connection.execute("UPDATE artifacts SET record = '{}' WHERE artifact_id = ?", (ONE,))
@@ -211,7 +211,7 @@ def test_broken_records_are_found_and_taken_out_and_everything_else_stays(worksp
     ],
     ids=["two lines", "direction", "overlong", "a forged name", "an overlong name"],
 )
-def test_records_that_were_poisoned_before_texts_were_one_line_are_taken_out(
+def test_poisoned_records_of_earlier_versions_are_removed(
     workspace: Workspace, change: dict[str, object], told: str
 ) -> None:
     stored = workspace.get(ONE, "run").record

@@ -146,7 +146,7 @@ def test_a_phrase_that_contains_another_name_is_not_a_crossing_of_two_roads(word
 @pytest.mark.parametrize(
     "words", ["I-5 Seattle", "Seattle I-5", "I-5, Seattle", "Seattle, I-5", "Interstate 5 in Seattle"]
 )
-def test_road_and_city_stand_in_any_order(words: str) -> None:
+def test_road_and_city_are_accepted_in_any_order(words: str) -> None:
     match = find_maps([a_map()], place=words)[0]
     assert (match.streets, match.unnamed) == ((("I 5",),), ())
 
@@ -226,7 +226,7 @@ def test_a_quarter_with_a_name_like_the_town_s_is_not_the_town() -> None:
     assert find_maps([entry], place="竹北里")[0].area == quarter
 
 
-def test_in_a_crossing_a_street_comes_before_the_quarter_of_its_name() -> None:
+def test_in_a_crossing_a_street_takes_precedence_over_the_quarter_of_its_name() -> None:
     quarter = an_area("Cát Linh", "quarter", 400)
     streets = ("Phố Cát Linh", "Phố Tôn Đức Thắng")
     entry = a_map(*streets, country="VNM", place="Hà Nội", places=("Hà Nội", "Cát Linh"), areas=(quarter,))
@@ -260,7 +260,7 @@ def test_a_state_is_checked_by_the_map_s_location() -> None:
 
 
 @pytest.mark.parametrize("words", ["Seattle, France", "Pine Street, Seattle, Germany"])
-def test_a_country_that_the_map_does_not_lie_in_contradicts(words: str) -> None:
+def test_a_country_without_the_map_contradicts(words: str) -> None:
     with pytest.raises(UnknownName):
         find_maps([a_map("Pine Street")], place=words)
 

@@ -20,7 +20,7 @@ def test_a_cached_answer_is_found_by_its_question_alone(tmp_path: Path) -> None:
     assert cache.find("where is Paris") is None
 
 
-def test_an_old_answer_counts_only_where_age_does_not(tmp_path: Path) -> None:
+def test_an_old_answer_counts_only_if_age_does_not_matter(tmp_path: Path) -> None:
     cache = AnswerCache(tmp_path, 1, 30)
     cache.keep(kept("old", at=time.time() - 31 * 86_400))
     assert cache.find("old") is None

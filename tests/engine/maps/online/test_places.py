@@ -75,7 +75,7 @@ def test_one_town_that_is_listed_twice_is_one(tmp_path: Path) -> None:
         assert found(servers, tmp_path, "Ringstadt").label == "Ringstadt, Bavaria, Germany"
 
 
-def test_a_territory_with_a_code_of_its_own_is_found_by_it(tmp_path: Path) -> None:
+def test_a_territory_with_its_own_code_is_found_by_it(tmp_path: Path) -> None:
     with MapServers((), [settlement(["Frederiksted"], "VIR", (17.6, -64.9, 17.8, -64.8))]).running() as servers:
         assert found(servers, tmp_path, "Frederiksted", "VIR").country == "VIR"
 
@@ -98,7 +98,7 @@ def test_a_bare_name_does_not_select_a_bar(tmp_path: Path) -> None:
         assert found(servers, tmp_path, "Atlantis, Ringstadt").kind == "bar"
 
 
-def test_a_finding_without_a_name_of_its_own_is_a_place_all_the_same(tmp_path: Path) -> None:
+def test_a_finding_without_its_own_name_is_still_a_place(tmp_path: Path) -> None:
     box = (48.0, 11.0, 48.2, 11.2)
     nameless = Place({"operator": "Nirgendwo"}, "boundary", "city", 48.1, 11.1, box, "DEU", importance=0.6)
     with MapServers((), [nameless]).running() as servers:

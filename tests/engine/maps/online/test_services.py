@@ -142,7 +142,7 @@ def test_a_service_that_wants_an_hour_is_left_for_the_next(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("kind", ["slow", "drip"])
-def test_a_service_that_takes_too_long_is_left(kind: FaultKind, tmp_path: Path) -> None:
+def test_a_service_that_needs_too_long_is_abandoned(kind: FaultKind, tmp_path: Path) -> None:
     with town_servers().running() as servers:
         servers.fail("one", Fault(kind))
         answered = ServiceClient(services_of(servers, tmp_path, timeout_s=1.0), silent).query(ROADS)
@@ -216,7 +216,7 @@ def test_an_old_answer_is_used_if_no_service_is_available(tmp_path: Path) -> Non
     assert "old cached answer" in answered.troubles[-1]
 
 
-def test_without_a_net_the_refusal_comes_at_once(tmp_path: Path) -> None:
+def test_without_a_net_the_refusal_is_immediate(tmp_path: Path) -> None:
     with town_servers().running() as servers:
         here = services_of(servers, tmp_path)
     began = time.monotonic()

@@ -17,7 +17,7 @@ def link(shape: Points) -> Link:
 
 
 @given(SHAPES, SHAPES)
-def test_ways_that_cross_always_may(first: Points, second: Points) -> None:
+def test_crossing_paths_always_count_as_crossing(first: Points, second: Points) -> None:
     crosses = crossing_of(first, second) is not None
     assert link(first).may_cross(link(second)) >= crosses
     assert link(first).may_cross(link(second)) == link(second).may_cross(link(first))

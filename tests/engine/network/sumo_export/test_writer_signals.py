@@ -66,7 +66,7 @@ def test_sumo_shows_the_colour_of_every_step(network: Any, tmp_path: Path, offse
         libsumo.close()
 
 
-def test_a_light_for_a_direction_leaves_the_other_ways_free(network: Any, tmp_path: Path) -> None:
+def test_a_light_for_a_direction_leaves_the_other_paths_free(network: Any, tmp_path: Path) -> None:
     add_light(network, 900, 1, direction="right")
     text = write(network, tmp_path, signals_of(network, STEP_S)).read_text(encoding="utf-8")
     controlled = [line for line in text.splitlines() if 'tl="tl900"' in line]

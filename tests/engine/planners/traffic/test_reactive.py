@@ -74,7 +74,7 @@ def request(builder: ScenarioBuilder, folder: Path, traffic: Traffic = "reactive
     )
 
 
-def test_a_reactive_follower_brakes_where_the_recorded_one_hits(tmp_path: Path) -> None:
+def test_a_reactive_follower_brakes_although_the_recorded_one_hits(tmp_path: Path) -> None:
     problem = Problem(start=(0.0, 0.0, 0.0, 10.0), goal=(55.0, 0.0, 4.0, 3.0), steps=(50, 60))
     one_lane = replace(crossing(), vehicles=(driving(32, (-25.0, 0.0), 10.0, 80),), problems=(problem,))
     scenario = loaded(one_lane, tmp_path)
@@ -152,7 +152,7 @@ def test_an_ego_at_a_merge_is_on_the_lane_of_its_follower(follower: Vehicle, tmp
 
 @pytest.mark.shared_data
 @pytest.mark.parametrize(("name", "seed"), [("DEU_Backnang-5_1_T-1", 1173584164), ("ZAM_Zip-1_56_T-1", 2730695510)])
-def test_followers_brake_by_sight_where_lanes_hide_the_ego(name: str, seed: int, shared_data: Path) -> None:
+def test_followers_brake_by_sight_if_lanes_hide_the_ego(name: str, seed: int, shared_data: Path) -> None:
     scenario = drawn_approach(read_scenario(shared_data / "data/commonroad" / f"{name}.xml"), random.Random(seed))
     assert scenario is not None
     run = braked(scenario, "reactive")
