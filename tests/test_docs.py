@@ -95,6 +95,7 @@ GLOSSARY_EXCEPTIONS = {
     "one_way_neighbour": 'the id of a rule, in reports; "one-way" is not a path',
     "plans_giving_way": "to give way is a rule of traffic, no path",
     "ground_truth": "the name of a prediction, an argument of run_planner",
+    "follows_and_lies_beside": "the id of a rule for road networks, which stays",
     "ground_distance_m": "along the surface of the earth, not a site network",
     "wrong_way": "the offence of driving against the direction of a lane",
 }
