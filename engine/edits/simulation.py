@@ -133,7 +133,7 @@ class Simulation:
         return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
     def _handed_over(self, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:
-        """Return plans for replayed vehicles that are hit, and earlier hand-overs where one came too late."""
+        """Return plans for replayed vehicles that are hit, and earlier hand-overs if one came too late."""
         scene, more = self.scene, dict[int, DrivePlan]()
         for hit in overlaps:
             for key in (hit.first, hit.second):
