@@ -613,7 +613,7 @@ def measure_named(name: str) -> Measure | None:
     return _BY_NAME.get(name)
 
 
-def metric_meant(text: str) -> str:
+def metric_of_label(text: str) -> str:
     """Return the name of the measure that an answer, table or legend prints as ``text``, otherwise the text itself.
 
     The printed forms are the name, its words with and without the explanation in brackets, and the abbreviation. Case,

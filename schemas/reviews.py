@@ -252,7 +252,7 @@ class PaceMoment(Model):
         return texts[self.code]
 
 
-LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
+CollisionCause = Literal["ego", "recording", "prediction", "planning", "neither"]
 """What a collision is attributed to.
 
 - ``ego``: something that the ego did earlier without a reason
@@ -261,7 +261,7 @@ LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
 - ``planning``: the prediction placed the other road user correctly, and the collision is attributable
 - ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
   starts"""
-LAID_TO_WORDS: Mapping[LaidTo, str] = {
+COLLISION_CAUSES: Mapping[CollisionCause, str] = {
     "ego": "the ego",
     "recording": "the recording",
     "prediction": "the prediction",
@@ -328,7 +328,7 @@ class Contact(Model):
     also_touched: tuple[int, ...] = ()
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
-    laid_to: LaidTo | None = None
+    laid_to: CollisionCause | None = None
     fault: EgoFault | None = Field(None, description="what the ego did, if the collision is attributed to it")
 
     @property
@@ -358,7 +358,7 @@ class Contact(Model):
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
-            judged += f"; attributed to {LAID_TO_WORDS[self.laid_to]}"
+            judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property

@@ -127,8 +127,8 @@ class ResourceReading:
 
         async def look() -> ListResourcesResult:
             by_tools = [
-                Resource(uri=SCHEME + name, name=name, title=title, description=told, mime_type=_JSON)
-                for name, (_, _, title, told) in _BY_TOOLS.items()
+                Resource(uri=SCHEME + name, name=name, title=title, description=description, mime_type=_JSON)
+                for name, (_, _, title, description) in _BY_TOOLS.items()
             ]
             entries = [*by_tools, *listed_resources(workspace), *map(self._schema_link, self._tools)]
             page, following = page_of(entries, request.cursor, PAGE)

@@ -239,7 +239,7 @@ class Crossing:
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property
-    def second_comes_s(self) -> float:
+    def second_arrival_s(self) -> float:
         """The time at which the second road user enters the area."""
         return max(self.ego_s[0], self.other_s[0])
 

@@ -354,7 +354,7 @@ class MeasuredDrive:
             return
         other = self.others[crossing.track]
         came, left = crossing.ego_s
-        values = [("post_encroachment_time_s", crossing.post_encroachment_s, crossing.second_comes_s)]
+        values = [("post_encroachment_time_s", crossing.post_encroachment_s, crossing.second_arrival_s)]
         values += [("encroachment_time_s", left - came, came)] if crossing.ego_whole else []
         for name, value, time_s in values:
             yield MeasuredValue(

@@ -18,12 +18,12 @@ from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
 from ...schemas.reviews import (
     BodySide,
+    CollisionCause,
     ComfortExcess,
     Contact,
     ContactKind,
     EgoFault,
     Encounter,
-    LaidTo,
     LargestMotion,
     Prevention,
     RelativeHeading,
@@ -341,10 +341,12 @@ class _Drive:
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
             prevention=prevention,
             predicted_gap_m=predicted,
-            laid_to=self._laid_to(kind, prevention, predicted),
+            laid_to=self._attribution(kind, prevention, predicted),
         )
 
-    def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
+    def _attribution(
+        self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None
+    ) -> CollisionCause | None:
         """Return what the collision is attributed to: the first match of recording, neither, prediction, planning.
 
         ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.
@@ -404,16 +406,16 @@ class _Drive:
         if heading != "same":
             return heading, None
         if sides[0] == "rear" or (sides[1] == "front" and sides[0] != "front"):
-            came = self._came_in(index, ahead=(self._ego, index), behind=(other, at))
+            came = self._cut_in_time_s(index, ahead=(self._ego, index), behind=(other, at))
             kind: ContactKind = "rear_end_by_other" if sides[0] == "rear" else "side"
             return (kind if came is None else "cut_in_by_ego"), came
         if sides[0] == "front":
-            came = self._came_in(index, ahead=(other, at), behind=(self._ego, index))
+            came = self._cut_in_time_s(index, ahead=(other, at), behind=(self._ego, index))
             kind = "rear_end_by_ego" if sides[1] == "rear" else "side"
             return (kind if came is None else "cut_in"), came
         return "side", None
 
-    def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
+    def _cut_in_time_s(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
         """Return when the vehicle ahead entered the path of the vehicle behind, or None.
 
         None means that it entered longer ago, or that the vehicle behind changed lanes. The path of the vehicle behind

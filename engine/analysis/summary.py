@@ -329,16 +329,16 @@ def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -
     """
     if breakdown == "pooled" or (breakdown == "none" and is_one):
         return ()
-    asked = "config" if breakdown == "none" else breakdown
-    apart = not is_one and asked in _OF_SCENARIOS
+    factor = "config" if breakdown == "none" else breakdown
+    apart = not is_one and factor in _OF_SCENARIOS
     members: dict[str, list[RunRecord]] = {}
     for record in runs.records:
-        for name in _GROUPERS[asked](runs, record):
+        for name in _GROUPERS[factor](runs, record):
             members.setdefault(f"{name}, {record.config_name}" if apart else name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
     groups = tuple(_group(runs, name, members[name]) for name in order)
-    if asked != "config" or is_one:
+    if factor != "config" or is_one:
         return groups
     by_configuration = runs.by_configuration
     return tuple(

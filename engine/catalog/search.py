@@ -36,7 +36,7 @@ from .constraints import (
     PARTICIPANTS,
     Constraint,
     constraints_of,
-    holds_circumstances,
+    has_circumstances,
     location_constraints,
 )
 from .entry_sets import EntrySet, Postings, plain_rows
@@ -129,7 +129,7 @@ class Search:
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
-        constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
+        constraints = constraints_of(arguments, location, with_circumstances=has_circumstances(connection))
         in_text = conditions_in_text("" if arguments.tags or arguments.features else arguments.text or "")
         requested = {constraint.label for constraint in constraints}
         constraints += tuple(one for one in in_text.constraints if one.label not in requested)
@@ -370,12 +370,12 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
     kind = constraint.subject
     if kind == EITHER:
-        held_as = [
+        matching = [
             f"{one} {word}"
             for one, word in constraint.words
             if word in (facts.tags if one == "tag" else facts.features)
         ]
-        return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
+        return ", ".join(matching) or f"no {kind} {constraint.words[0][1]}"
     computed = (*facts.features, *(facts.ego.manoeuvres or () if facts.ego else ()))
     held = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
     words = [word for _, word in constraint.words]

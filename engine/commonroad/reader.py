@@ -44,7 +44,7 @@ from .document import (
     schema_faults,
 )
 from .lanelet_networks import scenario_of
-from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
+from .plain_states import PlainStates, cut_states, put_states, remove_plain_states, remove_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
@@ -282,7 +282,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
             f"{shown_name(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
-    states = take_plain_states(whole) if states is None else states
+    states = remove_plain_states(whole) if states is None else states
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised by this process
     _check(path, root, limits, states)
     complete(root)
@@ -379,7 +379,7 @@ def _cut_obstacle(chunk: bytes) -> _ReadObstacle | None:
 
 def _parsed_obstacle(chunk: bytes) -> _ReadObstacle:
     obstacle = etree.fromstring(chunk, _parser())
-    taken = take_states(obstacle)
+    taken = remove_states(obstacle)
     return _ReadObstacle(taken, chunk if taken is None else etree.tostring(obstacle))
 
 

@@ -265,10 +265,10 @@ def _resolved_edits(
                 _other_faults(edit, scene, changes).raise_all()
             changes = replace(changes, added_by_edit=(*changes.added_by_edit, ()))
             continue
-        meant = describe_matches(edit.vehicles, step.vehicles, scene, changes)
+        matches = describe_matches(edit.vehicles, step.vehicles, scene, changes)
         changes = replace(step.changes, added_by_edit=(*changes.added_by_edit, step.added))
         scene = _scene_after(base, changes)
-        steps.append(replace(step, changes=changes, meant=meant))
+        steps.append(replace(step, changes=changes, meant=matches))
     faults.raise_all()
     ego.check_goal(scene, changes)
     return _ResolvedEdits(edits, tuple(steps), changes, scene)

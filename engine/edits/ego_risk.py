@@ -21,9 +21,9 @@ from ..cosimulation import (
     SimulationSetup,
     all_actors,
     driven_actor,
+    handover_track,
     replayed_actor,
     resimulate,
-    taken_over_track,
 )
 from ..criticality import SAME_DIRECTION_RAD, encounters, gaps_m, risk_scores, times_to_collision_s
 from ..geometry import Values, wrap_angle
@@ -93,7 +93,7 @@ def _simulate_ego(
     recorded = all_actors(scene, {}, changes.removed, changes.replays.values())
     driven = resimulate(setup, (*recorded, driven_actor(scene, plan)))
     seen = driven.get(plan.start.obstacle_id)
-    motion = None if seen is None else taken_over_track(plan.start, seen, scene.step_s, scene.last_step)
+    motion = None if seen is None else handover_track(plan.start, seen, scene.step_s, scene.last_step)
     return None if motion is None else motion.whole(plan.start)
 
 

@@ -209,10 +209,10 @@ def foreign_format(path: Path) -> ForeignFormat | None:
         return "OpenDRIVE"
     if name.endswith(LANELETS_ENDING) and not is_net(path):
         return "CommonRoad"
-    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
+    return "Lanelet2" if name.endswith(".osm") and _contains_lanelets(path) else None
 
 
-def _holds_lanelets(path: Path) -> bool:
+def _contains_lanelets(path: Path) -> bool:
     """Return whether an OpenStreetMap XML file contains lanelets; no file of streets has a tag with that value."""
     rest = b""
     with path.open("rb") as stream:

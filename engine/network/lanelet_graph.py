@@ -133,7 +133,7 @@ class LaneletGraph:
         """Return all reachable lanelets with the fewest steps to them, nearest first, including the starts."""
         return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
-    def beside(self, starts: Iterable[int]) -> frozenset[int]:
+    def parallel_lanes(self, starts: Iterable[int]) -> frozenset[int]:
         """Return the lanelets that can be reached by lane changes alone, including the starts."""
         changes = Digraph(lambda key: ((other, LANE_CHANGE_COST_M) for other in self.neighbours.get(key, ())))
         return frozenset(changes.reachable(starts))

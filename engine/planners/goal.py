@@ -255,7 +255,7 @@ def _left_behind(goal: Goal, ego: EgoState, reference: ReferencePath, network: "
     if away <= _BEHIND_M:
         return None
     graph = LaneletGraph.of(network)
-    starts = graph.beside(start_lanelets(network, ego.position, ego.heading_rad))
+    starts = graph.parallel_lanes(start_lanelets(network, ego.position, ego.heading_rad))
     onward = graph.reachable(following for key in starts for following in graph.successors[key])
     outlines = [network.find_lanelet_by_id(key).polygon.shapely_object for key in onward]
     if any(area.intersects(outline) for outline in outlines for area in areas):

@@ -323,14 +323,16 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
     before = graph.predecessors[key]
     if any(len(graph.successors[one]) > 1 for one in before):
         return True
-    others = {after for lane in graph.beside(before) for after in graph.successors[lane]} - graph.beside([key])
+    others = {
+        after for lane in graph.parallel_lanes(before) for after in graph.successors[lane]
+    } - graph.parallel_lanes([key])
     own = _heading_after(center_line(network, key))
     return any(abs(wrap_angle(_heading_after(center_line(network, one)) - own)) > PART_RAD for one in others)
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
     """Return True if a lanelet's end meets a lanelet from elsewhere, such as a side street that joins a road."""
-    row = graph.beside([key])
+    row = graph.parallel_lanes([key])
     others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - row
     own = _heading_after(center_line(network, key)[::-1])
     return any(abs(wrap_angle(_heading_after(center_line(network, one)[::-1]) - own)) > PART_RAD for one in others)

@@ -152,7 +152,7 @@ class Scene:
     def graph_from_inside(self, start: int) -> LaneletGraph:
         """Return ``driven_graph`` for a vehicle inside a junction, which may change to adjacent lanelets."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
-        inside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
+        inside = {key: graph.neighbours[key] for key in graph.parallel_lanes([start]) if key not in outside}
         return replace(graph, neighbours={**self.driven_graph.neighbours, **inside})
 
     @cached_property

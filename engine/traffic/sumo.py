@@ -266,7 +266,7 @@ class Sumo:
         """Have a held vehicle stand where it is until it is placed again."""
         self._vehicle.setSpeed(key, 0.0)
 
-    def let_roll(self, key: str) -> None:
+    def cancel_stop(self, key: str) -> None:
         """Undo :meth:`stop_at_once`."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
@@ -304,7 +304,7 @@ class Sumo:
     def _mode(self, key: str, mode: int) -> int:
         return mode & ~_LIGHTS_AND_RIGHT_OF_WAY if key in self._ignoring_lights else mode
 
-    def let_drive(self, key: str) -> None:
+    def release(self, key: str) -> None:
         """Let SUMO drive the vehicle from now on."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
         self._vehicle.setSpeedMode(key, self._mode(key, _DRIVEN_SPEED_MODE))

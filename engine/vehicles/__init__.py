@@ -7,7 +7,7 @@ does.
 ``vehicle_classes``: returns all classes by the word used for them in requests.
 ``vehicle_class_of``: returns the class of road user for a word in any language; None for other words.
 ``PEDESTRIAN``: a pedestrian as a class of road users, which is not a vehicle class.
-``can_be_there``: returns whether a vehicle can be between two distances ahead after n times at m speeds, shape (n, m).
+``can_be_between``: returns whether a vehicle can be between two distances after n times at m speeds, shape (n, m).
 ``centers``: returns positions of the centre, shape (n, 2) in m, for positions of the rear axle and headings.
 ``farthest_m``: returns the longest distance in m that a vehicle covers in a time.
 ``latest_passing_s``: returns the time by which a vehicle must have covered a distance; infinite if it can stop first.
@@ -57,7 +57,7 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .classes import PEDESTRIAN, VehicleClass, class_by_size, nearest_class, vehicle_classes
-    from .kinematics import can_be_there, centers, farthest_m, latest_passing_s, least_time_s, rear_axle
+    from .kinematics import can_be_between, centers, farthest_m, latest_passing_s, least_time_s, rear_axle
     from .models import (
         BMW_320I,
         COMFORTABLE_MPS2,

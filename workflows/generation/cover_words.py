@@ -24,12 +24,12 @@ from ...schemas.generation import (
     THROUGH,
     TURNS_AT,
     USUAL_GOAL,
-    AskedGoal,
     Combination,
     Density,
     GenerateScenariosArguments,
     GenerationSpec,
     PlanFactor,
+    RequestedGoal,
     SiteType,
     Turn,
 )
@@ -170,7 +170,7 @@ class RequestedPlan:
             raise InvalidRequest(
                 "a goal on a lanelet refers to one site, but a plan has many", valid=[THROUGH, "steps:50"]
             )
-        if "turn" in names and spec.goal not in (AskedGoal.of(THROUGH), AskedGoal.of(USUAL_GOAL)):
+        if "turn" in names and spec.goal not in (RequestedGoal.of(THROUGH), RequestedGoal.of(USUAL_GOAL)):
             raise InvalidRequest(f"cover varies the turn, but goal {quoted(spec.goal)} has no turn", valid=[THROUGH])
         bbox = None if spec.bbox is None else list(spec.bbox)
         left = {"place": spec.place, "country": spec.country, "bbox": bbox}

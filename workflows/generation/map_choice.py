@@ -166,7 +166,7 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
     notes = list(plan.notes)
     for match in plan.matches:
         wide = match.widened
-        if wide is None or await _holds_site(spec, context, match) or not await _holds_site(spec, context, wide):
+        if wide is None or await _has_site(spec, context, match) or not await _has_site(spec, context, wide):
             matches.append(match)
             continue
         matches.append(wide)
@@ -209,10 +209,10 @@ async def _is_available(
         match = plan_maps(other, entries).matches[0]
     except (UnknownName, NotPossible):
         return False
-    return await _holds_site(other, context, match)
+    return await _has_site(other, context, match)
 
 
-async def _holds_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
+async def _has_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
     try:
         await context.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0), share=(0.0, 0.0))
     except NotPossible as refusal:

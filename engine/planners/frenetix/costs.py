@@ -183,8 +183,8 @@ class _Conflict:
             return np.full(len(self.near), (there - self.here) @ _direction(self.heading_rad) > 0.0) | self._in_front()
         if in_own_lane and before_ego > 0.0:
             return np.full(len(self.near), abs(turn) < math.pi / 2)
-        ego_in_theirs, before_other = _inside(legal, self.here)
-        if ego_in_theirs and before_other > 0.0 and abs(turn) < math.pi / 2:
+        ego_is_inside, before_other = _inside(legal, self.here)
+        if ego_is_inside and before_other > 0.0 and abs(turn) < math.pi / 2:
             return np.zeros(len(self.near), dtype=np.bool_)
         if legal is None:
             return self._in_front()

@@ -107,8 +107,8 @@ class Content:
         Raises:
             Refused: there is no such kind.
         """
-        asked = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
-        return await self._answer(ListArtifactsResult, "list_artifacts", asked)
+        arguments = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
+        return await self._answer(ListArtifactsResult, "list_artifacts", arguments)
 
     async def analysis(self, batch_id: str) -> ToolText:
         """Return the analysis of a batch.
