@@ -22,7 +22,7 @@ from ..schemas.jobs import CancelJobArguments, GetJobArguments, JobResult
 from ..schemas.runs import BatchRecord, RunRecord, configuration_id
 from ..schemas.text import counted
 from .context import WorkflowContext
-from .maps import maps_seen
+from .maps import inventory_of_read_maps
 from .operations import SUCCESS_RATES
 from .paging import check_offset
 from .results import lineages, run_record, with_versions
@@ -85,7 +85,9 @@ def _is_filtered(arguments: ListArtifactsArguments) -> bool:
 
 def _check_parent(parent: str, context: WorkflowContext) -> None:
     """Refuse an id that neither a stored artifact nor a built-in map has."""
-    if context.workspace.count(parent=parent) or any(one.facts.map_id == parent for one in maps_seen(context).entries):
+    if context.workspace.count(parent=parent) or any(
+        one.facts.map_id == parent for one in inventory_of_read_maps(context).entries
+    ):
         return
     context.workspace.kind_of(parent)
 
