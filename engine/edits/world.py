@@ -433,8 +433,8 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
                 changed.append(int(ref or 0))
     cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
     new = f"; added a light to lanelet {', '.join(map(str, lit_now))}" if lit_now else ""
-    lights = sorted(set(changed))
-    who = f"light {lights[0]} repeats" if len(lights) == 1 else f"lights {', '.join(map(str, lights))} repeat"
+    shown = sorted(set(changed))
+    who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
     return f"{who} the cycle {cycle} from 0 s on{new}"
 
 

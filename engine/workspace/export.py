@@ -123,7 +123,9 @@ def write_whole(path: Path, fill: Callable[[Path], object]) -> None:
             partial.unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise disk_failure(path, error, "free disk space, or choose another folder") from error
+        is_file = isinstance(error, FileExistsError | NotADirectoryError)
+        step = "choose a folder instead of a file" if is_file else "free disk space, or choose another folder"
+        raise disk_failure(path, error, step) from error
 
 
 def _fill(partial: Path, workspace: Workspace, export: Export, made: Path | None) -> None:

@@ -173,6 +173,9 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
             f"{conditions.time}: {per_lane_km:g} vehicles per lane-km (medium at noon, other hours by their share of a "
             f"working day, {SHARES_OF_DAY_SOURCE}); a given density overrides it"
         )
+    elif conditions.hour is not None:
+        source = "the flows set" if flows else f"density={arguments.density} sets"
+        notes.append(f"{conditions.time}: the hour does not change the number of vehicles, because {source} it")
     return _ReadConditions(conditions, tuple(notes), others)
 
 
