@@ -93,7 +93,7 @@ def known_planner(name: str) -> str:
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
-        own_planner(folded)
+        own_planner(name)
     return folded
 
 
@@ -108,7 +108,7 @@ def own_planner(name: str) -> Found:
     if found is None:
         names = planner_names()
         raise UnknownName(
-            f"there is no planner '{name}'",
+            f"there is no planner '{name.strip()}'",
             valid=closest(name, names) or list(names),
             next_step="choose one of these, or install your own in the same environment",
         )
