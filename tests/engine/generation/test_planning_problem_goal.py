@@ -55,6 +55,7 @@ def test_a_goal_around_the_start_is_none(goal: str, step: int | None) -> None:
 class WholeRoad:
     """A focus that every way passes."""
 
+    ways = None
     parts = 1
 
     @staticmethod
