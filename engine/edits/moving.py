@@ -23,11 +23,20 @@ from ..cosimulation import (
     sent_on,
     usual_behaviour,
 )
-from ..geometry import Points, arc_length, interpolate, point_at, project
+from ..geometry import Points, arc_length, interpolate, point_at
 from ..network import Signal, station_m
 from ..scene import LaneMatch, Scene
 from ..vehicles import VehicleClass
-from .changes import Changes, EditStep, check_speed, named_vehicles, parse_speed, plan_of, within_time
+from .changes import (
+    Changes,
+    EditStep,
+    check_speed,
+    distances_ahead_m,
+    named_vehicles,
+    parse_speed,
+    plan_of,
+    within_time,
+)
 from .edited_scene import EditedScene
 from .entries import OccupiedPlaces
 from .placement import Place, first_place
@@ -35,7 +44,7 @@ from .population import check_allowed, resolve_class
 from .references import select, select_one, target_lanelets
 from .scripted import LINE_MISSED, RED_MISSED, achieved, motion_of
 
-_BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
+_BARRIER_M, _BARRIER_MARGIN_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
 _RED = frozenset("ru")
 """SUMO's letters of a red light, and of red and yellow."""
@@ -206,7 +215,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        # It stays in the lanes that lead to its light: other lanes have a different light or none.
+        # It stays in the lanes that lead to its light: other lanes have a different light or no light.
         kept = (
             plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
             if lanelet in plan.lanelets
@@ -243,20 +252,10 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         NotPossible: there is no light ahead.
     """
     by_lanelet = {key: signal for signal in scene.signals for key in signal.lanelets}
-    lanes, front = scene.layout.table.lanes, plan.start.front_at(plan.from_step - plan.start.first_step)
-    chain = list(plan.lanelets)
-    for _ in range(20):
-        following = scene.edge_graph.straight_on(chain[-1])
-        if not following or not set(chain).isdisjoint(following):
-            break
-        chain += following
-    away_m = -project(lanes[chain[0]].center, front)[0]
-    for place, key in enumerate(chain):
-        if place and key not in scene.layout.table.successors[chain[place - 1]]:
-            away_m -= lanes[chain[place - 1]].length_m
-        away_m += lanes[key].length_m
-        if key in by_lanelet and away_m > 0.0:
-            return by_lanelet[key], key, away_m
+    for key, start_m in distances_ahead_m(scene, plan).items():
+        line_m = start_m + scene.layout.table.lanes[key].length_m
+        if key in by_lanelet and line_m > 0.0:
+            return by_lanelet[key], key, line_m
     raise NotPossible(
         f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead",
         valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
@@ -327,7 +326,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         lane = scene.layout.table.lanes[lanelet]
         place = Place(lanelet, station_m(edit.position or "middle", lanelet, lane.length_m, _BARRIER_M / 2))
         center, heading = place.pose(scene)
-        size = _BARRIER_M, max(lane.width_m - 2 * _BESIDE_BARRIER_M, 1.0)
+        size = _BARRIER_M, max(lane.width_m - 2 * _BARRIER_MARGIN_M, 1.0)
         occupant = OccupiedPlaces.at(scene, begin, changes).occupant_at(center, heading, size)
         if occupant is not None:
             raise NotPossible(

@@ -180,8 +180,8 @@ def _box_around(site: Site) -> list[float]:
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
     """Return the other types that have a site on the requested streets and in the requested box."""
-    held = _available_types(site_finder(osm, request.road_classes), request)
-    return [kind for kind in held if kind != request.scenario_type]
+    available = _available_types(site_finder(osm, request.road_classes), request)
+    return [kind for kind in available if kind != request.scenario_type]
 
 
 def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
@@ -199,7 +199,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             next_step="add link to road_classes, or leave road_classes out",
             remedies=[with_values(road_classes=None)],
         )
-    held = _available_types(finder, request)
+    available = _available_types(finder, request)
     where = " on " + cited_all((names[0] for names in request.streets), " / ") if request.streets else ""
     if request.bbox is not None:
         south, west, north, east = request.bbox
@@ -213,18 +213,18 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         )
     if wanted == "roundabout":
         where += _ring_fault(finder, request)
-    next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
-    if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
+    next_step = f"choose one of these scenario types, or {elsewhere}" if available else f"choose {elsewhere}"
+    if not available and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(osm, finder, request)
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
         where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
-        next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
+        next_step = "leave road_classes out" + (", or choose one of these scenario types" if available else "")
     turn = request.goal.turn
-    suited = [kind for kind in held if turn is None or turn in TURNS_AT[kind]]
+    suited = [kind for kind in available if turn is None or turn in TURNS_AT[kind]]
     remedies = [with_values(scenario_type=kind) for kind in suited[:1]]
-    if held and not suited:
-        remedies = [with_values(scenario_type=held[0], goal=None)]
+    if available and not suited:
+        remedies = [with_values(scenario_type=available[0], goal=None)]
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
@@ -232,7 +232,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) has no {wanted_site}{where}",
-        valid=held,
+        valid=available,
         next_step=next_step,
         reason="no_such_site",
         remedies=remedies,
