@@ -308,6 +308,18 @@ class SiteFinder:
                 spots.append(_Spot("roundabout", middle, way.way_id, partial(_ways_along, arms, ring)))
         return spots
 
+    def ring_faults(self) -> list[tuple[SitePart, str]]:
+        """Return the ways that are tagged as a roundabout without being one, and why each of them is none."""
+        tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
+        rings = Rings(self.osm, self.osm.roads(self._without_links | frozenset(LINKS)) if tagged else ())
+        faults = []
+        for way in tagged:
+            if fault := rings.fault_of(way):
+                middle = OsmNode(0, *_middle([self.osm.nodes[key].position for key in way.node_ids]), {})
+                spot = _Spot("roundabout", middle, way.way_id, partial(_ways_along, self._with_links, way.node_ids))
+                faults.append((SitePart(spot.position, tuple(sorted(set(spot.streets()))), way.way_id), fault))
+        return faults
+
     def _signalised(self) -> list[_Spot]:
         """Return junctions with a traffic signal within reach; a signal alone may be a pedestrian crossing."""
         return self._lit(self._streets) or self._lit(self._everywhere)
