@@ -322,7 +322,7 @@ def test_a_metric_that_differs_in_some_scenarios_only_is_not_reported_to_fall() 
     assert metric.p_holm < 0.05
     assert (metric.shift, metric.higher, metric.lower, metric.better) == (0.0, 0, 10, None)
     assert "minimum_distance_m falls" not in found.verdict
-    assert "minimum_distance_m (in 0 higher, in 10 lower)" in found.verdict
+    assert "minimum distance (in 0 higher, in 10 lower)" in found.verdict
 
 
 @pytest.mark.parametrize(
