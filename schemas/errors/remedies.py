@@ -257,8 +257,10 @@ def _dropped(before: Any, after: Any, path: str = "") -> Iterator[str]:
                 yield from _dropped(old, new, f"{path}[{index}]")
         elif len(before) > len(after):
             yield from (f"{path} {quoted(one)}" for one in before if one not in after and not isinstance(one, Mapping))
-    elif isinstance(before, str) and isinstance(after, str) and after and before.startswith(after) and before != after:
-        yield f"{path} {quoted(before.removeprefix(after))}"
+    elif isinstance(before, str) and isinstance(after, str) and after and before.startswith(after):
+        rest = before.removeprefix(after)
+        if rest and not rest[0].isalnum():  # a condition without its value, not a corrected word
+            yield f"{path} {quoted(rest)}"
 
 
 def _with_word(value: Any, word: str, other: str) -> Any:

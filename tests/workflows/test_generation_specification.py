@@ -96,7 +96,7 @@ def test_an_invalid_goal_is_refused_with_the_nearest_one_before_it_is_dropped(te
     assert [call and call.arguments.get("goal") for call in calls] == ([proposed, None] if proposed else [None])
 
 
-@pytest.mark.parametrize("text", ["!truck", "no truck", "without truck", "truck=0"])
+@pytest.mark.parametrize("text", ["!truck", "no trucks", "without lorries", "truck=0"])
 def test_a_class_that_is_excluded_has_no_vehicles(text: str) -> None:
     (demand,) = read(vehicles=[text]).vehicles
     assert (demand.vehicle_class, demand.least, demand.most) == ("truck", 0, 0)

@@ -464,7 +464,7 @@ def _vehicle_demand(text: str) -> VehicleDemand:
     """
     if (shared := re.fullmatch(r"\s*([a-z_]+)\s*=\s*(\d{1,3}(?:\.\d+)?)\s*%\s*", text)) is not None:
         return _shared_demand(text, shared[1], float(shared[2]) / 100)
-    demand = parse_condition(as_exclusion(text), whole=True)
+    demand = parse_condition(text, whole=True)
     low, high = demand.interval.low, demand.interval.high
     if demand.negated:
         return VehicleDemand(vehicle_class=demand.name, least=0, most=0)
@@ -530,6 +530,7 @@ def _with_actor_class(
 
 def _normalised_demand(text: str) -> tuple[str, str]:
     """Return a demand with our word for its class, and a note if the word was replaced."""
+    text = as_exclusion(text)
     found = re.fullmatch(r"(\s*!?\s*)([^\W\d][^<>=!]*?)(\s*(?:[<>=].*)?)", text, re.DOTALL)
     name = None if found is None else vehicle_class_of(found[2])
     if found is None or name is None or name == found[2]:
