@@ -137,7 +137,7 @@ class Prevention(Model):
         ]
         names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
         if {"r157_careful", "fsm"} <= names.keys():
-            names["r157_careful"] = "UN Regulation 157's careful and fuzzy drivers"
+            names["r157_careful"] = "UN regulation R157's careful and fuzzy drivers"
             del names["fsm"]
         return list(names.values())
 
@@ -145,14 +145,14 @@ class Prevention(Model):
         """Return the reference drivers, other than full braking, that do or do not prevent it."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
-        drivers = [f"UN Regulation 157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
         return [*drivers, *([_DRIVERS_IN_WORDS["rss"]] if self.by_rss == prevents else [])]
 
 
 _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
     "full_braking": "full braking",
-    "r157_careful": "UN Regulation 157's careful driver",
-    "fsm": "UN Regulation 157's fuzzy driver",
+    "r157_careful": "UN regulation R157's careful driver",
+    "fsm": "UN regulation R157's fuzzy driver",
     "rss": "the driver of Responsibility-Sensitive Safety",
     "keep_lane": "keeping lane and speed",
     "evading": "swerving",

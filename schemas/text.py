@@ -140,7 +140,7 @@ def without_shared_clauses(sentences: Sequence[str]) -> tuple[list[str], list[st
 
 
 REFERENCE_DRIVERS_DO = (
-    "full braking at once; or UN Regulation 157's careful and fuzzy drivers or Responsibility-Sensitive Safety, which "
+    "full braking at once; or UN regulation R157's careful and fuzzy drivers or Responsibility-Sensitive Safety, which "
     "keep the ego's speed until they see a danger"
 )
 """The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""

@@ -470,10 +470,10 @@ TUNINGS = {
     "r157_careful": _reference(
         _CAREFUL,
         (0.375, 0.4, 0.75, 2.0, 2.0, 5.0),
-        "reference driver: the careful and competent human driver of UN Regulation 157",
+        "reference driver: the careful and competent human driver of UN regulation R157",
     ),
     "fsm": _reference(
-        _FUZZY, (0.75, 4.0, 6.0, 7.0, 2.0, 2.0), "reference driver: the fuzzy safety model of UN Regulation 157"
+        _FUZZY, (0.75, 4.0, 6.0, 7.0, 2.0, 2.0), "reference driver: the fuzzy safety model of UN regulation R157"
     ),
     "rss": _reference(_RSS, (0.75, 4.0, 8.0, 1.0, 0.3), "reference driver: Responsibility-Sensitive Safety"),
     "full_braking": PlannerTuning(

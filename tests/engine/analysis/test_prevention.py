@@ -130,8 +130,8 @@ def test_the_text_names_drivers_that_prevent_it_and_drivers_that_do_not() -> Non
     rss = "the driver of Responsibility-Sensitive Safety"
     assert words.startswith("preventable by full braking as late as ")
     assert words.endswith(
-        f" s, UN Regulation 157's fuzzy driver and {rss}, not by UN Regulation 157's careful driver; "
-        f"if in control from the start, full braking, UN Regulation 157's fuzzy driver and {rss} prevent it"
+        f" s, UN regulation R157's fuzzy driver and {rss}, not by UN regulation R157's careful driver; "
+        f"if in control from the start, full braking, UN regulation R157's fuzzy driver and {rss} prevent it"
     )
 
 
