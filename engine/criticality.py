@@ -256,6 +256,6 @@ def _nearest(path: Points, stations: Values, points: Points, begin: NDArray[np.i
 
 
 def _least(values: Values) -> float | None:
-    """Return the shortest of some times in s, or None if no time is within 100 s."""
+    """Return the shortest time in s, or None if no time is within 100 s."""
     least = float(values.min())
     return least if least <= _LONGEST_S else None

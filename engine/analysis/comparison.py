@@ -366,7 +366,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """Return what distinguishes the scenarios of a pair by lineage: their edits, from the first difference."""
+    """Return the edits in which a pair's scenarios differ; the two scenarios were edited from a common ancestor."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -679,7 +679,7 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
+    """Return sentences on the metrics that differ, with the better side, and on those that differ in some scenarios."""
     telling = [test for test in metrics if _is_significant(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [

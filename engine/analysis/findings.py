@@ -54,7 +54,7 @@ class Evidence:
         return self._reviews[record.run_id]
 
     def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
-        """Return the stretches in which the ego of a run stood, was held up or braked, and why."""
+        """Return the stretches in which the ego of a run stood, was held up or braked, each with its cause."""
         if record.run_id not in self._paces:
             self._paces[record.run_id] = pace_of(self.runs, record)
         return self._paces[record.run_id]
@@ -440,7 +440,7 @@ def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[
 
 
 def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
-    """Return the times of the collisions of runs."""
+    """Return the time of each run's collision."""
     return tuple(
         FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
         for record in records
@@ -468,7 +468,7 @@ def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord
 
 
 def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, float]:
-    """Return the share of each term in the cost of the median run, over the runs that have a cost."""
+    """Return each term's share of the cost in the median run; runs without a cost are left out."""
     terms = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
     shares = [{term: value / total for term, value in mean.items()} for mean in terms if (total := sum(mean.values()))]
     names = sorted({term for share in shares for term in share})

@@ -265,7 +265,7 @@ class MeasuredDrive:
         )
 
     def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
-        """Return other road users' accelerations at some states of the ego: differences of speed, within ±8 m/s²."""
+        """Return other road users' accelerations at the ego's given states: differences of speed, within ±8 m/s²."""
         found = np.zeros(len(states))
         for number in np.unique(tracks):
             track, chosen = self.others[int(number)], tracks == number

@@ -1,4 +1,4 @@
-"""Whether a reference driver in the ego's place could have prevented a collision; all others move as recorded.
+"""Judges whether a reference driver in the ego's place could have prevented a collision; all others move as recorded.
 
 The drivers are those of ``engine/planners/reference_drivers``: UN R157's careful driver, the fuzzy safety model, RSS,
 full braking, and a driver that keeps its lane and speed. Each driver is judged from two starts:

@@ -52,7 +52,7 @@ YieldsBy = Literal["right before left", "signs", "left turn"]
 
 @dataclass(frozen=True)
 class Ahead:
-    """A road user on the ego's path at each state: its gap ahead, bumper to bumper (infinite: not ahead), and motion.
+    """A road user near the ego: at each state, its gap ahead on the ego's path (infinite if not ahead), and its motion.
 
     ``seen``: whether it was within 60 m; ``collision_s``: time until it and the ego touch on their courses, infinite if
     never.
@@ -300,7 +300,7 @@ class RuledDrive:
 
 
 class _Roads:
-    """The lanelets in an area; answers which are under points, and returns their bounds, lines and overlaps."""
+    """The lanelets in an area, with queries for those under given points and for their bounds, lines and overlaps."""
 
     def __init__(self, network: "LaneletNetwork", area: "BaseGeometry") -> None:
         self._network = network
@@ -434,7 +434,7 @@ def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDAr
 
 
 def _until(condition: NDArray[np.bool_]) -> Values:
-    """Return the steps until a condition next holds: 0 if it does, infinite if it never does again."""
+    """Return at each step the number of steps until a condition next holds: 0 if it holds, infinite if never again."""
     result, next_at = np.full(len(condition), np.inf), np.inf
     for index in range(len(condition) - 1, -1, -1):
         next_at = 0.0 if condition[index] else next_at + 1.0
@@ -477,7 +477,7 @@ def _passage(
 
 
 def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletNetwork") -> YieldsBy | None:
-    """Return why the ego gives way to another at an intersection, or None. A traffic light overrides all signs."""
+    """Return the reason why the ego must give way to another at an intersection, or None. Lights override all signs."""
     if own.incoming_id == theirs.incoming_id:
         return None
     turned = abs(float(wrap_angles(np.array([theirs.heading_rad - own.heading_rad]))[0]))

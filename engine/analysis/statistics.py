@@ -71,7 +71,7 @@ _Cluster = tuple[float, int]
 
 
 def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
-    """Return the sum and the number of values by scenario, in order of appearance."""
+    """Return the sum and number of each scenario's values, in order of appearance."""
     sums: dict[str, tuple[float, int]] = {}
     for key, value in trials:
         total, size = sums.get(key, (0.0, 0))

@@ -322,7 +322,7 @@ _OTHERS = {
 
 
 def _total(text: str, condition: Condition) -> Constraint:
-    """Return the condition on the number of obstacles of all types together, without the ego."""
+    """Return the condition on the number of obstacles of all types together, excluding the ego."""
     _scope(condition, ("map",))
     query = "SELECT number FROM catalog_scenarios WHERE size BETWEEN ? AND ?"
     bounds = _bounds(condition.interval, 0.0)

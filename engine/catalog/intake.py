@@ -228,7 +228,7 @@ def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], d
 
 
 def _renamed(file: ReadFile, target: Path) -> ScenarioRecord:
-    """Write a copy of a changed file with a new id in its text; the file itself is unchanged.
+    """Write a copy of a changed file under a new id, and return its record; the file itself is unchanged.
 
     Raises:
         NotPossible: the text of the file does not contain the id.

@@ -80,8 +80,8 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and its source file.
 
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
-    headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the friction coefficient
-    of the roads, or None if the file has none.
+    headings. ``ego_classes``: the ego's class by planning problem; cars are left out. ``friction``: the friction
+    coefficient of the roads, or None if the file has none.
     """
 
     scenario: "Scenario"

@@ -70,7 +70,7 @@ class Behaviour:
     values: Mapping[str, float]
 
     def on_road(self, friction: float | None) -> "Behaviour":
-        """Return the driver on a road with some friction, with acceleration and braking limited by the tyres."""
+        """Return the driver on a road with the given friction, which limits acceleration and braking by the tyres."""
         if friction is None:
             return self
         most = friction * GRAVITY_MPS2
@@ -107,7 +107,7 @@ def behaviour_from(
     """Apply a preset, which replaces all parameters except a class's own gap, and then single parameters.
 
     Raises:
-        UnknownName: no such preset or parameter.
+        UnknownName: there is no such preset or parameter.
         InvalidRequest: a value is outside its range, or a parameter is given twice.
     """
     values, name = dict(base.values), base.preset
@@ -132,7 +132,7 @@ def behaviour_from(
 
 
 def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]:
-    """Return the parameters that are set, each with whether its new value is independent of the old one."""
+    """Return, for each parameter that is set, whether its new value is independent of the old one."""
     assignments = [parse_assignment(text) for text in params]
     return dict.fromkeys(_NAMES if preset else (), True) | {
         assignment.name: preset is not None or assignment.operator == "=" for assignment in assignments

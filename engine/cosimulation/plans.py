@@ -182,7 +182,7 @@ def shown_track(scene: Scene, plan: DrivePlan) -> Track:
 
 
 def lane_change_track(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
-    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and when it is across, by step.
+    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and whether it is across, by step.
 
     Args:
         front: the recorded position of the front at the hand-over, shape (2,), in metres.

@@ -78,7 +78,7 @@ class DrivenTrack:
 
 @dataclass(frozen=True)
 class ShownState:
-    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, and speed."""
+    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, speed in m/s."""
 
     front: tuple[float, float]
     angle_deg: float
@@ -212,7 +212,7 @@ class _Surroundings:
         return places, reach_m
 
     def at(self, step: int, driven: Iterable[_Place]) -> set[str]:
-        """Return SUMO's ids of the replayed actors present after a step; ``driven``: the driven ones before it.
+        """Return the SUMO ids of the replayed actors to show after a step; ``driven``: the driven ones before it.
 
         Called for consecutive steps.
         """

@@ -120,7 +120,7 @@ class OccupiedPlaces:
         return self._free_on([place.lanelet_id], place, size_m) or self._free_on(next_to_it, place, size_m)
 
     def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
-        """Return some free places on lanelets, ordered by straight-line distance from a place."""
+        """Return free places on the given lanelets, ordered by straight-line distance from a place."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:

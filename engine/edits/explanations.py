@@ -145,7 +145,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
 
 
 def _range_of(values: Iterable[float]) -> str:
-    """Return the range of some values to one decimal, or the single value if all are equal."""
+    """Return the range of the values as text, to one decimal, or the single value if all are equal."""
     ordered = sorted(values)
     low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
     return low if low == high else f"{low} to {high}"
@@ -188,7 +188,7 @@ def stood_until_s(edited: EditedScene, key: int) -> float | None:
 
 
 def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
-    """Return when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
+    """Return sentences on when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
     driven = [key for key in edited.driven_shifts if key in vehicles]
     more = [f"{len(driven) - _MOST_NAMED} more are driven"] if len(driven) > _MOST_NAMED else []
     return [_why_shift_is_driven(edited, key) for key in driven[:_MOST_NAMED]] + more
@@ -207,7 +207,7 @@ def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
 
 
 def why_handed_over(edited: EditedScene) -> dict[int, str]:
-    """Return which road user vehicles outside the edits would hit on their recording, and when.
+    """Return, for each handed-over vehicle, which road user it would hit on its recording, and when, as text.
 
     The result covers at most ten vehicles, in the order in which they were handed over. A vehicle that no longer hits
     any road user, because others react, has no reason.
@@ -249,7 +249,7 @@ class DrivenVehicle:
         return passed[:1] + self._reached(passed[1:])
 
     def gets_to(self, targets: frozenset[int], since: int | None = None) -> bool:
-        """Return True if the motion reaches one of some lanelets at or after a step (None: at any step).
+        """Return True if the motion reaches one of the target lanelets at or after a step (None: at any step).
 
         SUMO's bumper may pass a short lanelet while the vehicle is still changing over from the adjacent one.
         """
@@ -271,7 +271,7 @@ class DrivenVehicle:
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
     def reason_not_reached(self, targets: frozenset[int], since: int) -> str:
-        """Return why the vehicle reaches none of some lanelets: no room to change lanes, else its final position.
+        """Return why the vehicle reaches none of the target lanelets: no room to change lanes, else its final position.
 
         ``since``: the step from which it should head there.
         """
@@ -393,7 +393,7 @@ def delay(scene: Scene, track: HandoverTrack, others: Mapping[int, Track], drive
 
 
 def _behind(scene: Scene, track: HandoverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
-    """Return the road user that a vehicle was behind for most of some steps, as text; "" if there is none."""
+    """Return the road user that a vehicle was behind for most of the given steps, as text; "" if there is none."""
     leaders, indices = [], np.array(steps) - track.first_step
     for key, other in others.items():
         there = indices + (track.first_step - other.first_step)
@@ -460,7 +460,7 @@ def _slow_lanelet(scene: Scene, track: HandoverTrack) -> int | None:
 
 
 def _gaps_m(track: HandoverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
-    """Return the gap in m to another vehicle at some steps (n,); infinite if it is not directly ahead."""
+    """Return the gap in m to another vehicle at the given steps (n,); infinite if it is not directly ahead."""
     heading = track.headings_rad[indices]
     x, y = (other.positions[there] - track.positions[indices]).T
     ahead, aside = x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)

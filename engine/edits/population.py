@@ -76,7 +76,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Add one or more vehicles of a class; further ones are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
-        UnknownName: no such class, lanelet or vehicle.
+        UnknownName: there is no such class, lanelet or vehicle.
         NotPossible: the place is occupied (the error lists the nearest free places), the vehicle behind cannot brake
             enough, or there is no such lane.
     """
@@ -180,8 +180,8 @@ def resolve_class(word: str | None) -> VehicleClass:
     """Return the class of vehicle that a word means.
 
     Raises:
-        InvalidRequest: no word.
-        UnknownName: no such class.
+        InvalidRequest: no word is given.
+        UnknownName: there is no such class.
     """
     classes = vehicle_classes()
     if word is None:
@@ -287,7 +287,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     """Park vehicles at a kerb: next to the outermost lane on a side of the road, clear of traffic.
 
     Raises:
-        InvalidRequest: arguments for driving vehicles.
+        InvalidRequest: arguments for driving vehicles are given.
         NotPossible: the place is occupied or belongs to another lane.
     """
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
@@ -365,10 +365,10 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
 
 
 def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add a pedestrian who walks along a footpath or crossing from the place, or there crosses a road to the left.
+    """Add a pedestrian who walks along a footpath or crossing from the place, or crosses the road there to its left.
 
     Raises:
-        InvalidRequest: an argument for vehicles, or an impossible speed or departure.
+        InvalidRequest: an argument for vehicles is given, or the speed or the departure is impossible.
         NotPossible: the road is a motorway, or the place is occupied.
     """
     foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]

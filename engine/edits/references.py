@@ -41,14 +41,15 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Return the ids of the vehicles that the selectors match, without excluded ones, ascending.
+    """Return the ids of the vehicles that the selectors match and do not exclude, ascending.
 
     Vehicles that earlier edits added count like recorded ones; removed ones do not count.
 
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
         UnknownName: an id, class or word does not exist.
-        NotPossible: the ego, a removed vehicle, an ambiguous description, or one that fits no vehicle.
+        NotPossible: a selector refers to the ego or a removed vehicle, or a description is ambiguous or fits no
+            vehicle.
     """
     there = scene_for_references(scene, changes)
     if not texts:
@@ -354,7 +355,7 @@ def known_lanelet(text: str, scene: Scene) -> int:
     """Return the drivable lanelet with this id, or that of a SUMO lane (edge, underscore, index).
 
     Raises:
-        UnknownName: no such lanelet or edge; the error lists the nearest ids.
+        UnknownName: there is no such lanelet or edge; the error lists the nearest ids.
     """
     lanes = scene.layout.table.lanes
     if text.isdigit() and int(text) in lanes:

@@ -174,7 +174,7 @@ class Simulation:
         """Return shown road users, driven from before they pass through a driven vehicle; None if none of them does.
 
         SUMO keeps its order of the vehicles on a lane even if one is placed through another. Vehicles behind then see
-        the placed vehicle as their leader instead of the one that it passed through, and hit the latter.
+        the placed vehicle as their leader instead of the vehicle that it passed through, which they then hit.
         """
         if not result.overlaps or any(plan.gives_way for plan in result.plans.values()):
             return None

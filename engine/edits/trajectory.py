@@ -267,7 +267,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     The motion itself stays as recorded, unless the vehicle would hit another one: then it is handed over to SUMO.
 
     Raises:
-        InvalidRequest: no time, or one that leaves nothing of a recording.
+        InvalidRequest: no time is given, or it leaves nothing of a recording.
         NotPossible: a vehicle was added, is driven by an earlier edit, or has no trajectory.
     """
     steps = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
@@ -329,8 +329,8 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     parameter sets it.
 
     Raises:
-        InvalidRequest: neither preset nor parameters, or a value out of range.
-        UnknownName: no such preset or parameter.
+        InvalidRequest: neither a preset nor parameters are given, or a value is out of range.
+        UnknownName: there is no such preset or parameter.
     """
     if edit.preset is None and not edit.params:
         raise InvalidRequest(

@@ -1,6 +1,7 @@
 """Edited scenes as CommonRoad files: states, obstacles, goals and the ego's start as XML elements.
 
-Only elements of touched road users and of the planning problem are rewritten; all others stay identical to the byte.
+Only elements of touched road users and of the planning problem are rewritten; all other elements stay identical to the
+byte.
 """
 
 import numpy as np

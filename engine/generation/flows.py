@@ -108,7 +108,7 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
 def _counted(
     flow: RoadFlow, ways: frozenset[tuple[str, ...]], sections: tuple[frozenset[str], ...], routes: list[RouteFlow]
 ) -> CountedRoad:
-    """Return how much of a flow the routes carry, between two roads or across the sections of one road."""
+    """Return a counted road with the flow that the routes carry, between two roads or across its sections."""
     if flow.to:
         planned = sum(route.per_h for route in routes if route.edges in ways)
         return CountedRoad(flow, (), min(planned, flow.per_h))

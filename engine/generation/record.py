@@ -49,7 +49,7 @@ def record_of(
     Args:
         vehicles: the ego and the others.
         people: the pedestrians, which do not count as vehicles.
-        obstacle_ids: CommonRoad's id by the vehicle's id, without the ego.
+        obstacle_ids: the CommonRoad ids of all vehicles except the ego, by the vehicles' ids.
         notes: notes on the traffic and the ego, which precede the notes on differences from the request.
     """
     spot, metadata = site.site, site.metadata
@@ -114,7 +114,7 @@ def absences_of(
 
     Args:
         ego: the requested ego.
-        asked: the number of vehicles that the request implies at this site.
+        requested: the number of vehicles that the request implies at this site.
         traffic: the recorded vehicles, and the demand that is still unmet.
         vehicles: the ego and the others in the file.
         people: the number of pedestrians that the request implies.

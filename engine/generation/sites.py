@@ -98,7 +98,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
             that it has.
-        InvalidRequest: a ramp without link roads.
+        InvalidRequest: a ramp is requested, but link roads are excluded.
     """
     finder = site_finder(osm, request.road_classes)
     turn = request.goal.turn
@@ -419,7 +419,7 @@ def road_classes(edge: NetEdge) -> frozenset[str]:
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
-    """Return whether a road of the wanted classes is near the middle; checks 8 points per segment."""
+    """Return whether a road of the wanted classes is near the site's middle; checks 8 points per segment."""
     roads = {edge.edge_id for edge in net.edges.values() if not edge.internal and wanted(road_classes(edge))}
     lanes = (lane for lane in net.lanes.values() if lane.edge_id in roads)
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
@@ -431,7 +431,7 @@ def _dense(line: Points) -> Points:
 
 
 def _ring_edges_at(net: SumoNet, middle: Points) -> frozenset[str]:
-    """Return the edges of all roundabouts at the middle that are closed and that roads enter."""
+    """Return the edges of all roundabouts at the site's middle that are closed and that roads enter."""
     before: dict[str, set[str]] = {}
     for turn in net.connections:
         before.setdefault(turn.to_edge, set()).add(turn.from_edge)
@@ -439,7 +439,7 @@ def _ring_edges_at(net: SumoNet, middle: Points) -> frozenset[str]:
 
 
 def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Mapping[str, Set[str]]) -> bool:
-    """Return whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it.
+    """Return whether a ring is closed, has roads that lead into it, and surrounds the site's middle or passes near it.
 
     ``before``: the edges that lead into each edge.
     """
@@ -455,7 +455,10 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 
 def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
-    """Return the junctions of three or more roads near the middle, not only motorways; ``with_links`` counts links."""
+    """Return the junctions of three or more roads, not only motorways, near the site's middle.
+
+    ``with_links``: whether link roads count.
+    """
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
     roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
@@ -484,7 +487,7 @@ def _is_lit(net: SumoNet, junction: str) -> bool:
 
 
 def _ramp_near(net: SumoNet, middle: Points) -> bool:
-    """Return whether a link leaves or joins a motorway or trunk road near the middle."""
+    """Return whether a link leaves or joins a motorway or trunk road near the site's middle."""
     for turn in net.connections:
         before, after = (road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge))
         joins = (before & FAST_ROADS and after & RAMP_LINKS) or (after & FAST_ROADS and before & RAMP_LINKS)

@@ -363,7 +363,7 @@ def _on_road(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup
 
 
 def _takes_ramp(vehicle: GeneratedVehicle, site: SiteNetwork, lookup: LaneletLookup) -> bool:
-    """Return whether a vehicle soon leaves or joins the main road over a ramp's link; True at other sites."""
+    """Return whether a vehicle soon leaves or joins the main road via a ramp's link; True at other sites."""
     if site.site.kind != "ramp":
         return True
     steps = range(0, min(len(vehicle.motion.positions), WATCHED_STEPS), WATCHED_EVERY)

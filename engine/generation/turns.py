@@ -161,7 +161,7 @@ def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: Ro
 
 
 def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]:
-    """Return the OSM classes of the roads under a car in order, without the insides of junctions."""
+    """Return the OSM classes of the roads under a car in order; the insides of junctions are left out."""
     return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
 
 

@@ -1,6 +1,6 @@
 """Cubic curves between two points with given directions at both ends.
 
-They draw paths over junctions, bounds of lanelets, and lane changes of reference paths. The formula does not use
+They draw paths across junctions, bounds of lanelets, and lane changes of reference paths. The formula does not use
 ``scipy.interpolate.CubicHermiteSpline``, which evaluates powers of the distance from a knot. Its result differs in the
 last bits, so the paths that planners follow, and their recorded runs, would change.
 """

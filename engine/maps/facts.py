@@ -80,7 +80,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
 
 
 def _shown_name(path: Path) -> str:
-    """Return a file's name on one line, with its endings, which state its format."""
+    """Return a file's name on one line, with its extensions, which state its format."""
     stem, ending = next(
         ((path.name[: -len(end)], path.name[-len(end) :]) for end in MAP_ENDINGS if path.name.lower().endswith(end)),
         (path.stem, path.suffix),

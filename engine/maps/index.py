@@ -875,7 +875,7 @@ def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
 
 
 def file_stem(name: str) -> str:
-    """Return a file's name without the endings of maps; a converted map has a different ending from its file."""
+    """Return a file's name without the extensions of maps; a converted map has another extension than its source."""
     return _FILE_ENDINGS.sub("", name)
 
 
@@ -925,7 +925,7 @@ def _read_road(
     """Read the text as a road.
 
     ``short``: a single distinctive word suffices, as people write the roads of an intersection. ``whole``: the text
-    must be the whole name. ``core``: the text is everything that distinguishes the road from others.
+    must be the whole name. ``core``: the text is everything that distinguishes the road from other roads.
     """
     roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:

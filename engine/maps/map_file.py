@@ -32,7 +32,7 @@ def read_map_file(path: Path) -> OsmMap:
 
 
 def site_finder(osm: OsmMap, classes: Iterable[str] = ()) -> SiteFinder:
-    """Return the finder of sites on a map for some road classes; for the last map read, reuse its finder.
+    """Return the finder of sites on a map for the given road classes; for the last map read, reuse its finder.
 
     ``classes``: as for ``SiteFinder``.
     """

@@ -65,7 +65,7 @@ class RoadLanelet:
 
 @dataclass(frozen=True)
 class SpeedSign:
-    """A speed limit in m/s for some lanelets; the sign is at ``position`` (2,)."""
+    """A speed limit in m/s that applies to ``lanelet_ids``; the sign is at ``position`` (2,)."""
 
     sign_id: int
     speed_mps: float

@@ -43,7 +43,7 @@ Timing = Literal["early", "in_time", "late"]
 
 @dataclass(frozen=True)
 class _GoalStatus:
-    """The relation of an ego state to a goal state: in its area, meets all conditions but the time, and in its time."""
+    """The relation of an ego state to a goal state: its position, all conditions except the time, and the timing."""
 
     position: bool
     all_but_time: bool

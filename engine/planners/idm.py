@@ -77,7 +77,7 @@ def _first_near(squared_m2: Values) -> NDArray[np.intp]:
 
 
 class IntelligentDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """The Intelligent Driver Model as a planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""

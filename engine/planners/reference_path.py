@@ -166,7 +166,7 @@ def blended_start(reference: ReferencePath, rear: Points, heading_rad: float, ov
 
 
 def _thin(line: Points) -> Points:
-    """Return a line with fewer points, about ``_TRACKED_M`` apart, including its last point."""
+    """Return the line with fewer points, about ``_TRACKED_M`` apart, including its last point."""
     count = max(int(arc_length(line)[-1] / _TRACKED_M), 1)
     return resample(line, count + 1)[1:]
 

@@ -1,4 +1,4 @@
-"""Checks whether a trajectory is safe: clear of the predicted others, and of the edge of the road.
+"""Checks whether a trajectory is safe: clear of the predicted road users, and of the edge of the road.
 
 The check uses the motion with which the vehicle follows the trajectory (``driving/following.py``).
 """

@@ -319,7 +319,7 @@ def short_names(runs: Sequence[RunRecord]) -> dict[str, str]:
 class ScenarioView:
     """One scenario to draw: its content, the runs over it and the shown step.
 
-    ``focus_id``: the road user in the middle, which is present at the step; None means the ego.
+    ``focus_id``: the road user in the middle of the picture, which is present at the step; None means the ego.
     """
 
     content: ScenarioContent

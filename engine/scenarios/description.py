@@ -310,7 +310,7 @@ def vehicle_words(name: str) -> str:
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
-    """Return those of the goal's position, time, speed and heading that it states, as text."""
+    """Return the position, time, speed and heading that a goal states, as text."""
     states = problem.goal.state_list
     if not states:
         return "not stated"

@@ -170,7 +170,7 @@ def manoeuvres_met(
     Args:
         loaded: the scenario that has the lanes.
         graph: its lanelets.
-        tracks: the road users without the ego, by id.
+        tracks: all road users except the ego, by id.
         problem: the ego's start and goal.
         vehicle_class: the ego's class.
     """

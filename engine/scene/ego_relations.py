@@ -108,7 +108,7 @@ def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple[int, int, float]]:
-    """Yield vehicles on some lanelets, and their arc lengths on these, at the ego's first time step."""
+    """Yield the vehicles on the wanted lanelets: id, lanelet, and arc length in m there, at the ego's first step."""
     for key, track, index in _others(scene, ego):
         match = scene.matches.get(key)
         if match is None or (lanelet := match.at(index)) not in wanted:
@@ -118,7 +118,7 @@ def _stations(scene: Scene, ego: Ego, wanted: Collection[int]) -> Iterator[tuple
 
 
 def _distances(scene: Scene, start: int, onward: Mapping[int, tuple[int, ...]], first_m: float) -> dict[int, float]:
-    """Return a mapping of lanelets in one direction to the distance in m from the ego to their near end."""
+    """Return the distance in m from the ego to the near end of each lanelet in one direction, by lanelet id."""
     lanes = scene.layout.table.lanes
     graph = Digraph[int](lambda key: ((after, lanes[key].length_m) for after in onward[key] if after != start))
     return graph.costs({key: first_m for key in onward[start] if key != start}, _LOOK_M)
@@ -164,8 +164,8 @@ class _Where:
 class EgoLane:
     """The lane that the ego follows: its centre line from behind the ego to far ahead, and the adjacent lanes.
 
-    ``lanes_left``: lanelet → number of lanes to the left of the ego's (right negative) in the ego's direction; 0 is its
-    own lane. ``length_m``: the ego's length.
+    ``lanes_left``: by lanelet, the number of lanes to the left of the ego's (right negative) in the ego's direction; 0
+    is the ego's own lane. ``length_m``: the ego's length.
     """
 
     network: "LaneletNetwork"
@@ -273,7 +273,7 @@ def _backwards(network: "LaneletNetwork", graph: LaneletGraph, start: int) -> tu
 
 
 def _turn_rad(network: "LaneletNetwork", before: int, after: int) -> float:
-    """Return the angle in rad between the course of a lanelet and the start of one that follows it."""
+    """Return the angle in rad between the direction of a lanelet and the start of the next lanelet."""
     first, second = center_line(network, before), center_line(network, after)
     if len(first) < 2 or len(second) < 2:
         return math.inf

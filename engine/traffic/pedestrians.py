@@ -143,7 +143,7 @@ def _onward(net: WalkNet, walk: Walk, entered_at: str | None, duration_s: float,
 
 
 def _pedestrian_type() -> str:
-    """Return SUMO's type of a person."""
+    """Return the ``vType`` element for people."""
     return vehicle_type(
         PEDESTRIAN.name,
         vClass=PEDESTRIAN.sumo_class,

@@ -37,7 +37,7 @@ class VehicleParameters:
     friction: float | None = None
 
     def on_road(self, friction: float | None) -> "VehicleParameters":
-        """Return the vehicle on a road with some friction, which limits the tyres; the power stays the same."""
+        """Return the vehicle on a road with the given friction, which limits the tyres; the power stays the same."""
         if friction is None:
             return self
         largest = min(self.maximum_acceleration_mps2, friction * GRAVITY_MPS2)
@@ -93,12 +93,12 @@ COMFORTABLE_MPS2 = 4.0
 
 
 def hardest_braking_mps2(friction: float | None) -> float:
-    """Return what tyres allow, longitudinally and laterally, at a coefficient of friction; None means a dry road."""
+    """Return the acceleration in m/s² that tyres allow, in any direction, at a friction; None means a dry road."""
     return HARDEST_BRAKING_MPS2 if friction is None else min(HARDEST_BRAKING_MPS2, friction * GRAVITY_MPS2)
 
 
 def comfortable_mps2(friction: float | None) -> float:
-    """Return the comfortable acceleration on a road with some friction."""
+    """Return the comfortable acceleration in m/s² on a road with the given friction."""
     return COMFORTABLE_MPS2 if friction is None else min(COMFORTABLE_MPS2, friction * GRAVITY_MPS2 / 2)
 
 
@@ -162,7 +162,7 @@ _MOPED_W_PER_KG = 4_000 / 155
 
 
 def _steering_on_circle_rad(known: VehicleClass, outer_radius_m: float) -> float:
-    """Return the steering angle at which the outer front corner of a rigid body runs on a circle of a radius."""
+    """Return the steering angle at which a rigid body's outer front corner runs on a circle of the given radius."""
     front_m = known.length_m / 2 + known.rear_axle_m  # from the rear axle to the front bumper
     rear_axle_radius_m = math.sqrt(outer_radius_m**2 - front_m**2) - known.width_m / 2
     return math.atan(known.wheelbase_m / rear_axle_radius_m)

@@ -182,7 +182,7 @@ class Quota:
         self._taken_bytes, self._look_again_at = 0, 0.0
 
     def admit(self, size_bytes: int) -> None:
-        """Admit something of this size.
+        """Make sure that there is room for something of this size, and remove caches if necessary.
 
         Raises:
             ResourceFailure: There is no space, and no cache that may be removed.

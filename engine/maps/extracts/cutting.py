@@ -204,7 +204,7 @@ def _with_all_roads(roads: Sequence[str], box: Box | None, store: TileStore) -> 
 
 
 def _core(chosen: _Target, seed: int, store: TileStore) -> Box:
-    """Return the largest allowed square around the requested place; around one of its sites if it is too large."""
+    """Return the largest allowed square around the requested place or, if the place is too large, one of its sites."""
     core = _square(chosen.middle, min(SIDES_M[0], 2 * chosen.reach_m))
     is_whole = 2 * chosen.reach_m <= SIDES_M[0] and store.node_count_within(_widened(core, MARGIN_M)) <= MOST_NODES
     middle = chosen.middle if is_whole or not chosen.sites else chosen.sites[seed * _STRIDE % len(chosen.sites)]

@@ -173,7 +173,7 @@ class _Area:
     def _about(self, spots: Sequence[Spot]) -> Iterator[Box]:
         """Yield a core around each candidate, without overlaps, together with the neighbours that fit into it.
 
-        The boxes suffice for the requested scenarios, and for some that replace failed ones.
+        The boxes suffice for the requested scenarios, and for a few that replace failed scenarios.
         """
         used: list[Box] = []
         for spot in spots:
@@ -311,7 +311,7 @@ def _around_both(one: Box, other: Box) -> Box:
 
 
 def _bounded(box: Box, middle: Spot) -> Box:
-    """Return the part of a box that is searched: at most MOST_SEARCHED_M wide and high, around the middle."""
+    """Return the part of a box that is searched: around ``middle``, at most ``MOST_SEARCHED_M`` wide and high."""
     around = _about_spot(middle, MOST_SEARCHED_M / 2)
     return max(box[0], around[0]), max(box[1], around[1]), min(box[2], around[2]), min(box[3], around[3])
 

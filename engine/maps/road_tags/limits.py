@@ -77,7 +77,7 @@ class Jurisdiction:
 
 
 def limit_of(tags: Tags, where: Jurisdiction, *, urban: bool, direction: Direction = "forward") -> Limit:
-    """Return the limit of a road in a direction, for cars."""
+    """Return the speed limit for cars on a road in the given direction."""
     unread = ""
     for key, value in _stated(tags, direction):
         kmh = _number(value)
@@ -113,7 +113,10 @@ def signed_kmh(tags: Tags) -> float | None:
 
 
 def class_limits(tags: Tags) -> dict[str, float]:
-    """Return limits in km/h only for trucks and only for buses, by OSM's key of the vehicle (``hgv``, ``bus``)."""
+    """Return the limits in km/h that apply only to trucks or only to buses, by OSM's key of the vehicle.
+
+    The keys are ``hgv`` and ``bus``.
+    """
     limits: dict[str, float] = {}
     for vehicle, keys in (("hgv", ("hgv", "goods")), ("bus", ("bus", "psv"))):
         for key in keys:

@@ -320,7 +320,7 @@ def _lanes_of_type(way: OsmWay) -> int:
 
 @cache
 def _base_types() -> dict[str, Mapping[str, str]]:
-    """Return the attributes of SUMO's types of roads by OSM's class."""
+    """Return the attributes of SUMO's road types, by OSM road class."""
     import sumo
 
     path = Path(sumo.SUMO_HOME) / "data" / "typemap" / "osmNetconvert.typ.xml"

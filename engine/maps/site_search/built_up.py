@@ -36,7 +36,7 @@ class BuiltUp:
         return self._shapes.any_within(self.metres(node), distance_m)
 
     def metres(self, node: OsmNode) -> tuple[float, float]:
-        """Return metres east and north of a corner of the map, or of its first road if it spans the world."""
+        """Return a node's metres east and north of a corner of the map, or of its first road if it spans the world."""
         south, west = self._origin
         north = ground_distance_m((south, west), (node.latitude, west))
         east = ground_distance_m((node.latitude, west), (node.latitude, node.longitude))

@@ -70,7 +70,7 @@ class Site:
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
     ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: one of the
-    streets reaches the junction only over a link road with the street's name.
+    streets reaches the junction only via a link road with the street's name.
     """
 
     kind: SiteType
@@ -178,7 +178,7 @@ class SiteFinder:
     def find_by_links(self, kind: SiteType) -> list[Site]:
         """Return sites of a kind that ``find`` leaves out because links belong to them.
 
-        At these junctions, a street reaches a second street over a link with its name; if a junction is signalised, the
+        At these junctions, a street reaches a second street via a link with its name; if a junction is signalised, the
         network decides whether it gets lights. At these roundabouts, the ring consists of links, or links with a
         street's name enter it.
         """

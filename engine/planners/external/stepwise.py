@@ -19,7 +19,7 @@ from .process import PlannerProcess
 
 
 class StepwiseDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`.
+    """A planner that calls a program at every step; see :class:`plannerforge.engine.planners.interface.Planner`.
 
     ``log``: the start and the end of the program's standard error during the run.
     """

@@ -124,7 +124,7 @@ def core_configuration(
         settings: The settings for the search, the horizon and the number of samples.
         step_s: The time step of the plans.
         offsets: The number of lateral offsets per lane, to override the settings.
-        care: The distances that a candidate must keep from others.
+        care: The distances that a candidate must keep from other road users.
         every_candidate: True to generate, check and return every candidate, whatever the search.
     """
     configuration = fiss_planner.PlannerConfig()

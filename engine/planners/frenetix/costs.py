@@ -162,7 +162,7 @@ class _Nearness:
 
 @dataclass(frozen=True)
 class _Conflict:
-    """The conflicts of some candidates (indices ``near``) with one obstacle, each at its own ``step``."""
+    """The conflicts of the candidates ``near`` (indices) with one obstacle, each at its own ``step``."""
 
     batch: CandidateBatch
     other: PredictedObstacle

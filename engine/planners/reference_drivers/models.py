@@ -11,7 +11,7 @@ up.
   paragraphs (3.3 and 3.4 of the first version) are not checked against the regulation's text.
 * :class:`FuzzyDriver`: the fuzzy safety model (FSM; performance model 2 there). Mattas and others, "Fuzzy surrogate
   safety metrics for real-time assessment of rear-end collision risk", Accident Analysis and Prevention 148, 2020, and
-  "Driver models for the definition of safety requirements of automated vehicles in international regulations", there
+  "Driver models for the definition of safety requirements of automated vehicles in international regulations", volume
   174, 2022. The parameters are those of the code that the European Commission's Joint Research Centre publishes
   (JRC-FSM); the formulas also match those of the 01 series of amendments.
 * :class:`RssDriver`: Responsibility-Sensitive Safety. Shalev-Shwartz, Shammah, Shashua, "On a formal model of safe and
@@ -121,7 +121,7 @@ def _headway_s(gap_m: float, own_mps: float) -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """A driver's perception: the time, its own speed and acceleration, and the others ahead, including hidden ones."""
+    """A driver's perception: the time, its own speed and acceleration, and the road users ahead, even hidden ones."""
 
     time_s: float
     own_mps: float
@@ -130,7 +130,7 @@ class Moment:
 
     @property
     def visible(self) -> tuple[Seen, ...]:
-        """The others that the driver can see."""
+        """The road users that the driver can see."""
         return tuple(seen for seen in self.seen if seen.hider_gap_m is None)
 
 

@@ -1,8 +1,8 @@
 """The path of a driver, and how the driver perceives recorded road users along it.
 
-Stations are arc lengths in m along the path. Others are projected with continuity, so that a road user next to a curve,
-or a path that crosses itself, causes no jump. The extent of another's body along and across the path is that of its
-rectangle, turned relative to the path.
+Stations are arc lengths in m along the path. Other road users are projected with continuity, so that a road user next
+to a curve, or a path that crosses itself, causes no jump. The extent of a road user's body along and across the path is
+that of its rectangle, turned relative to the path.
 """
 
 import math

@@ -60,7 +60,7 @@ _COMFORTABLE_DECELERATION_MPS2 = 4.5
 def reactive_traffic(
     loaded: LoadedScenario, problem: "PlanningProblem", vehicle: VehicleParameters, seed: int
 ) -> Iterator[Traffic]:
-    """Yield the others of a scenario, driven by SUMO from the ego's first step.
+    """Yield the other road users of a scenario, driven by SUMO from the ego's first step.
 
     Raises:
         NotPossible: No lanelet of the scenario is drivable.
@@ -329,7 +329,7 @@ def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:
-    """Return True if a vehicle at this pose is clear of all others and can brake comfortably for those ahead.
+    """Return True if a vehicle at this pose is clear of all road users and can brake comfortably for those ahead.
 
     The other road users are at their positions one step before the ego's, the last ones known.
     """

@@ -30,11 +30,11 @@ class Traffic(Protocol):
 
     @property
     def moving(self) -> tuple[Track, ...]:
-        """Dynamic obstacles by ascending id."""
+        """The tracks of the dynamic obstacles, by ascending id."""
 
     @property
     def standing(self) -> tuple[Track, ...]:
-        """Static obstacles."""
+        """The static obstacles, as tracks of one state."""
 
     @property
     def driven(self) -> tuple[Track, ...]:
@@ -219,7 +219,7 @@ def rectangle(ego: EgoState, vehicle: VehicleParameters) -> "pycrcc.RectOBB":
 
 
 def _all_tracks(obstacles: "Iterable[DynamicObstacle]", recorded: Mapping[int, Track]) -> dict[int, Track]:
-    """Return the recorded tracks, and tracks of the regions that all other obstacles occupy."""
+    """Return, by id, the recorded tracks and tracks of the regions that all other obstacles occupy."""
     others = {int(one.obstacle_id): one for one in obstacles if int(one.obstacle_id) not in recorded}
     return {**recorded, **{key: _occupancy_track(one) for key, one in others.items()}}
 

@@ -72,7 +72,7 @@ class TrafficRoles:
         )
 
     def keeping_to_route(self, keys: frozenset[str]) -> "TrafficRoles":
-        """Return the roles with some driven vehicles placed on their route's lanes at their start."""
+        """Return the roles with the given driven vehicles placed on their route's lanes at their start."""
         kept = tuple(replace(actor, keep_to_route=True) if actor.key in keys else actor for actor in self.driven)
         return replace(self, driven=kept)
 
