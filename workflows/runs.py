@@ -72,7 +72,7 @@ class Cell:
 
     @property
     def scenario(self) -> str:
-        """The scenario as written in a call."""
+        """The scenario in the notation of a call: its id, with ``#`` and the planning problem if one is given."""
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
@@ -211,7 +211,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_
 async def resume_run(run_id: str, time_s: float, planner: str, context: WorkflowContext) -> RunResponse:
     """Continue a stored run from one of its times with another configuration; nothing is stored.
 
-    The ego starts in its driven state at that time. The others follow their recordings.
+    The ego starts in its driven state at that time. The other road users follow their recordings.
 
     Args:
         run_id: the stored run.
@@ -220,9 +220,9 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         context: the resources of the workflow.
 
     Raises:
-        UnknownName: an unknown run or configuration.
+        UnknownName: the run or the configuration is unknown.
         InvalidRequest: the run has no state at this time.
-        NotPossible: its traffic was reactive, so the others are not on their recordings at that time.
+        NotPossible: its traffic was reactive, so the other road users are not on their recordings at that time.
     """
     record = context.workspace.get(run_id, "run").read(RunRecord)
     if record.traffic == "reactive":

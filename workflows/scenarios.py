@@ -120,8 +120,8 @@ def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
 
     Raises:
         UnknownName: there are unknown scenarios, planning problems, searches or stages; all are reported together.
-        InvalidRequest: ``preset:`` without a number from 1 to 500.
-        NotPossible: a search without hits, or no scenario that can run.
+        InvalidRequest: ``preset:`` is not followed by a number from 1 to 500.
+        NotPossible: a search has no hits, or no scenario can run.
     """
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     chosen: dict[ChosenScenario, None] = {}
@@ -245,8 +245,8 @@ def opened_search(arguments: FindScenariosArguments, context: WorkflowContext) -
     """Return a search of the workspace's catalogue, using the cached index.
 
     Raises:
-        UnknownName: a word outside the vocabularies.
-        InvalidRequest: a malformed condition.
+        UnknownName: a word is outside the vocabularies.
+        InvalidRequest: a condition is malformed.
     """
     database = context.workspace.database
     return Search(database.connection(), arguments, searched_within(arguments.within, context), database.kept(Postings))

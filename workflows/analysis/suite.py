@@ -230,7 +230,7 @@ def _baseline(word: str, folder: Path, context: WorkflowContext) -> _Baseline:
     """Return the runs of a baseline: a file that ``--save-baseline`` wrote, or a stored batch.
 
     Raises:
-        UnknownName: there is neither.
+        UnknownName: there is no such file or batch.
         InvalidRequest: the file is not a baseline.
     """
     if word.startswith("batch_"):

@@ -112,7 +112,7 @@ async def cover_combinations(
     """Continue a coverage plan up to the requested number, and answer with its progress after at most 45 s.
 
     Raises:
-        InvalidRequest: an invalid plan.
+        InvalidRequest: the plan is invalid.
         UnknownName: no map contains the place.
     """
     plan = await RequestedPlan.of(arguments, spec, context, entries)
@@ -199,7 +199,7 @@ class _PlanWork:
         return record
 
     async def _sites(self, group: Mapping[int, int]) -> tuple[tuple[str, int], ...]:
-        """Return the maps with sites for some levels, and their number, from the index or counted on the map."""
+        """Return the maps with sites for the given levels, each with its number of sites, indexed or counted."""
         spec = self._plan.row_spec(group)
         kind, found = spec.scenario_type, []
         for match in self._plan.matches(group):

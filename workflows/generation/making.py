@@ -41,7 +41,7 @@ async def make_scenario(
 ) -> ScenarioSummary:
     """Return one scenario: the stored one with the same recipe, otherwise a new one.
 
-    Of a million scenarios, some dozens would get the id of another scenario. These scenarios are generated again, with
+    Of a million scenarios, a few dozen would get the id of another scenario. These scenarios are generated again, with
     other digits of their digests in the ids.
 
     Raises:

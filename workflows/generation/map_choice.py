@@ -98,7 +98,7 @@ def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closene
 
     Raises:
         UnknownName: no map contains the place, country or box.
-        NotPossible: some maps do, but without a site of the requested type.
+        NotPossible: maps contain it, but none of them has a site of the requested type.
     """
     return plan_matches(
         spec,
@@ -224,7 +224,7 @@ async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: 
     """Return sites for the requested number of scenarios, or as many as there are.
 
     Raises:
-        NotPossible: no map has a matching site, with the reason for the first one.
+        NotPossible: no map has a matching site; the error gives the reason for the first one.
     """
     if spec.count == 1:
         return SiteAssignment((AssignedSite(matches[0]),), matches[1 : 1 + _MOST_SPARE_MAPS])

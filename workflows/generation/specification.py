@@ -84,8 +84,8 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         arguments: the call, with the content of its tables instead of their names.
 
     Raises:
-        UnknownName: an unknown class of vehicles or roads, or an unknown condition.
-        InvalidRequest: an invalid goal, ego, box, condition, or number of vehicles.
+        UnknownName: a class of vehicles or roads, or a condition, is unknown.
+        InvalidRequest: the goal, the ego, the box, a condition or a number of vehicles is invalid.
     """
     faults = Faults()
     read = _ReadConditions()
@@ -361,8 +361,8 @@ def read_vehicles(
     """Parse the vehicles of a call, including the classes of its ego and actor, with notes on their words.
 
     Raises:
-        UnknownName: a vehicle class that does not exist.
-        InvalidRequest: invalid numbers of vehicles.
+        UnknownName: a vehicle class does not exist.
+        InvalidRequest: the numbers of vehicles are invalid.
     """
     in_our_words = [_normalised_demand(text) for text in texts]
     demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
@@ -536,7 +536,7 @@ def _box(bbox: list[float] | None) -> Box | None:
     """Return the checked box of the arguments.
 
     Raises:
-        InvalidRequest: it is not a box.
+        InvalidRequest: the numbers are not a box.
     """
     if bbox is None:
         return None
