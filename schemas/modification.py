@@ -431,7 +431,7 @@ class ModifyScenarioResult(Result):
             yield f"… {len(self.edits) - most} more edits (not done or not reached: {_ids(undone)}): {rest}"
 
     def _others(self) -> list[str]:
-        """Return which other vehicles react, and why, and how many keep their recording."""
+        """Return lines on which other vehicles react, with the reason, and on how many keep their recording."""
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":

@@ -73,7 +73,7 @@ class PlannerSettings(Model):
 
     @property
     def stated_values(self) -> dict[str, float]:
-        """The settings by name, as written in a file or call, without those that the ego's class determines."""
+        """The settings by name, in the notation of a file or call, except those that the ego's class determines."""
         left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
         return self.model_dump(exclude_none=True, exclude=left_out)
 

@@ -205,7 +205,7 @@ _CLEAR_P = 0.0625
 
 
 class Suggestion(Model):
-    """A weight to raise or lower, and why; ``tried`` is the result of a trial, None if there was no trial."""
+    """A weight to raise or lower, and the reason; ``tried`` is the result of a trial, None if there was no trial."""
 
     config_id: str = Field(description="id of the configuration to change")
     weight: str = Field(description="name of the weight")
@@ -647,7 +647,7 @@ _STATED_ABOVE = frozenset(
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
-    """Return a line if findings were requested and no finding suggests a weight."""
+    """Return a line that no finding suggests a weight, if findings were requested and that is the case."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return [
@@ -664,7 +664,7 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
-    """Return the rate by the paper's rule if it differs."""
+    """Return a line with the rate by the paper's rule; no line if no motion to the goal was refused."""
     rate = result.by_any_motion
     return [] if rate is None else [f"By the paper's rule (any motion counts): goal {rate.in_words()}."]
 

@@ -1,4 +1,4 @@
-"""What a look at a run adds to its record: who hit whom, who was at fault, pace, comfort and broken rules.
+"""Reviews of runs, in addition to their records: who hit whom, who was at fault, pace, comfort and broken rules.
 
 ``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
@@ -50,7 +50,7 @@ REFERENCE_DRIVERS_DO = (
 
 
 class DriverVerdict(Model):
-    """Whether one reference driver prevents a collision from one start. Times are in s of the run.
+    """The verdict on one reference driver: whether it prevents a collision from one start. Times are in s of the run.
 
     ``until_s`` is the latest time at which it can take over and still prevent the collision, or null if it cannot.
     ``reacts_at_s`` is when it first brakes or steers if it takes over at the start, or null if it does not react.
@@ -64,7 +64,7 @@ class DriverVerdict(Model):
 
 
 class Prevention(Model):
-    """Whether reference drivers in the ego's place prevent a collision if the others move as before (see docs/runs.md).
+    """The verdicts of reference drivers on a collision: whether they prevent it in the ego's place (see docs/runs.md).
 
     ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
     fields state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking
@@ -202,7 +202,7 @@ EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "brak
 
 
 class PaceMoment(Model):
-    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked at 2 m/s² or more, and why.
+    """A span of a run in which the ego stood, was held up, or braked at 2 m/s² or more, and the reason.
 
     ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
     stop line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
@@ -276,7 +276,7 @@ It stood or braked without a reason, cut in, was on an oncoming lane, ran a red 
 
 
 class EgoFault(Model):
-    """What the ego did that led to a collision, and when; ``moment`` is the stop or braking, if there was one."""
+    """The ego's action that led to a collision, and its time; ``moment`` is the stop or braking, if there was one."""
 
     code: OwnFault = Field(description="stable code of what the ego did")
     time_s: float = Field(description="when it did it")
@@ -433,7 +433,7 @@ class LargestMotion(Model):
 
 
 class ComfortExcess(Model):
-    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and when that window ends."""
+    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and the end of that window."""
 
     name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"] = Field(
         description="the motion"
@@ -473,7 +473,7 @@ class RunReview(Model):
         return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
-        """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
+        """Return a line on the smallest gap and the shortest time to collision, or on why there is no such value."""
         if self.closest is None:
             return "Closest: no other road user within 60 m."
         near, urgent = self.closest, self.most_urgent
@@ -530,7 +530,7 @@ class RuleVerdict(Model):
 
 
 class RunLook(Model):
-    """The stored result of one look at a run's steps and scenario.
+    """The stored review of a run, computed from its steps and its scenario.
 
     ``out_of_reach`` is True if no ego could reach the goal in time. ``trivial`` states why the goal required no
     driving, and is empty if it required some.
@@ -545,7 +545,7 @@ class RunLook(Model):
 
 
 class LooksResponse(Model):
-    """A look at each run, in the order of the request."""
+    """The review of each run, in the order of the request."""
 
     looks: tuple[RunLook, ...]
 

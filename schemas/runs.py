@@ -207,7 +207,7 @@ def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
 
 
 class TriggerOutcome(Model):
-    """Whether the trigger of an edit fired in a run with reactive traffic, and which motion it started.
+    """The outcome of an edit's trigger in reactive traffic: whether it fired, and which motion it started.
 
     ``time_s`` counts from the start of the run and is None if the trigger never fired.
     """

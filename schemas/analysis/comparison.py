@@ -390,7 +390,7 @@ def _strata(comparison: Comparison) -> list[str]:
 
 
 def _edited(comparison: Comparison) -> list[str]:
-    """Return what the edits changed between the scenarios of pairs by lineage."""
+    """Return lines on what the edits changed between the scenarios of pairs by lineage."""
     if not comparison.edited_count:
         return []
     lines = []

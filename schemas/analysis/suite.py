@@ -75,7 +75,7 @@ class SuiteCase(Model):
 
 
 class LimitVerdict(Model):
-    """Whether a limit holds for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
+    """The verdict on a limit for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
 
     limit: str
     configuration: str

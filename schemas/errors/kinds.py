@@ -168,7 +168,8 @@ class Faults:
         """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: with the class and reason of the first fault, and the valid values of all faults.
+            InvalidRequest: there are faults; the error has the class and reason of the first one, and the valid values
+                of all.
         """
         if not self._found:
             return

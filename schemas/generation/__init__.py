@@ -267,13 +267,13 @@ Combination = tuple[tuple[int, int], ...]
 
 
 class PlanFactor(Model):
-    """A factor that a coverage plan varies, and its levels as written in a call."""
+    """A factor that a coverage plan varies, and its levels in the notation of a call."""
 
     name: str
     levels: tuple[str, ...]
 
     def text(self, level: int) -> str:
-        """Return a level as it is written in a call, such as ``density=high``."""
+        """Return a level in the notation of a call, such as ``density=high``."""
         return f"{self.name.partition(' ')[0]}={self.levels[level]}"
 
 
@@ -360,7 +360,7 @@ class DensityFacts(Model):
 
     @property
     def requested(self) -> str:
-        """What set the requested density: a word, or a time of day."""
+        """The source of the requested density: a word, or a time of day."""
         return self.at_time or f"{self.wish} density"
 
 
@@ -404,10 +404,10 @@ ABSENCE_REASONS: Mapping[AbsenceCode, str] = MappingProxyType(
 
 
 class VehicleAbsence(Model):
-    """Requested road users of one class that are missing or different, and why.
+    """Requested road users of one class that are missing or different, and the reason.
 
     ``fate`` says whether they were missing at the start, were left out of SUMO's recording, or were replaced.
-    ``vehicles`` lists SUMO's ids of those that were present.
+    ``vehicles`` lists the SUMO ids of those that were present.
     """
 
     fate: AbsenceFate = Field(description="what happened to them")
@@ -418,7 +418,7 @@ class VehicleAbsence(Model):
     reason: str = Field(description="reason in words")
 
     def in_words(self) -> str:
-        """Return the number and class, what happened to them, and why."""
+        """Return the number and class, what happened to the road users, and the reason."""
         return f"{counted(self.count, self.vehicle_class)} {self.fate.replace('_', ' ')} ({self.code}): {self.reason}"
 
 
@@ -599,7 +599,7 @@ class PlanRecord(Model):
 
 
 class CannotBe(Model):
-    """A combination that cannot be generated, and why."""
+    """A combination that cannot be generated, and the reason."""
 
     combination: str = Field(description="values requested together")
     reason: str = Field(description="why it is impossible")
@@ -657,7 +657,7 @@ class PlanSummary(Model):
 
 
 def _cut(label: str, texts: list[str], total: int) -> str:
-    """Return a line with some of ``total`` combinations."""
+    """Return a line with the given combinations and, if ``total`` is larger, the number of the others."""
     more = f"; {total - len(texts):,} more" if total > len(texts) else ""
     return f"{label}: {counted(total, 'combination')}: {'; '.join(texts)}{more}."
 
