@@ -32,7 +32,7 @@ class ClientIdentity:
     """The client of a request.
 
     Args:
-        key: distinguishes the client from others on the same server; empty if it is the only client.
+        key: distinguishes the client from other clients of the same server; empty if it is the only client.
         name: its own name, and the name of its token.
         reads_only: whether it may use only tools that create nothing.
         owner: the owner of its token; empty if tokens are not required.

@@ -212,7 +212,7 @@ class ResourceReading:
         """Run a query of the workspace in its own thread.
 
         Raises:
-            MCPError: with the text of the refusal (-32602).
+            MCPError: the query was refused; the error has the text of the refusal (-32602).
         """
         try:
             return await self._threads.run(look)

@@ -67,7 +67,7 @@ class TaskAnswers(TaskParameters):
 
 
 class Caller(Protocol):
-    """Runs calls: the server."""
+    """The server, which runs calls."""
 
     def spec_for(self, client: ClientIdentity, name: str) -> ToolSpec | None:
         """Return the tool of this name, if the client may use it."""

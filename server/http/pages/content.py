@@ -139,7 +139,7 @@ class Content:
         raise Refused(f"the picture of {artifact_id} is too large for an answer: {links}")
 
     async def view(self, kind: str, ids: Sequence[str]) -> str:
-        """Return a complete HTML page with the player or the board for some artifacts.
+        """Return a complete HTML page with the player or the board for the given artifacts.
 
         Raises:
             Refused: there is nothing to show.
