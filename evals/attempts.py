@@ -103,7 +103,7 @@ class ToolSession(Protocol):
 
 
 class EvaluatedAgent(Protocol):
-    """Turns a request into calls: a language model, the ground truth, a floor, a journal."""
+    """An agent that turns a request into calls: a language model, the ground truth, a floor, a journal."""
 
     @property
     def name(self) -> str:

@@ -201,7 +201,7 @@ class _Conversation:
                 yield made
 
     def call_of(self, action: str, turn: EvalTurn) -> Call | None:
-        """Return the call of an action of a turn, or None if its basis is missing."""
+        """Return the call for a turn's action, or None if the result that it builds on is missing."""
         truth = turn.truth
         if action == "generate":
             request = EvalRequest("", "generation", "generation", turn.text, truth, "ok", map_file=truth["map"])

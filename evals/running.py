@@ -100,7 +100,7 @@ def print_requests(
     console: Console | None = None,
     wait: Callable[[str], object] = input,
 ) -> int:
-    """Print requests as JSON lines without their truth; with ``marks``, one by one, with when each begins and ends."""
+    """Print requests as JSON lines without their truth; with ``marks``, one by one, and record their times."""
     shown = console or Console(highlight=False)
     with _reporting_errors() as errors:
         paths = corpus_files(corpus or packaged_corpora(), task)

@@ -52,7 +52,7 @@ class BenchRequest:
 
 
 def corpus_requests(lines: Sequence[str], maps: frozenset[str]) -> list[BenchRequest]:
-    """Return the requests of a corpus that the available maps can fulfil, with the ground truth as arguments."""
+    """Return the requests of a corpus that the available maps can fulfil, with arguments from the ground truth."""
     entries = [json.loads(line) for line in lines]
     return [
         BenchRequest(

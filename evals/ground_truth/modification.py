@@ -1,6 +1,6 @@
 """The requests of the modification bench: ground truth of the corpus as edits, drawn edits, and requests to be refused.
 
-For a request to be refused, the corpus gives a reason code and the text; the edits here express the text as arguments.
+For a request to be refused, the corpus gives a reason code and the text; here, the text becomes typed edits.
 The code and the failing edit determine what a refusal must state.
 """
 

@@ -148,8 +148,8 @@ def _words(name: str) -> frozenset[str]:
 class BenchMaps:
     """Maps by the names of their files.
 
-    ``files`` are readable as XML; ``unread`` states why others are not. ``places`` is the content of the folder's list
-    for each, and ``entries`` are the listed ones, in the generator's form.
+    ``files`` are readable as XML; ``unread`` states why other files are not. ``places`` is the content of the folder's
+    list for each, and ``entries`` are the listed ones, in the generator's form.
     """
 
     entries: tuple[MapEntry, ...]

@@ -38,7 +38,7 @@ def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) 
 
 
 def edit_columns(truths: Sequence[Mapping[str, Any]], made: MadeCall, world: World) -> Columns:
-    """Return which checks a written scenario meets, for all edits together."""
+    """Return, by column, whether a written scenario meets the check, for all edits together."""
     scene = world.scene(str(made.structured.get("scenario_id")))
     base = world.scene(str(made.structured.get("base_id")))
     if scene is None or base is None:
