@@ -533,17 +533,17 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
 _RISK = "risk score (0 = collision, 5 = negligible)"
 
 
-def _danger_figures(danger: EgoDanger) -> dict[str, str]:
+def _danger_figures(risk: EgoDanger) -> dict[str, str]:
     """Return the figures as text, by name."""
     figures = {
-        "minimum distance": _figure(danger.minimum_distance_m, " m"),
-        "time to collision": _figure(danger.minimum_time_to_collision_s, " s"),
-        _RISK: _figure(danger.risk_score, ""),
+        "minimum distance": _figure(risk.minimum_distance_m, " m"),
+        "time to collision": _figure(risk.minimum_time_to_collision_s, " s"),
+        _RISK: _figure(risk.risk_score, ""),
     }
-    if danger.most_critical_id is None:
+    if risk.most_critical_id is None:
         return figures
-    met = f"{danger.most_critical_id} at {danger.most_critical_time_s:.1f} s"
-    return figures | ({"collision": f"with {met}"} if danger.risk_score == 0 else {"most critical": met})
+    met = f"{risk.most_critical_id} at {risk.most_critical_time_s:.1f} s"
+    return figures | ({"collision": f"with {met}"} if risk.risk_score == 0 else {"most critical": met})
 
 
 def _figure(value: float | None, unit: str) -> str:

@@ -547,8 +547,8 @@ def _focus(focus: DescribedFocus) -> list[str]:
     name = f"{focus.name[0].upper()}{focus.name[1:]}{f' ({focus.what})' if focus.what else ''}"
     seen = f": {_vehicle_in_words(focus.vehicle)}." if focus.vehicle is not None else "."
     recorded = f" Recorded route: {_chain(focus.route)}." if focus.route else ""
-    ways = [(" then ".join(way.turns) or "straight", way) for way in focus.reach]
-    reached = [f"{turns} {way.lanelet_id} ({way.distance_m:.0f} m)" for turns, way in ways]
+    routes = [(" then ".join(route.turns) or "straight", route) for route in focus.reach]
+    reached = [f"{turns} {route.lanelet_id} ({route.distance_m:.0f} m)" for turns, route in routes]
     return [f"{name}{seen}{recorded} Can reach: {', '.join(reached) or 'no other lanelet'}."]
 
 

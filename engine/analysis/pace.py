@@ -502,13 +502,13 @@ class _Pace:
         shift = track.first_step - self._ego.first_step
         first, last = max(shift, 0), min(shift + len(track.positions), self._looked_at)
         station, along = np.full(self._looked_at, np.nan), np.zeros(self._looked_at, dtype=bool)
-        way = self._path_from_behind
-        if first < last and way is not None:
+        path = self._path_from_behind
+        if first < last and path is not None:
             theirs = slice(first - shift, last - shift)
-            located = shapely.line_locate_point(way.line, shapely.points(track.positions[theirs])) + way.stations_m[0]
-            segment = np.searchsorted(way.stations_m, located, side="right") - 1
-            segment = np.clip(segment, 0, len(way.headings_rad) - 1)
-            turned = wrap_angles(track.headings_rad[theirs] - way.headings_rad[segment])
+            located = shapely.line_locate_point(path.line, shapely.points(track.positions[theirs])) + path.stations_m[0]
+            segment = np.searchsorted(path.stations_m, located, side="right") - 1
+            segment = np.clip(segment, 0, len(path.headings_rad) - 1)
+            turned = wrap_angles(track.headings_rad[theirs] - path.headings_rad[segment])
             station[first:last], along[first:last] = located, np.abs(turned) < SAME_DIRECTION_RAD
         return _Course(station, along)
 
@@ -662,8 +662,8 @@ class _Pace:
         """
         if self._reference is not None:
             path, start = self._reference.points, self._reference.follower().place(self._ego.positions[0])[0]
-            stations, bends = curvatures(path)
-            return stations - start, bends
+            stations, curvature = curvatures(path)
+            return stations - start, curvature
         kept = np.concatenate([[True], np.diff(self._along) > 1e-3])
         way = self._path[kept]
         if len(way) < 4 or self._along[-1] < 4.0:

@@ -210,14 +210,14 @@ class RuledDrive:
         front = self.ego.length_m / 2
         path = self.path
         along = np.stack([np.cos(path.headings_rad), np.sin(path.headings_rad)], axis=1)
-        way = path.positions + front * along
-        stations = arc_length(way)[: self.count]
+        bumper_path = path.positions + front * along
+        stations = arc_length(bumper_path)[: self.count]
         found = []
         for key in dict.fromkeys(lanelet for under in self.lanelets for lanelet in under):
             lanelet = self.network.find_lanelet_by_id(key)
             if not (lanelet.traffic_lights or lanelet.traffic_signs):
                 continue
-            station = meeting_m(way, self.roads.stop_line(lanelet))
+            station = meeting_m(bumper_path, self.roads.stop_line(lanelet))
             if station is None or station < stations[0]:
                 continue
             at = min(int(np.searchsorted(stations, station)), self.count - 1)
@@ -409,15 +409,15 @@ def _bend(lane: "Lanelet", following: "Lanelet") -> float:
     return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
 
 
-def meeting_m(way: Points, line: Points) -> float | None:
+def meeting_m(path: Points, line: Points) -> float | None:
     """Return the station at which a path first meets a line, or None if it does not."""
     from shapely import LineString, Point
 
-    crossing = LineString(way).intersection(LineString(line))
+    crossing = LineString(path).intersection(LineString(line))
     if crossing.is_empty:
         return None
     points = [Point(part.coords[0]) for part in getattr(crossing, "geoms", [crossing])]
-    return min(float(LineString(way).project(point)) for point in points)
+    return min(float(LineString(path).project(point)) for point in points)
 
 
 def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDArray[np.bool_]:
@@ -444,14 +444,14 @@ def _until(condition: NDArray[np.bool_]) -> Values:
 
 def _turn(incoming: "IntersectionIncomingElement", steps_on: Counter[int]) -> tuple[str, frozenset[int]]:
     """Return the turn from an incoming that has the most steps, and the lanelets of that turn that were used."""
-    ways = {
+    directions = {
         "straight": incoming.successors_straight,
         "left": incoming.successors_left,
         "right": incoming.successors_right,
     }
-    longest = {turn: sum(steps_on[key] for key in keys) for turn, keys in ways.items()}
+    longest = {turn: sum(steps_on[key] for key in keys) for turn, keys in directions.items()}
     turn = max(longest, key=lambda name: longest[name])
-    return (turn, frozenset(key for key in ways[turn] if steps_on[key])) if longest[turn] else ("", frozenset())
+    return (turn, frozenset(key for key in directions[turn] if steps_on[key])) if longest[turn] else ("", frozenset())
 
 
 def _passage(

@@ -91,7 +91,9 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
     place = _Place(net, edges)
     candidates = _candidates(edges, choice)
     between = [(flow, place.routes_between(flow.road, flow.to) if flow.to else ()) for flow in flows]
-    routes = [RouteFlow(way, flow.per_h / len(ways), edges.travel_s(way)) for flow, ways in between for way in ways]
+    routes = [
+        RouteFlow(route, flow.per_h / len(ways), edges.travel_s(route)) for flow, ways in between for route in ways
+    ]
     across = [(flow, ways, () if flow.to else place.sections(flow)) for flow, ways in between]
     counts = [(section, flow.per_h) for flow, _, sections in across for section in sections]
     routes += _meeting(counts, candidates, edges)
@@ -106,11 +108,14 @@ def plan_flows(flows: Sequence[RoadFlow], net: SumoNet, choice: random.Random) -
 
 
 def _counted(
-    flow: RoadFlow, ways: frozenset[tuple[str, ...]], sections: tuple[frozenset[str], ...], routes: list[RouteFlow]
+    flow: RoadFlow,
+    routes_between: frozenset[tuple[str, ...]],
+    sections: tuple[frozenset[str], ...],
+    routes: list[RouteFlow],
 ) -> CountedRoad:
     """Return a counted road with the flow that the routes carry, between two roads or across its sections."""
     if flow.to:
-        planned = sum(route.per_h for route in routes if route.edges in ways)
+        planned = sum(route.per_h for route in routes if route.edges in routes_between)
         return CountedRoad(flow, (), min(planned, flow.per_h))
     carried = [sum(route.per_h for route in routes if section & set(route.edges)) for section in sections]
     return CountedRoad(flow, sections, float(np.mean(carried)) if carried else 0.0)
@@ -125,8 +130,8 @@ def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]
     }
     covered = {edge for route in drawn for edge in route}
     for edge in sorted(set(edges.length_m) - covered):
-        way = edges.quickest(edges.entries, edge) or (edge,)
-        drawn.add((*way[:-1], *edges.random_route(edge, LONGEST_M, choice, frozenset())))
+        entering = edges.quickest(edges.entries, edge) or (edge,)
+        drawn.add((*entering[:-1], *edges.random_route(edge, LONGEST_M, choice, frozenset())))
     return sorted(drawn)
 
 
@@ -160,8 +165,8 @@ def _flow_note(road: CountedRoad, at_start: int) -> str:
     flow_text = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
     if road.flow.to:
         no_route = "but no route leads there here"
-        ways = f"{road.planned_per_h:.0f} planned on its routes" if road.planned_per_h else no_route
-        return f"{flow_text}, {ways}"
+        planned = f"{road.planned_per_h:.0f} planned on its routes" if road.planned_per_h else no_route
+        return f"{flow_text}, {planned}"
     if not road.sections:
         return f"{flow_text}, but no such road carries cars at this site"
     return f"{flow_text}, {road.planned_per_h:.0f} planned; {counted(at_start, 'vehicle')} on it at the start"
@@ -224,11 +229,11 @@ class _Place:
             self._beginning(origin, self._edges.entries, 0),
             self._beginning(destination, self._edges.exits, 1),
         )
-        ways = (self._edges.quickest([start], goal) for start, goal in product(starts, goals))
-        return tuple(sorted(way for way in ways if way and not self._turns_back(way)))
+        routes = (self._edges.quickest([start], goal) for start, goal in product(starts, goals))
+        return tuple(sorted(route for route in routes if route and not self._turns_back(route)))
 
-    def _turns_back(self, way: tuple[str, ...]) -> bool:
-        return self._net.edges[way[0]].from_junction == self._net.edges[way[-1]].to_junction
+    def _turns_back(self, route: tuple[str, ...]) -> bool:
+        return self._net.edges[route[0]].from_junction == self._net.edges[route[-1]].to_junction
 
     def _beginning(self, word: str, edges: frozenset[str], end: int) -> list[str]:
         """Return the edges of a street or way, or for a compass direction those that start or end on that side.

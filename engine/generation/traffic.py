@@ -70,7 +70,7 @@ class TrafficAim:
 
     ``per_lane_km`` is None if the request's density applies; otherwise ``density_source`` is a time of day or
     ``counts``. The site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through
-    the site along the ego's requested turn.
+    the site, along the ego's requested turn if there is one.
     """
 
     per_lane_km: float | None = None
@@ -138,11 +138,10 @@ def generate_traffic(
         seed = _mixed_seed(request.seed, request.index, attempt + ATTEMPTS * round_number)
         choice = random.Random(seed)  # noqa: S311 - reproducible, not secret
         trips = _trips(request, aim, site.net, lasting_s, choice)
-        turn = request.goal.turn if aim.turning and aim.plan is None else None
-        if turn is not None and (site.focus.junctions or site.focus.ring):  # not if a road or a ramp is the site
+        if aim.turning and aim.plan is None and site.focus.ways is not None:  # not if a road or a ramp is the site
             before_s = WARM_UP_S + request.duration_s / 2
             ego_class = vehicle_classes()[demand.ego_class]
-            trips = TurningTrips(site.net, lasting_s, choice, site.focus, turn, ego_class, before_s)
+            trips = TurningTrips(site.net, lasting_s, choice, site.focus, request.goal.turn, ego_class, before_s)
         for name in sorted(demand.counts):
             trips.check_open(vehicle_classes()[name])
         pedestrians = None

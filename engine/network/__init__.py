@@ -13,6 +13,7 @@
 ``read_net``: Reads a SUMO net from an untrusted file.
 ``cap_speeds``: Lowers the speed limits of a net, in place, to what its curves allow; returns how many changed.
 ``convert_osm``: Converts an OSM extract to a SUMO net; returns netconvert's warnings.
+``add_connections``: Connects the lanes of edges with those of the next edge in a net, in place; returns the warnings.
 ``remove_edges``: Removes edges from a net, in place; returns netconvert's warnings.
 ``Crossing``: A crossing of a SUMO net from one corner to another.
 ``Pavement``: A pavement of a SUMO net, in the direction of its road.
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     from .lanelet_graph import Digraph, LaneletGraph
     from .lanelet_net import GeoReference, lights_begin_at, net_over_lanelets
     from .net_parser import MOTOR_CLASSES, NetEdge, SumoNet, read_net
-    from .netconvert import cap_speeds, convert_osm, remove_edges, run_netconvert, stated_frictions
+    from .netconvert import add_connections, cap_speeds, convert_osm, remove_edges, run_netconvert, stated_frictions
     from .positions import station_m
     from .road_network import (
         ROAD_DECIMALS,

@@ -169,7 +169,7 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
     """Return the nearest lanelets outside junctions that a vehicle on a lanelet can reach, as SUMO's vehicles drive."""
     if start not in scene.layout.table.lanes:
         return ()
-    graph, ways = scene.driven_graph, []
+    graph, reachable = scene.driven_graph, []
     for key in islice(graph.reachable([start]), 1, 5 * REACH_SHOWN):
         route = graph.shortest_route([start], [key])
         if route is None or key not in scene.layout.lane_of:
@@ -180,9 +180,9 @@ def _reach(scene: Scene, start: int, station_m: float) -> tuple[Reach, ...]:
         turns = [_direction(scene, after) for after in forks]
         changed = ["lane change"] if len(onward) < len(route) - 1 else []
         turned = tuple(turn for turn in turns if turn != "straight")
-        ways.append(Reach(lanelet_id=key, turns=(*changed, *turned), distance_m=round(distance_m, 1)))
-    ways.sort(key=lambda way: (way.distance_m, way.lanelet_id))
-    return tuple(way for way in ways if way.distance_m <= _REACH_M)[:REACH_SHOWN]
+        reachable.append(Reach(lanelet_id=key, turns=(*changed, *turned), distance_m=round(distance_m, 1)))
+    reachable.sort(key=lambda one: (one.distance_m, one.lanelet_id))
+    return tuple(one for one in reachable if one.distance_m <= _REACH_M)[:REACH_SHOWN]
 
 
 def _near(tracks: Mapping[int, Track], begin: int, center: Points, radius_m: float) -> list[int]:
@@ -266,9 +266,9 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
     lanelets = lanelets_of_pose(network, point, scene.ego.heading_rad)
     route = ego_route(network, scene.lanelet_graph, problem)
     goals = goal_center_lanelets(network, problem)
-    way = "the goal has no place" if not goals else "no route leads to the goal"
+    route_text = "the goal has no place" if not goals else "no route leads to the goal"
     if route is not None:
-        way = route.words
+        route_text = route.words
     return DescribedEgo(
         problem_id=scene.ego.problem_id,
         vehicle_class=scene.ego.vehicle_class,
@@ -280,7 +280,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         **_goal_figures(problem, scene.step_s, point),
         goal_lanelets=goals,
         route=route.lanelets if route else (),
-        way=way,
+        way=route_text,
     )
 
 

@@ -85,11 +85,15 @@ def _approaches(net: WalkNet, crossing: Crossing) -> list[tuple[Pavement, str, P
     Pairs of pavements that also meet at another junction (the two sides of one road) are a last resort: SUMO would
     connect them at the second junction.
     """
-    ways = []
+    approaches = []
     for near, far in (crossing.corners, crossing.corners[::-1]):
         behind = net.pavements_at(far)
-        ways += [(before, near, after) for before in net.pavements_at(near) for after in behind if after != before]
-    return [way for way in ways if not _meet_elsewhere(way[0], way[2], _junction(way[1]))] or ways
+        approaches += [
+            (before, near, after) for before in net.pavements_at(near) for after in behind if after != before
+        ]
+    return [
+        approach for approach in approaches if not _meet_elsewhere(approach[0], approach[2], _junction(approach[1]))
+    ] or approaches
 
 
 def _meet_elsewhere(one: Pavement, other: Pavement, junction: str) -> bool:

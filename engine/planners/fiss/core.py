@@ -222,8 +222,8 @@ def dragged_headings(center: Points, first_rad: float, drag_m: float) -> Values:
     While the front end moves straight by s, the tangent of half the angle between its direction and the rod falls by
     exp(−s / drag), which is the tractrix of a straight line.
     """
-    ways = np.diff(center, axis=0)
-    directions, lengths = np.arctan2(ways[:, 1], ways[:, 0]), np.hypot(ways[:, 0], ways[:, 1])
+    steps = np.diff(center, axis=0)
+    directions, lengths = np.arctan2(steps[:, 1], steps[:, 0]), np.hypot(steps[:, 0], steps[:, 1])
     kept, heading = np.exp(-lengths / drag_m).tolist(), first_rad
     headings = [heading]
     for direction, share in zip(directions.tolist(), kept, strict=True):
@@ -306,15 +306,15 @@ def braking_trajectory(
     times = np.arange(round(horizon_s / step_s) + 1) * step_s
     speed = np.maximum(start.s_d - deceleration_mps2 * times, 0.0)
     stopped = np.minimum(times, start.s_d / deceleration_mps2)
-    way = start.s_d * stopped - deceleration_mps2 * stopped**2 / 2
+    distance = start.s_d * stopped - deceleration_mps2 * stopped**2 / 2
     slope = start.d_d / max(start.s_d, ARC_LENGTH_MPS)
-    fade_m = max(way[-1], ARC_LENGTH_MPS)
-    share = np.minimum(way / fade_m, 1.0)
+    fade_m = max(distance[-1], ARC_LENGTH_MPS)
+    share = np.minimum(distance / fade_m, 1.0)
     offset = start.d + slope * fade_m * (share - share**2 / 2)
     turned = slope * (1.0 - share)
     states = [
         line.to_cartesian(fiss_planner.FrenetState(s=start.s + s, s_d=v, d=d, d_d=v * turn))
-        for s, v, d, turn in zip(way.tolist(), speed.tolist(), offset.tolist(), turned.tolist(), strict=True)
+        for s, v, d, turn in zip(distance.tolist(), speed.tolist(), offset.tolist(), turned.tolist(), strict=True)
     ]
     center = np.array([[state.x, state.y] for state in states])
     center[0] = ego.position

@@ -134,8 +134,8 @@ class RadialBasisPrimitives:
             values[np.ix_(drivable, steps)]
             for values in (found.motions.x_m, found.motions.y_m, found.motions.heading_rad)
         )
-        way = np.cumsum(found.motions.speed_mps[drivable], axis=1) * self._task.step_s
-        _, offset, along = self._path.coordinates(x, y, start.station_m + way[:, steps])
+        distances_m = np.cumsum(found.motions.speed_mps[drivable], axis=1) * self._task.step_s
+        _, offset, along = self._path.coordinates(x, y, start.station_m + distances_m[:, steps])
         back = self._task.vehicle.rear_axle_behind_center_m
         batch = ChannelBatch(
             steps=steps,

@@ -309,9 +309,9 @@ def going_on(track: Track, last_step: int, step_s: float) -> Track:
     slowing = 0.0 if back < 1 else (float(track.speeds_mps[-1 - back]) - speed) / (back * step_s)
     slowing = slowing if slowing > _BRAKES_MPS2 else 0.0
     speeds = np.maximum(speed - slowing * np.arange(1, count + 1) * step_s, 0.0)
-    ways = np.cumsum((np.concatenate([[speed], speeds[:-1]]) + speeds) / 2 * step_s)
+    distances_m = np.cumsum((np.concatenate([[speed], speeds[:-1]]) + speeds) / 2 * step_s)
     heading = float(track.headings_rad[-1])
-    positions = track.positions[-1] + np.outer(ways, [np.cos(heading), np.sin(heading)])
+    positions = track.positions[-1] + np.outer(distances_m, [np.cos(heading), np.sin(heading)])
     return replace(
         track,
         positions=np.concatenate([track.positions, positions]),
