@@ -136,7 +136,7 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
 
 
 def public_view(request: EvalRequest) -> dict[str, Any]:
-    """Return a request as another client may see it, without the expected result."""
+    """Return a request as another client may see it, without the expected result, as fields of JSON."""
     given = {
         "id": request.request_id,
         "task": request.task,

@@ -341,7 +341,7 @@ class ModificationOutcome(Model):
 
     @property
     def handed_over(self) -> tuple[int, ...]:
-        """Vehicles that no edit names, but that would have hit an edited one, or that react with all traffic."""
+        """The vehicles that no edit names, but that would have hit an edited one, or that react with all traffic."""
         return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
 
 
@@ -404,7 +404,7 @@ class ModifyScenarioResult(Result):
         )
 
     def _most(self, brief: int) -> tuple[int, str]:
-        """Return how many items of a list to show, and the call that shows the remaining ones."""
+        """Return how many items of a list to show, and the call that shows the remaining items."""
         if self.detail == "brief":
             return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
@@ -519,7 +519,7 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 
 
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
-    """Return what changes for an ordinarily driving ego; undefined figures have a reason."""
+    """Return lines on what changes for an ordinarily driving ego; undefined figures have a reason."""
     if before is None or after is None:
         return ["Ego's risk: unknown, because an ordinary driver cannot be simulated as the ego here."]
     was, now = _danger_figures(before), _danger_figures(after)
@@ -553,7 +553,7 @@ def _figure(value: float | None, unit: str) -> str:
 
 
 def _is_recording(vehicle: TouchedVehicle) -> bool:
-    """Return whether the motion is the recorded one, only shifted in time."""
+    """Return whether the motion is the recorded motion, only shifted in time."""
     return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
 
 

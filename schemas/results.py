@@ -282,7 +282,7 @@ class CollisionCauses(Model):
         return self.looked_at < self.collisions
 
     def in_words(self) -> str:
-        """Return the kinds, the causes, and the share that no reference driver prevents, with the rate without them."""
+        """Return the kinds, the causes, the share that no reference driver prevents, and the rate without it."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         some = "" if self.judged == self.looked_at else f" that could be judged, out of {self.looked_at}"
         left = self.success_without
@@ -326,7 +326,7 @@ class TrivialGoals(Model):
     success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
-        """Return the number of goals of each kind, and the rate without them."""
+        """Return the number of goals of each kind, and the rate of goals without these runs."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         if self.looked_at < self.goals:
             kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"
@@ -869,7 +869,7 @@ def _percent(share: float | None) -> str:
 
 
 def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:
-    """Return the first ids and how many more there are; ``count`` counts all if ``ids`` is only the first of them."""
+    """Return the first ids and the number of the others; ``count`` counts all if ``ids`` is only the first of them."""
     all_ids = list(ids)
     more = (len(all_ids) if count is None else count) - len(all_ids[:most])
     return " ".join(all_ids[:most]) + (f" +{more}" if more > 0 else "")

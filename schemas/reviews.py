@@ -86,25 +86,25 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Return whether any reference driver prevents it, either from just before the contact or from the start."""
+        """Return whether a reference driver prevents the collision, from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Return whether UN R157's careful or fuzzy driver prevents it from both starts."""
+        """Return whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
 
     def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
-        """Return whether a driver prevents it from a start, or from both."""
+        """Return whether a driver prevents the collision from a start, or from both."""
         starts = ("before_contact", "start") if start == "both" else (start,)
         found = {verdict.start for verdict in self.drivers if verdict.driver == driver and verdict.prevents}
         return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Return which drivers prevent it from which start, and until when."""
+        """Return which drivers prevent the collision from which start, and until when, as text."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
@@ -125,7 +125,7 @@ class Prevention(Model):
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
-        """Return which drivers prevent it from the start; empty for runs of older versions."""
+        """Return which drivers prevent the collision from the start, as text; empty for runs of older versions."""
         if not self.drivers:
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
@@ -137,7 +137,7 @@ class Prevention(Model):
         return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
+        """Return the reference drivers that do or do not prevent the collision from the start; steering is left out."""
         drivers = [
             verdict.driver
             for verdict in self.drivers
@@ -150,7 +150,7 @@ class Prevention(Model):
         return list(names.values())
 
     def _drivers(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers, other than full braking, that do or do not prevent it."""
+        """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
@@ -218,7 +218,7 @@ class PaceMoment(Model):
 
     @property
     def is_the_egos(self) -> bool:
-        """Return whether nothing on the road required it."""
+        """Return whether nothing on the road required the ego to stand or brake."""
         return self.code in EGOS_OWN
 
     @property
@@ -333,7 +333,7 @@ class Contact(Model):
 
     @property
     def is_unpreventable(self) -> bool:
-        """Return whether no reference driver prevents it and the ego did not cause it."""
+        """Return whether no reference driver prevents the collision and the ego did not cause it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
@@ -418,7 +418,7 @@ class Encounter(Model):
 
     @property
     def place(self) -> str:
-        """Position: ``ahead``, ``behind``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
+        """The position, such as ``ahead``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 

@@ -221,7 +221,7 @@ class TriggerOutcome(Model):
     time_s: float | None = Field(description="start of the motion; null if it never started")
 
     def in_words(self) -> str:
-        """Return when the motion started, with the code and the trigger."""
+        """Return text on when the motion started, with the code and the trigger."""
         motion = f"{self.obstacle_id}'s {_BEGUN[self.begins]}"
         if self.time_s is None:
             return f"{motion} never started because its trigger did not fire ({self.code}): {self.trigger}"

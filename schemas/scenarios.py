@@ -78,7 +78,7 @@ class ParticipantFacts(Model):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Static and dynamic obstacles together, by type in alphabetical order."""
+        """The number of static and dynamic obstacles together, by type in alphabetical order."""
         kinds = sorted({*self.dynamic, *self.static})
         return {kind: self.dynamic.get(kind, 0) + self.static.get(kind, 0) for kind in kinds}
 

@@ -68,7 +68,10 @@ def principal_of(scope: Scope) -> str:
 
 
 def may_write(scope: Scope) -> bool:
-    """Return whether the sender of a request may create something: its token allows it, or tokens are not required."""
+    """Return whether the sender of a request may create something.
+
+    Senders may if their token allows it, or if tokens are not required.
+    """
     user = scope.get("user")
     return not isinstance(user, AuthenticatedUser) or WRITE_SCOPE in user.scopes
 

@@ -83,7 +83,7 @@ def _state_of(path: Path) -> tuple[int, int]:
 
 
 async def _indexed(context: WorkflowContext, path: Path, known: StatedPlace) -> Artifact:
-    """Return the extract as a map: the one with the same content, or a new one.
+    """Return the extract as a map: the stored map with the same content, or a new one.
 
     An existing index is checked, and created again if it is gone or damaged.
 

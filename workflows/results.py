@@ -267,7 +267,7 @@ def config_weights(runs: Iterable[RunSource], context: WorkflowContext) -> tuple
 
 
 def _default_weights(planner: str) -> dict[str, float] | None:
-    """Return the weights of a planner's Default preset, or None if it is no longer installed."""
+    """Return the weights of a planner's Default preset by name, or None if it is no longer installed."""
     try:
         return dict(preset_configuration(planner).weights)
     except (UnknownName, PlannerFailure):

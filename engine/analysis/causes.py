@@ -27,7 +27,7 @@ STOOD_M = 0.5
 
 
 def look_at_runs(request: ReviewRequest, report: ProgressReporter) -> LooksResponse:
-    """Examine each run once; the result is stored with the run."""
+    """Examine each run once, and return its review, which is stored with the run."""
     runs = RunSet(request.runs, scenarios=request.scenarios)
     looks = []
     for number, record in enumerate(runs.records):

@@ -141,7 +141,7 @@ class _Draft:
 
 
 def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest) -> _Draft:
-    """Pair two sides and test them.
+    """Pair two sides and test them; return the comparison before its tests are adjusted.
 
     Raises:
         NotPossible: they have no problem in common.
@@ -311,7 +311,7 @@ def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
 
 
 def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
-    """Return the pairs grouped by prediction and traffic mode; empty if they have only one."""
+    """Return the pairs grouped by prediction and traffic mode; empty if all pairs are in one group."""
     groups: dict[str, list[tuple[bool, bool]]] = {}
     for pair in pairs:
         groups.setdefault(f"{pair[1].prediction}/{pair[1].traffic}", []).append(_mastered(pair))
@@ -390,7 +390,7 @@ def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
 
 
 def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
-    """Return how both runs of the only pair ended, with their reviews."""
+    """Return both runs of the only pair, with their outcomes and reviews."""
     runs = RunSet(request.runs, request.configs, request.scenarios)
     before, after = (
         PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair

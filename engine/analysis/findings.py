@@ -411,7 +411,7 @@ def _figures_of(moment: PaceMoment) -> dict[str, float]:
 
 
 def _sample_figures(looked_at: int, **of: int) -> dict[str, float]:
-    """Return how many of the runs were examined, or nothing if all were."""
+    """Return the number of examined runs as a figure; empty if all runs were examined."""
     (count,) = of.values()
     return {} if looked_at == count else {"looked_at": looked_at, **of}
 
@@ -678,7 +678,7 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than the others.
+    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than other scenarios.
 
     The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
     reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road

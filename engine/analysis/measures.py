@@ -161,7 +161,7 @@ class Leaders:
 
     @cached_property
     def times_to_collision_s(self) -> Values:
-        """Gap ÷ closing speed; infinite if the gap is not closing."""
+        """The gaps divided by the closing speeds; infinite if the gap is not closing."""
         return _ratio(self.gaps_m, self.closing_mps)
 
     @cached_property

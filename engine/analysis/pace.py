@@ -261,7 +261,7 @@ class _Pace:
         return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Yield stretches of one code; one shorter than a start belongs to the stretch before or after it."""
+        """Yield stretches of one code; a stretch shorter than a start belongs to the stretch before or after it."""
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:

@@ -284,7 +284,7 @@ class RuledDrive:
         )
 
     def shown(self, light: "TrafficLight", colours: Sequence[str]) -> NDArray[np.bool_]:
-        """Return the states at which a light has one of the given colours (CommonRoad's names)."""
+        """Return a mask of the states at which a light has one of the given colours (CommonRoad's names)."""
         steps = range(self.ego.first_step, self.ego.first_step + self.count)
         return np.array([light.get_state_at_time_step(step).name in colours for step in steps])
 
@@ -404,7 +404,7 @@ class _Roads:
 
 
 def _bend(lane: "Lanelet", following: "Lanelet") -> float:
-    """Return how far the direction turns from the end of a lanelet to that of the next."""
+    """Return the change of direction in rad from the end of a lanelet to the end of the next."""
     ends = [headings(np.asarray(one.center_vertices, dtype=float)[-2:])[0] for one in (lane, following)]
     return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
 
@@ -421,7 +421,7 @@ def meeting_m(path: Points, line: Points) -> float | None:
 
 
 def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDArray[np.bool_]:
-    """Return the steps at which the body of a track overlaps an area."""
+    """Return a mask of the steps at which the body of a track overlaps an area."""
     import shapely
 
     at = steps - track.first_step

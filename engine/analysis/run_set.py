@@ -52,17 +52,17 @@ class RunSet:
 
     @property
     def valid(self) -> tuple[RunRecord, ...]:
-        """Runs that could be attempted: the denominator of every rate."""
+        """The runs that could be attempted: the denominator of every rate."""
         return tuple(record for record in self.records if record.outcome != "invalid")
 
     @property
     def failures(self) -> tuple[RunRecord, ...]:
-        """Valid runs that did not reach the goal."""
+        """The valid runs that did not reach the goal."""
         return tuple(record for record in self.valid if record.outcome != "goal_reached")
 
     @property
     def successes(self) -> tuple[RunRecord, ...]:
-        """Runs that reached the goal."""
+        """The runs that reached the goal."""
         return tuple(record for record in self.valid if record.outcome == "goal_reached")
 
     @cached_property
@@ -187,7 +187,7 @@ def read_steps(source: RunSource) -> RunSteps | None:
 
 
 def read_series(source: RunSource) -> RunSeries | None:
-    """Return a run's series, stored next to its steps, or None for a run that was stored without them.
+    """Return a run's series, stored next to its steps, or None if the run was stored without series.
 
     Raises:
         ResourceFailure: the file exists but cannot be read.

@@ -211,7 +211,7 @@ class SignedRank:
 
 
 def signed_rank(differences: Sequence[float]) -> SignedRank:
-    """Apply Wilcoxon's signed-rank test to differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
+    """Return Wilcoxon's signed-rank test of differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
 
     Up to 60 pairs, p comes from the exact permutation distribution of the observed ranks, ties included; above, from
     the normal approximation with continuity correction.

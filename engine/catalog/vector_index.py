@@ -309,7 +309,7 @@ def query(folder: Path, vector: Vectors, candidates: Sequence[str] | None, limit
 
 
 class _Reader:
-    """Keeps the last read generation open, since opening takes longer than a search."""
+    """The last read generation, kept open because opening takes longer than a search."""
 
     def __init__(self) -> None:
         self._opened: tuple[Path, int] | None = None

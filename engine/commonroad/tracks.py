@@ -44,7 +44,7 @@ class Track:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.length_m, self.width_m
 
     def corners_at(self, index: int, size_m: tuple[float, float] | None = None) -> Points:

@@ -104,7 +104,7 @@ def own_minimum_gap_m(vehicle_class: VehicleClass) -> float | None:
 def behaviour_from(
     base: Behaviour, preset: str | None, params: Sequence[str], own_gap_m: float | None = None
 ) -> Behaviour:
-    """Apply a preset, which replaces all parameters except a class's own gap, and then single parameters.
+    """Return a base changed by a preset (which replaces all but a class's own gap), and then by single parameters.
 
     Raises:
         UnknownName: there is no such preset or parameter.

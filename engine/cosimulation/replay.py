@@ -1,4 +1,4 @@
-"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
+"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, and driven vehicles react to them.
 
 Before every step, replayed vehicles are placed at their recorded pose after that step. Their speed is set after the
 step, so that other vehicles see it. A driven vehicle is treated in the same way until its hand-over.
@@ -212,7 +212,7 @@ class _Surroundings:
         return places, reach_m
 
     def at(self, step: int, driven: Iterable[_Place]) -> set[str]:
-        """Return the SUMO ids of the replayed actors to show after a step; ``driven``: the driven ones before it.
+        """Return the SUMO ids of the replayed actors to show after a step; ``driven``: the driven vehicles before it.
 
         Called for consecutive steps.
         """
@@ -245,7 +245,7 @@ def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
 
 
 class _Run:
-    """The state of one simulation: the actors that are present, and the observed states of driven ones."""
+    """The state of one simulation: the actors that are present, and the observed states of driven vehicles."""
 
     def __init__(self, sumo: Sumo, actors: tuple[Actor, ...], surroundings: _Surroundings) -> None:
         self.astray: set[str] = set()
@@ -290,7 +290,7 @@ class _Run:
         return not self._under_way
 
     def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
-        """Return the driven tracks up to the present step."""
+        """Return the driven tracks up to the present step, by vehicle id."""
         tracks = {}
         for key, rows in sorted(self._seen.items()):
             front = np.array([(x, y) for _, x, y, _ in rows])

@@ -83,7 +83,7 @@ class Changes:
 
     @property
     def scripted(self) -> frozenset[int]:
-        """The road users that move as prescribed or are parked: they do not react to others."""
+        """The road users that move as prescribed or are parked: they do not react to other road users."""
         return frozenset(key for key, replay in self.replays.items() if replay.is_scripted or replay.is_parked)
 
     def is_added(self, vehicle_id: int) -> bool:

@@ -102,7 +102,7 @@ class EditedScene:
 
     @cached_property
     def handed_over(self) -> frozenset[int]:
-        """The vehicles that are driven only because they would hit others, not because of an edit."""
+        """The vehicles that are driven only because they would hit other road users, not because of an edit."""
         return frozenset(key for key in self.result.tracks if self.result.plans[key].cause == "handed_over")
 
     @cached_property

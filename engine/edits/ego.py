@@ -81,7 +81,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the ego's routes to the goal: to the given lanelet, or to those of the matching branch, in order."""
+    """Return the ego's routes to the goal, in order: to the given lanelet, or to those of the matching branch."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(

@@ -267,7 +267,7 @@ class DrivenVehicle:
         return () if route is None else route[len(self.lanelets[-1:]) :]
 
     def first_of(self, targets: frozenset[int]) -> int:
-        """Return the first target lanelet on the planned route, or the target with the lowest id if none is on it."""
+        """Return the first target lanelet on the planned route; if there is none, the target with the lowest id."""
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
     def reason_not_reached(self, targets: frozenset[int], since: int) -> str:
@@ -316,7 +316,7 @@ class DrivenVehicle:
         return f"; in the way: {', '.join(names[:_MOST_NAMED])}{more}" if names else ""
 
     def _lanelets_passed(self, lanes: Iterable[str], first: Iterable[int] = ()) -> tuple[int, ...]:
-        """Return the lanelets of SUMO's lanes in order, after those of ``first``, with those passed in one step."""
+        """Return the lanelets of SUMO's lanes in order, after the lanelets ``first``, even if passed within a step."""
         passed = list(first)
         for lane, _ in groupby(lanes):
             for key in self.scene.layout.lanelets_of_lane.get(lane, ()):
@@ -332,7 +332,7 @@ class DrivenVehicle:
         return between if all(graph.length_m[key] < _SHORT_M for key in between) else ()
 
     def _reached(self, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
-        """Return the lanelets without the last ones if the motion after an index does not reach them."""
+        """Return the lanelets; the last ones are left out if the motion after an index does not reach them."""
         count = len(lanelets)
         while count and not self._gets_onto(lanelets[count - 1], begin):
             count -= 1
@@ -551,7 +551,7 @@ def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) ->
 
 
 def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """Return the first speed order that follows the one of an edit in time, or None."""
+    """Return the speed order that comes next in time after the edit's own order, or None."""
     wanted, first = step.speeds[plan.start.obstacle_id]
     own = Manoeuvre(first, speed_mps=wanted)
     after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]

@@ -129,7 +129,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _why_there(edit: Edit) -> str:
-    """Return how the place was computed, if the edit gives no position on a lanelet."""
+    """Return text on how the place was computed; empty if the edit gives a position on a lanelet."""
     if edit.position is not None:
         return ""
     lane = f", lane {edit.lane}" if edit.lane else ""
@@ -139,7 +139,7 @@ def _why_there(edit: Edit) -> str:
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
-    """Return where the vehicles enter: the place of a single vehicle, or those of the first and the last."""
+    """Return text on where the vehicles enter: the place of a single vehicle, or the first and the last place."""
     first, last = places[0], places[-1]
     begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
     if len(places) == 1:
@@ -467,7 +467,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """Return the lanelets of a road at a place, including oncoming ones."""
+    """Return the lanelets of a road at a place, including oncoming lanelets."""
     row = [lanelet_id]
     for key in row:
         lanelet = scene.network.find_lanelet_by_id(key)
@@ -556,7 +556,7 @@ def _users(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Remove the selected vehicles; the others stay as recorded, and driven ones no longer see them."""
+    """Remove the selected vehicles; the others stay as recorded, and driven vehicles no longer see them."""
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)

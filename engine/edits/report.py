@@ -77,7 +77,7 @@ def outcome_of(
 
 
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
-    """Return one report per edit of this request; those of earlier requests are not repeated.
+    """Return one report per edit of this request; the edits of earlier requests are not reported again.
 
     An edit counts as not done if later edits undo it completely.
     """

@@ -110,7 +110,7 @@ def _adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[in
 
 
 def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], lane: int) -> DrivePlan:
-    """Return the unchanged plan if the new lane leads along it, else one that continues in the new lane."""
+    """Return the unchanged plan if the new lane leads along it, else a plan that continues in the new lane."""
     edge = scene.layout.lane_of.get(lane, ("", 0))[0]
     if edge not in plan.edges or _leads_on(scene, plan, lane, edge):
         return plan

@@ -101,7 +101,7 @@ def _state_elements(track: Track, motion: Motion, fields: tuple[str, ...], step_
 
 
 def _sub(parent: _Element, name: str, **texts: str) -> _Element:
-    """Append a new element to another, with a child for each text."""
+    """Append a new element to another, with a child for each text, and return it."""
     element = etree.SubElement(parent, name)
     for tag, text in texts.items():
         etree.SubElement(element, tag).text = text
@@ -155,7 +155,7 @@ def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
 
 
 def _first_goal(problem: _Element) -> _Element:
-    """Append an empty goal state to a problem that has none, indented like the other elements."""
+    """Append an empty goal state to a problem without a goal, indented like the other elements, and return it."""
     before = problem[-1]
     goal = etree.SubElement(problem, "goalState")
     before.tail, goal.tail = problem.text, before.tail

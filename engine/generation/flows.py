@@ -138,7 +138,7 @@ def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]
 def _meeting(
     counts: list[tuple[frozenset[str], float]], candidates: list[tuple[str, ...]], edges: OpenEdges
 ) -> list[RouteFlow]:
-    """Fit the flows on the candidate routes to the counts at the cross-sections."""
+    """Fit the flows on the candidate routes to the counts at the cross-sections; return the routes with their flows."""
     from scipy.optimize import nnls
 
     used = [route for route in candidates if any(section & set(route) for section, _ in counts)]

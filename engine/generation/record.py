@@ -108,7 +108,7 @@ def absences_of(
     *,
     stands_in: bool,
 ) -> tuple[VehicleAbsence, ...]:
-    """Return why requested vehicles are missing or changed; the counts of a class add up to its missing vehicles.
+    """Return the requested vehicles that are missing or changed, each with the reason.
 
     A removed vehicle counts as replaced if a spare of its class takes its place.
 
@@ -214,7 +214,7 @@ def _density(
 
 
 def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[str]:
-    """Return how many vehicles found no room and, if the density misses its target, why."""
+    """Return notes on the vehicles that found no room and on the reason if the density misses its target."""
     notes = []
     if realised < demand.total:
         notes.append(f"{realised} of {demand.total} vehicles found room on the roads of the site")

@@ -85,7 +85,7 @@ _WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
-    """Count the different sites of the map that fit a request; the count is at least 1.
+    """Return the number of different sites of the map that fit a request, at least 1.
 
     Raises:
         NotPossible: no site fits; the error lists the types that the map has in the requested area.
@@ -246,7 +246,7 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
-    """Return why a way that is tagged as a roundabout on the requested streets is none; empty without such a way."""
+    """Return why a way tagged as a roundabout on the requested streets is not one; empty without a way like this."""
     for part, fault in finder.ring_faults():
         ring = Site("roundabout", *part.position, part.streets, part.mark)
         if _passes_by(ring, request) and _is_in_box(ring, request):
@@ -257,7 +257,7 @@ def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
 def _never_meet(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> NotPossible:
     """Return the refusal of streets that do not meet; it lists the crossing of one of them nearest to the others.
 
-    After that, it lists those with a site of the requested type.
+    After that, it lists the streets that have a site of the requested type.
     """
     named = cited_all((names[0] for names in request.streets), " / ")
     kinds: tuple[SiteType, ...] = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
@@ -308,7 +308,7 @@ def _crossing_nearby(
 def _fitting_any(
     finder: SiteFinder, request: GenerationRequest, kinds: Iterable[SiteType], streets: tuple[tuple[str, ...], ...]
 ) -> list[Site]:
-    """Return the sites of several kinds on other streets than the requested ones."""
+    """Return the fitting sites of any of the kinds on the given streets instead of the requested ones."""
     elsewhere = request.model_copy(update={"streets": streets})
     return [site for kind in kinds for site in _fitting(finder, finder.find(kind), elsewhere)]
 
@@ -495,8 +495,8 @@ def _dense(line: Points) -> Points:
 def _ring_edges_at(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
     """Return the edges of all roundabouts at the site's middle that are closed and that roads enter.
 
-    netconvert does not mark every ring as a roundabout, for example none with ``junction=circular``. If it marked none,
-    the ring is the circle of one-way edges that the site's ways are part of.
+    netconvert does not mark every ring as a roundabout, for example not one with ``junction=circular``. If no ring is
+    marked, the ring is the circle of one-way edges that the site's ways are part of.
     """
     before: dict[str, set[str]] = {}
     for turn in net.connections:

@@ -63,7 +63,7 @@ class TurningTrips(TripMaker):
         return (*self._approach(edges, way, wanted_s), *way, *onward[1:])
 
     def _straight_on(self, edges: OpenEdges, way: tuple[str, ...]) -> tuple[str, ...]:
-        """Return a route with the edges that lead straight on behind it, for as long as trips last."""
+        """Return a route with the edges that lead straight on after it, for as long as trips last."""
         longer = list(way)
         while edges.travel_s(longer) < self._lasting_s:
             onward = [edge for edge in edges.following[longer[-1]] if edge not in longer]

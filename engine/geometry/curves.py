@@ -42,6 +42,6 @@ def hermite(
 
 
 def unit(vector: Points) -> Points:
-    """Scale a vector (2,) to length 1; leave a vector of almost zero length unchanged."""
+    """Return a vector (2,) scaled to length 1; a vector of almost zero length stays unchanged."""
     scaled: Points = vector / max(float(np.linalg.norm(vector)), 1e-9)
     return scaled

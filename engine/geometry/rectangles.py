@@ -119,7 +119,7 @@ class _Boxes:
         return index + 1 + later[rows], steps
 
     def overlap(self, index: int, others: _Indices, steps: _Indices) -> NDArray[np.bool_]:
-        """Return whether a track overlaps others (k,) at steps (k,), which holds if no axis of either rectangle
+        """Return whether a track overlaps other tracks (k,) at steps (k,), which holds if no axis of either rectangle
         separates them.
         """
         apart = self.centers[others, steps] - self.centers[index, steps]

@@ -188,7 +188,7 @@ def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]
 
 @lru_cache(maxsize=1)
 def _table() -> tuple["STRtree", tuple[str, ...]]:
-    """Return a spatial tree of all areas, with the country code of each."""
+    """Return a spatial tree of all areas, and the country code of each area."""
     from shapely import STRtree
 
     rows = json.loads(gzip.decompress(BORDERS.read_bytes()))

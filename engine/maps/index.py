@@ -410,7 +410,7 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Add the roads that begin with the given text, since its last word may be only half typed.
+    """Return the matches with the roads added that begin with the text, since its last word may be half typed.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
     to a road with exactly this name, or to one that the text abbreviates (``Main St``: ``Main Street``).
@@ -647,7 +647,7 @@ def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
 
 
 def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words of the map's file name although nothing on the map has this name: people name files after places."""
+    """Return the reading with words of the map's file name accepted, since people name files after places."""
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -657,7 +657,7 @@ def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 
 def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words that a road of the map is named after, if the text gives the map's place.
+    """Return the reading with words accepted that a road of the map is named after, if the text gives the map's place.
 
     For example, ``Northgate`` is accepted because of ``NE Northgate Way``, although no place on the map has this name.
     """
@@ -1070,7 +1070,7 @@ def _two_roads(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _read_inflected(part: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as the roads that it names in another grammatical form, or as a road with exactly its name."""
+    """Read the text as roads with this name in another grammatical form, or as a road with exactly this name."""
     if (found := _read_road(part, facts, whole=True)) is not None:
         return found
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
@@ -1178,7 +1178,7 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 
 
 def _is_spelling(typed: str, name: str) -> bool:
-    """Return True if a name is the typed one, abbreviated or with its numbers written otherwise."""
+    """Return True if a name is the typed one, abbreviated or with its numbers written differently."""
     return (
         fold(name) == fold(typed)
         or is_abbreviated(typed, name)

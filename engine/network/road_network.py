@@ -48,13 +48,13 @@ class RoadLanelet:
 
     @property
     def center(self) -> Points:
-        """Centre line of shape (n, 2): the middle of the bounds."""
+        """The centre line (n, 2): the middle of the bounds."""
         middle: Points = (self.left + self.right) / 2
         return middle
 
     @property
     def polygon(self) -> Points:
-        """Corners of the lanelet, counter-clockwise, shape (2n, 2)."""
+        """The corners of the lanelet, counter-clockwise, shape (2n, 2)."""
         return np.concatenate([self.right, self.left[::-1]])
 
     def neighbours(self) -> tuple[int, ...]:

@@ -228,7 +228,7 @@ def _curve(start: Points, start_direction: Points, end: Points, end_direction: P
 
 
 def _shift(line: Points, position: Points, through: Points, change_m: float) -> Points:
-    """Shift a line sideways through a point; the shift starts at the ego and ends beyond the point."""
+    """Return a line shifted sideways through a point; the shift starts at the ego and ends beyond the point."""
     stations = arc_length(line)
     target, offset = project(line, through)
     begin = max(project(line, position)[0], target - change_m)

@@ -75,7 +75,7 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 
 
 def planner_names() -> tuple[str, ...]:
-    """Return the available planners: the built-in ones, then the user's."""
+    """Return the available planners: the built-in planners, then the user's."""
     others = found_planners(PLANNERS).values()
     return (*PLANNERS, *(each.name for each in others if not each.fault))
 

@@ -114,7 +114,7 @@ def _strip_places(steps: Sequence[int], moment: Moment | None) -> list[int]:
 
 
 def _strip(frames: Sequence["Image"]) -> "Image":
-    """Combine frames into a grid."""
+    """Return the frames combined into a grid."""
     from PIL import Image
 
     columns = min(_STRIP_COLUMNS, len(frames))

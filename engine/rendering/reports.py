@@ -141,7 +141,7 @@ def _by_any_motion(result: AnalyzeResultsResult) -> str:
 
 
 def _describe_causes(causes: CollisionCauses | None) -> str:
-    """Return who caused the collisions, where the reference drivers can tell."""
+    """Return a sentence on who caused the collisions, as far as the reference drivers can tell."""
     if causes is None:
         return "There was no collision with a known course."
     none = len(causes.not_preventable)
@@ -168,7 +168,7 @@ def _describe_causes(causes: CollisionCauses | None) -> str:
 
 
 def _describe_attribution(causes: CollisionCauses) -> str:
-    """Return how many collisions are attributed to each cause."""
+    """Return text on how many collisions are attributed to each cause."""
     phrases: dict[CollisionCause, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",

@@ -113,7 +113,7 @@ def label_vehicles(
     viewport: Viewport,
     keep_free: Points,
 ) -> VehicleCounts:
-    """Write the ids next to the vehicles in view, starting with those nearest to ``near``.
+    """Write the ids next to the vehicles in view, nearest to ``near`` first; return which vehicles have one.
 
     Args:
         axes: The axes with their final limits and position.

@@ -96,7 +96,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
 
 
 def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
-    """Return the vehicles that are present at a step.
+    """Return the vehicles that are present at a step, by id.
 
     Raises:
         NotPossible: no vehicle is present at the step.

@@ -91,7 +91,10 @@ def _gaps_in_lane(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
 
 
 def _gaps_along_lanelets(scene: Scene, ego: Ego) -> Iterator[tuple[int, float]]:
-    """Yield distances to the vehicles on the ego's lanelet and on those before and after it, ahead positive."""
+    """Yield the vehicles on the ego's lanelet and on the lanelets before and after it, with their distances in m.
+
+    Distances ahead are positive.
+    """
     if not ego.lanelets:
         return
     own, table = ego.lanelets[0], scene.layout.table
@@ -177,7 +180,7 @@ class EgoLane:
     length_m: float
 
     def where(self, track: Track, index: int, lanelet: int | None) -> _Where:
-        """Return where a track's vehicle is at an index of the track's arrays."""
+        """Return the position of a track's vehicle relative to the ego's lane, at an index of the track's arrays."""
         point, heading = track.positions[index], float(track.headings_rad[index])
         station, offset = project(self.line, point)
         ahead = station - self.here_m

@@ -53,12 +53,12 @@ class Ego:
 
     @property
     def vehicle(self) -> VehicleParameters:
-        """Size and limits of its class, on the road of the scenario."""
+        """The size and limits of the ego's class, on the road of the scenario."""
         return ego_class(self.vehicle_class).vehicle.on_road(self.friction)
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.vehicle.size_m
 
 
@@ -117,7 +117,7 @@ class Scene:
 
     @property
     def step_s(self) -> float:
-        """Duration of a time step in s."""
+        """The duration of a time step in s."""
         return self.loaded.step_s
 
     @property

@@ -172,7 +172,9 @@ class OpenEdges:
 
 
 def _reach(lengths: dict[str, float], following: dict[str, tuple[str, ...]]) -> dict[str, float]:
-    """Return how far one can drive from the start of each edge, at most ``FARTHEST_M``, in time linear in the edges.
+    """Return the distance in m that one can drive from the start of each edge, at most ``FARTHEST_M``.
+
+    The time is linear in the number of edges.
 
     Edges are removed from the end of the routes (Kahn's order, backwards); an edge that cannot be removed leads into a
     cycle, on which one can drive indefinitely.

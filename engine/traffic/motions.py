@@ -38,7 +38,7 @@ class GeneratedVehicle:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.vehicle_class.length_m, self.vehicle_class.width_m
 
     @property
@@ -68,7 +68,7 @@ class DroppedVehicle:
 def drop_infeasible(
     everyone: Sequence[GeneratedVehicle], needed: Mapping[str, int]
 ) -> tuple[tuple[GeneratedVehicle, ...], tuple[DroppedVehicle, ...]]:
-    """Return the vehicles that stay, and as few as possible that cannot be driven or overlap others.
+    """Return the vehicles that stay, and as few as possible that cannot be driven or overlap other vehicles.
 
     ``needed``: how many of a class must stay, even if their motion cannot be driven.
     """

@@ -71,7 +71,7 @@ class PlannerTuning:
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Ranges of the weights that differ from 0 to 1e6."""
+        """The ranges of the weights that have a range other than 0 to 1e6, by name."""
         ranges = {name: (weight.lowest, weight.highest) for name, weight in self.weights.items()}
         return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 

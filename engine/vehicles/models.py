@@ -51,12 +51,12 @@ class VehicleParameters:
 
     @property
     def comfortable_mps2(self) -> float:
-        """Comfortable braking and lateral acceleration on the road."""
+        """The comfortable braking and lateral acceleration on the road, in m/s²."""
         return comfortable_mps2(self.friction)
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Length and width in m."""
+        """The length and width in m."""
         return self.length_m, self.width_m
 
     def most_acceleration_mps2(self, speed_mps: float) -> float:
@@ -65,7 +65,7 @@ class VehicleParameters:
 
     @property
     def largest_curvature_per_m(self) -> float:
-        """Curvature in 1/m of the rear axle's path at full lock."""
+        """The curvature in 1/m of the rear axle's path at full lock."""
         return math.tan(self.maximum_steering_rad) / self.wheelbase_m
 
 

@@ -486,7 +486,7 @@ def _size_of(artifact: NewArtifact) -> int:
 
 
 def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
-    """Copy the files of an artifact into a new folder on the workspace's disk.
+    """Copy the files of an artifact into a new folder on the workspace's disk; return the artifact with this folder.
 
     It does not use the database, so any thread may call it.
 

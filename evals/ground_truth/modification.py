@@ -322,7 +322,7 @@ def drawn_refusals(scene: Scene) -> list[EditRequest]:
 
 
 def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what a refusal for a reason must state about the failing edit."""
+    """Return the texts that a refusal for a reason must contain about the failing edit."""
     if reason == "infeasible_time":
         return ("out of reach", "goal_time")
     if reason == "unreachable_target" and failing["op"] == "set_goal":

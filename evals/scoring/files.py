@@ -218,7 +218,7 @@ class SceneFile:
             key = other
 
     def present(self, step: int) -> dict[int, Body]:
-        """Return the bodies present at a step."""
+        """Return the bodies present at a step, by road user."""
         there = {key: user.at(step) for key, user in self.users.items()}
         return {key: body for key, body in there.items() if body is not None}
 
@@ -495,7 +495,7 @@ class World:
         return self._scenes[scenario_id]
 
     def scenes(self) -> dict[str, SceneFile]:
-        """Return all scenarios of the workspace."""
+        """Return all scenarios of the workspace, by id."""
         found = {key: self.scene(key) for key in self.ids("scenario")}
         return {key: scene for key, scene in found.items() if scene is not None}
 

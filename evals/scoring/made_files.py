@@ -63,7 +63,7 @@ class MadeFiles:
         return cls(net, middle, latitude, longitude, obstacles)
 
     def classes(self) -> Counter[str]:
-        """Count vehicles by class, excluding the ego."""
+        """Return the number of vehicles by class, excluding the ego."""
         return Counter(
             name
             for kind, length in self.obstacles
@@ -132,7 +132,7 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
 
 
 def _near_a_road(made: MadeFiles) -> bool:
-    """Return whether the scenario's middle is near a road other than motorways and links, with no motorway near it."""
+    """Return whether a road other than motorways and links, but no motorway, is near the scenario's middle."""
     roads = [edge for edge in made.near(NEARBY_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
 

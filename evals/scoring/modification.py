@@ -131,7 +131,7 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
 
 
 def _behaves(truth: Mapping[str, Any], requested: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether preset and parameters are the requested ones, according to the recipe of the written file."""
+    """Return whether preset and parameters are as requested, according to the recipe of the written file."""
     preset, params = truth.get("preset"), {name: float(value) for name, value in truth.get("params", {}).items()}
     for edit in requested:
         if edit.get("op") != "set_behaviour" or str(edit.get("preset") or "").lower() != str(preset or "").lower():

@@ -60,7 +60,7 @@ def tuning_columns(
 
 
 def _weights_before(context: Mapping[str, Any]) -> Mapping[str, float]:
-    """Return the weights before a request."""
+    """Return the weights before a request, by name."""
     named = named_configuration(f"{context.get('planner') or 'frenetix'}:{context.get('preset') or 'Default'}")
     weights = {} if named is None else dict(named.weights)
     return {**weights, **context.get("overrides", {}), **(context.get("weights") or {})}

@@ -223,7 +223,7 @@ class _Collecting:
 
 
 def _common_remedies(faults: Sequence[InvalidRequest]) -> list[Remedy]:
-    """Return one remedy for all faults: the first change from each of them, otherwise the first call."""
+    """Return one remedy for all faults: the first change from each fault, otherwise the first call."""
     changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
     if all(remedy is not None for remedy in changing):
         return [Remedy(tuple(change for remedy in changing if remedy is not None for change in remedy.changes))]

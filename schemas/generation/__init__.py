@@ -657,7 +657,7 @@ class PlanSummary(Model):
 
 
 def _cut(label: str, texts: list[str], total: int) -> str:
-    """Return a line with the given combinations and, if ``total`` is larger, the number of the others."""
+    """Return a line with the listed combinations and, if ``total`` is larger, the number of the others."""
     more = f"; {total - len(texts):,} more" if total > len(texts) else ""
     return f"{label}: {counted(total, 'combination')}: {'; '.join(texts)}{more}."
 

@@ -231,7 +231,7 @@ class _Search:
     async def tried(
         self, candidates: Sequence[tuple[PlannerConfiguration, tuple[float, ...]]], *, prune: bool
     ) -> list[_Trial]:
-        """Run candidates on the training scenarios in parts, and abandon those that fall behind."""
+        """Run candidates on the training scenarios in parts, abandon those that fall behind, and return all trials."""
         training, best = self.plan.training, self.best() if self.trials else None
         runs: list[list[RunRecord | None]] = [[] for _ in candidates]
         alive, done = list(range(len(candidates))), 0

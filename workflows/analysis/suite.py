@@ -44,7 +44,7 @@ ReportProgress = Callable[[int, int, str], None]
 
 
 def limits_of(suite: Suite) -> list[Limit]:
-    """Return the limits, including a default one on lost runs, because a gate cannot judge those.
+    """Return the limits, including a default limit on lost runs, because a gate cannot judge lost runs.
 
     Raises:
         InvalidRequest, UnknownName: there are invalid limits; all are reported together.

@@ -276,7 +276,7 @@ class RequestedPlan:
             yield dict(zip(saying, levels, strict=True))
 
     def words(self, levels: Mapping[int, int]) -> str:
-        """Return the levels as a call states them, joined with plus signs."""
+        """Return the levels in the notation of a call, joined with plus signs."""
         return " + ".join(self.factors[factor].text(level) for factor, level in levels.items())
 
     def _all_matches(self) -> Iterator[MapMatch]:

@@ -98,7 +98,7 @@ class Spot:
             yield match, site, seed + lap, "passed"
 
     def match(self, map_id: str) -> MapMatch:
-        """Return how one of its maps matches the request."""
+        """Return the match of one of its maps, by map id."""
         return next(match for match, _ in self.maps if match.entry.facts.map_id == map_id)
 
 
@@ -272,7 +272,7 @@ class _PlanWork:
                 tasks.start_soon(work)
 
     async def _make(self, row: PlanRow, match: MapMatch) -> tuple[RowState, bool]:
-        """Generate a row's scenario and record the result; return it, and whether it existed already."""
+        """Generate a row's scenario, and record and return the result, with whether the scenario existed already."""
         spec = self._plan.row_spec(dict(enumerate(row.levels))).model_copy(update={"seed": row.seed})
         request = request_for(spec, AssignedSite(match, row.site_index), 0)
         if row.lap:  # everything is covered: a row that fails, or that could be better, costs more than another row
@@ -376,7 +376,7 @@ async def _summary(plan: RequestedPlan, context: WorkflowContext, record: PlanRe
 
 
 def _reasons(report: CoverageReport, record: PlanRecord, rows: PlanRows) -> list[str]:
-    """Return why each combination is impossible: a refusal of a row with it, or an impossible part."""
+    """Return the reason why each combination is impossible: a refusal of a row with it, or an impossible part."""
     reasons: dict[Combination, str] = {}
     tries: Counter[Combination] = Counter()
     for levels, times, reason in rows.refused():

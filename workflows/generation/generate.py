@@ -78,7 +78,7 @@ async def generate_scenarios(
 async def _make_all(
     spec: GenerationSpec, context: WorkflowContext, sites: SiteAssignment
 ) -> tuple[list[ScenarioSummary], list[str]]:
-    """Return the scenarios that could be generated, and notes on the others.
+    """Return the scenarios that could be generated, and notes on the scenarios that could not.
 
     Raises:
         PlannerForgeError: no scenario could be generated.

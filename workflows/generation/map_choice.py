@@ -98,7 +98,7 @@ def plan_maps(spec: GenerationSpec, maps: Sequence[MapEntry], closeness: Closene
 
     Raises:
         UnknownName: no map contains the place, country or box.
-        NotPossible: maps contain it, but none of them has a site of the requested type.
+        NotPossible: maps contain it, but no map has a site of the requested type.
     """
     return plan_matches(
         spec,

@@ -509,7 +509,7 @@ def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: RequestedEgo) -> tu
 def _with_actor_class(
     demands: tuple[VehicleDemand, ...], others: RequestedManoeuvre | None
 ) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the class of a manoeuvre's actor, if it is given and missing from them.
+    """Return the demands with the class of a manoeuvre's actor, if the class is given and missing from the demands.
 
     Raises:
         InvalidRequest: vehicles excludes the class.

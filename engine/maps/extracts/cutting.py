@@ -175,7 +175,7 @@ def _at_roads(
 
 
 def _spots(roads: Sequence[str], tile: int, box: Box | None, store: TileStore) -> list[Position]:
-    """Return where the roads meet in a tile and a box; all their nodes if there is one road or they never meet."""
+    """Return the positions where the roads meet in a tile and a box; all their nodes if one road or no meeting."""
     inside = box_of_tile(tile)
     osm = store.read(inside)
     lines = [_nodes_of(road, osm) for road in roads]

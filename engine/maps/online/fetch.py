@@ -373,7 +373,7 @@ def _facts_of_roads(found: Sequence[Mapping[str, Any]]) -> MapFacts:
 
 
 def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[SiteType, int]:
-    """Count the sites of each type that the map has inside the core."""
+    """Return the number of sites of each type that the map has inside the core."""
     finder = SiteFinder(read_map_file(path), request.road_classes)
     kinds: tuple[SiteType, ...] = get_args(SiteType)
     found = {kind: sum(_is_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
@@ -403,7 +403,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """Return a name for the map of a place: that of its settlement if known, otherwise the place's own."""
+    """Return a name for the map of a place: its settlement's name if known, otherwise the place's own name."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 

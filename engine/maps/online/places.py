@@ -203,7 +203,7 @@ def _lines(shape: Mapping[str, Any]) -> tuple[tuple[tuple[float, float], ...], .
 
 
 def _pieces_joined(found: Iterable[NamedPlace]) -> list[NamedPlace]:
-    """Merge the ways of one road among the results; OpenStreetMap splits a road wherever something changes."""
+    """Return the results with the ways of one road merged; OpenStreetMap splits a road wherever something changes."""
     joined: list[NamedPlace] = []
     for place in found:
         same = next((index for index, other in enumerate(joined) if place.lines and _is_piece(place, other)), None)

@@ -142,7 +142,7 @@ def _trimmed(side: Side) -> Side:
 
 
 def _shared_out(forward: Side, backward: Side, total: int | None, middle: int) -> tuple[Side, Side, list[str]]:
-    """Derive the lane counts of the two directions from the tagged counts: total, forward, backward, middle."""
+    """Return the two directions with lane counts derived from the tagged counts, and the codes of notes."""
     if total is None:
         return forward, backward, []
     through = max(total - middle, 0)

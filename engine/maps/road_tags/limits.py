@@ -158,7 +158,7 @@ def _stated(tags: Tags, direction: Direction) -> Iterator[tuple[str, str]]:
 
 
 def _number(text: str) -> float | None:
-    """Return the lowest speed in a value, in km/h; None if it has no number or an implausible one."""
+    """Return the lowest speed in a value, in km/h; None if it has no number or an implausible number."""
     plain = text.partition("@")[0]
     speeds = [speed_kmh(part.strip().replace(",", ".")) for part in re.split(r"[;|/]\s*(?!h\b)", plain) if part.strip()]
     numbers = [kmh for kmh in speeds if kmh is not None and _SLOWEST_KMH <= kmh <= _FASTEST_KMH]

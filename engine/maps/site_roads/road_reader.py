@@ -297,7 +297,7 @@ def _opens_to_buses(tags: Mapping[str, str]) -> bool:
 
 
 def _along(nodes: Sequence[OsmNode]) -> list[OsmNode]:
-    """Return evenly spaced points on a line without its ends, at least one."""
+    """Return evenly spaced points on a line, at least one, excluding its ends."""
     pairs = list(pairwise(nodes))
     steps = [ground_distance_m(a.position, b.position) for a, b in pairs]
     total = sum(steps)

@@ -231,7 +231,7 @@ class SiteFinder:
         return tuple(name for way in roads for key in ("name", "ref") if (name := way.tags.get(key)))
 
     def kinds(self) -> dict[SiteType, int]:
-        """Count the sites of each kind on the map; kinds without sites are left out."""
+        """Return the number of sites of each kind on the map; kinds without sites are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}
         return {kind: count for kind, count in counts.items() if count}
 
@@ -263,23 +263,23 @@ class SiteFinder:
 
     @cached_property
     def _streets(self) -> _Crossings:
-        """Junctions of roads that lead somewhere, without slip roads, which only leave their road and cross nothing."""
+        """The junctions of roads that lead somewhere; slip roads, which cross nothing, are left out."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
     def _with_named_links(self) -> _Crossings:
-        """Junctions of roads that lead somewhere, and of links with the name of one of them."""
+        """The junctions of roads that lead somewhere, and of links with the name of one of these roads."""
         names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
         return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
-        """Junctions of roads that lead somewhere and their links."""
+        """The junctions of roads that lead somewhere and their links."""
         return _Crossings(self._roads)
 
     @cached_property
     def _everywhere(self) -> _Crossings:
-        """Junctions with driveways but without links and tracks, which netconvert closes to cars."""
+        """The junctions with driveways but without links and tracks, which netconvert closes to cars."""
         return _Crossings(self.osm.roads((frozenset(ROADS) - {"track"}) & self._classes))
 
     @cached_property
@@ -309,7 +309,7 @@ class SiteFinder:
         return spots
 
     def ring_faults(self) -> list[tuple[SitePart, str]]:
-        """Return the ways that are tagged as a roundabout without being one, and why each of them is none."""
+        """Return the ways that are tagged as a roundabout without being one, each with the reason."""
         tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
         rings = Rings(self.osm, self.osm.roads(self._without_links | frozenset(LINKS)) if tagged else ())
         faults = []
@@ -568,7 +568,7 @@ def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _merged(spots: list[_Spot]) -> list[Site]:
-    """Merge candidates of one kind that are close together into sites with the streets of all of them."""
+    """Return sites merged from candidates of one kind that are close together, with the streets of all of them."""
     groups: list[list[_Spot]] = []
     firsts = Gathering(MERGE_M)
     for spot in spots:

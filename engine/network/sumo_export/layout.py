@@ -262,7 +262,7 @@ def crossing_of(first: Points, second: Points) -> tuple[float, float, float] | N
 
 
 def _crossings(table: _LaneTable) -> dict[int, frozenset[int]]:
-    """Return, for each lanelet that crosses others, the lanelets that it crosses.
+    """Return the lanelets that each lanelet crosses, by lanelet id; lanelets that cross no other are left out.
 
     Raises:
         NotPossible: more lanelets meet than in any real road network.

@@ -257,7 +257,7 @@ def copied_trajectory(
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """Return the weighted cost terms of a candidate; ``proximity`` combines headway, time to collision and
+    """Return the weighted cost terms of a candidate by name; ``proximity`` combines headway, time to collision and
     clearance.
     """
     terms = candidate.cost

@@ -99,7 +99,7 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
 
 
 def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
-    """Return the lanelets of a route with their positions in it, in driving order.
+    """Return the position in the route of each lanelet on it, in driving order.
 
     Predecessors of the first lanelet have the position −1; successors of the last one, as far as a path continues, have
     the last position.

@@ -53,7 +53,7 @@ class Screening:
     def of(
         cls, matrix: Points, step: PlanningStep, vehicle: VehicleParameters, weights: dict[str, float]
     ) -> "Screening":
-        """Screen the rows of a sampling matrix; at low speed no candidate is clear."""
+        """Return the screening of the rows of a sampling matrix; at low speed no candidate is clear."""
         count = len(matrix)
         if step.low_speed:
             return cls(np.zeros(count, bool), np.zeros((count, len(CONSTRAINTS)), bool), np.zeros(count))
@@ -157,7 +157,7 @@ class _Motions:
         )
 
     def exceeded(self, vehicle: VehicleParameters, step_s: float) -> list[tuple[_Flags, _Flags]]:
-        """Return for every constraint which candidates certainly break it, and which may break it, (n,) each."""
+        """Return for every constraint two masks (n,): the candidates that certainly break it, and those that may."""
         curvature = np.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
         error = _ROUNDING * (1.0 + np.abs(self.curvature))
         error += _ROUNDING_OF_CURVATURE / np.where(self.is_slow, 1.0, self.speed) ** 2

@@ -125,7 +125,7 @@ class RadialBasisPrimitives:
     def _costs(
         self, found: Candidates, drivable: NDArray[np.intp], start: Start, desired_mps: float, observation: Observation
     ) -> dict[str, Values]:
-        """Return the unweighted costs of the feasible candidates, for the channels that have a weight."""
+        """Return the unweighted costs of the feasible candidates by channel, for the channels that have a weight."""
         if not len(drivable):
             return {}
         every = max(round(_COSTED_S / self._task.step_s), 1)

@@ -51,7 +51,7 @@ class Brakes:
         return self if full == self.full_mps2 else Brakes(full, full / self.jerk_mps3)
 
     def after(self, braking_mps2: float, target_mps2: float, step_s: float) -> float:
-        """Return the deceleration one step later for a wanted one; releasing the pedal takes no time."""
+        """Return the deceleration one step later, given the wanted deceleration; releasing the pedal takes no time."""
         return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, target_mps2)
 
 
@@ -367,7 +367,7 @@ class FuzzyDriver(_RespondingDriver):
 
 
 def _share_between(value: float, none: float, all_: float) -> float:
-    """Return 0 at or above one value, 1 at or below a smaller value, and a linear share between them."""
+    """Return 0 at or above the value ``none``, 1 at or below the smaller value ``all_``, and a linear share between."""
     return float(value < all_) if none <= all_ else min(max((none - value) / (none - all_), 0.0), 1.0)
 
 
@@ -397,7 +397,7 @@ class RssDriver(_RespondingDriver):
         return math.inf if self.is_unsafe(seen, moment.own_mps) else 0.0
 
     def is_unsafe(self, seen: Seen, own_mps: float) -> bool:
-        """Return True if both distances to a road user are below the safe ones."""
+        """Return True if both distances to a road user are below the safe distances."""
         if seen.is_passed or 0 < seen.aside_m >= self.safe_aside_m(seen.nearing_mps):
             return False
         return max(seen.gap_m, 0.0) < self.safe_distance_m(own_mps, seen.along_mps)

@@ -211,7 +211,7 @@ class _Ahead:
     body: tuple[float, float]
 
     def seen(self, index: int, station_m: float) -> tuple[Seen, ...]:
-        """Return what a driver with its centre at a station perceives ``index`` steps ahead."""
+        """Return the obstacles as a driver with its centre at a station perceives them ``index`` steps ahead."""
         found = []
         for row in self.rows:
             if index >= len(row.middle_m):

@@ -106,7 +106,10 @@ def _insert(sumo: Sumo, actor: Actor) -> bool:
 
 
 class _ReactiveTraffic:
-    """The other road users of a run; those in ``on_recording`` followed it, since SUMO could not take them over."""
+    """The other road users of a run.
+
+    Those in ``on_recording`` followed their recordings, since SUMO could not take them over.
+    """
 
     def __init__(
         self, sumo: Sumo, roles: TrafficRoles, ego_edges: tuple[str, ...], ego: EgoState, vehicle: VehicleParameters
@@ -141,7 +144,7 @@ class _ReactiveTraffic:
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
         return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
@@ -213,7 +216,7 @@ class _ReactiveTraffic:
                 self._shown[actor.key].settle(speed_mps, there)
 
     def _shown_place(self, actor: Actor, step: int) -> tuple[tuple[float, float, float], LaneHint] | None:
-        """Return where SUMO must show a road user, or None if it is absent."""
+        """Return the pose and the lane at which SUMO must show a road user, or None if it is absent."""
         scripted = self._scripted.get(actor.track.obstacle_id)
         if scripted is None:
             index = self._shown_index(actor, step)

@@ -46,7 +46,7 @@ class Traffic(Protocol):
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
 
     def advance(self, ego: EgoState) -> None:
         """Advance to the step of the ego's new state; called for every step in order, before that step is read."""
@@ -156,7 +156,7 @@ class _Rectangles:
 
 
 def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
-    """Return the bodies of obstacles for all their steps, as commonroad-dc creates them; its own function loads
+    """Return the bodies of obstacles for all their steps, as commonroad-dc creates them; its function for this loads
     matplotlib.
     """
     return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
@@ -241,7 +241,7 @@ def _static_track(obstacle: Any) -> Track:
 
 
 def _track_of_shapes(obstacle: Any, first_step: int, shapes: list[Any], heading_rad: float, speed_mps: float) -> Track:
-    """Return a track of shapes; ``heading_rad`` is that of shapes without their own."""
+    """Return a track of shapes; ``heading_rad`` applies to shapes that have no heading of their own."""
     parts = [_largest(shape) for shape in shapes]
     sizes = [size_of(part) for part in parts]
     return Track(

@@ -86,7 +86,7 @@ class ScriptedActor:
 
     @property
     def key(self) -> str:
-        """SUMO's id of the road user."""
+        """The road user's SUMO id."""
         return str(self._motion.obstacle_id)
 
     @property

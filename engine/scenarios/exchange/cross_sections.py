@@ -188,7 +188,7 @@ def _piece(station_m: float, start: Points, end: Points, out: Points, into: Poin
 
 
 def _rounded(values: Sequence[float]) -> Values:
-    """Round to 1e-9, without a minus sign before 0."""
+    """Return the values rounded to 1e-9, without a minus sign before 0."""
     return np.round(np.array(values), 9) + 0.0
 
 
