@@ -107,7 +107,7 @@ class EvaluatedAgent(Protocol):
 
     @property
     def name(self) -> str:
-        """Return the name for ``--agent``, such as ``oracle`` or ``ollama:qwen3:8b``."""
+        """The name for ``--agent``, such as ``oracle`` or ``ollama:qwen3:8b``."""
 
     async def attempt(self, request: EvalRequest, tools: ToolSession) -> Attempt:
         """Handle a request. Failures of a model or a call are recorded in the attempt, never raised."""

@@ -68,7 +68,7 @@ class Measure:
 
     @property
     def stored(self) -> bool:
-        """Return whether the measure is stored with every run."""
+        """Whether the measure is stored with every run."""
         return self.name in RunMetrics.model_fields
 
 
@@ -92,7 +92,7 @@ class MeasuredValue(Model):
 
     @property
     def partner(self) -> str:
-        """Return text such as ``car 39 ahead``; empty if there is no other road user."""
+        """Text such as ``car 39 ahead``; empty if there is no other road user."""
         return (
             ""
             if self.obstacle_id is None

@@ -157,7 +157,7 @@ class Edit(Arguments):
 
     @property
     def names_added(self) -> bool:
-        """Return whether the edit refers to a vehicle that another edit adds (``new:K``)."""
+        """Whether the edit refers to a vehicle that another edit adds (``new:K``)."""
         words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
         return any(re.search(r"\bnew:\d", word) for word in words)
 
@@ -223,7 +223,7 @@ class Achieved(Model):
 
     @property
     def failed(self) -> bool:
-        """Return whether the requested motion did not happen at all, so there is no value to compare."""
+        """Whether the requested motion did not happen at all, so there is no value to compare."""
         return self.asked is None and not self.reached
 
 

@@ -68,7 +68,7 @@ class PlannerSettings(Model):
 
     @property
     def states_vehicle(self) -> bool:
-        """Return whether the configuration names the vehicle, so the ego's class does not decide."""
+        """Whether the configuration names the vehicle, so the ego's class does not decide."""
         return self.vehicle_stated or self.vehicle != 2
 
     @property

@@ -157,7 +157,7 @@ class Correlation(Model):
 
     @property
     def stands(self) -> bool:
-        """Return whether it differs from 0 after Holm's adjustment, also with the other features controlled for."""
+        """Whether the correlation differs from 0, Holm-adjusted, also with the other features controlled for."""
         left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < SIGNIFICANCE_LEVEL)
         return self.p_holm < SIGNIFICANCE_LEVEL and left
 
@@ -188,7 +188,7 @@ class TriedChange(Model):
 
     @property
     def helps(self) -> bool:
-        """Return whether the gain is clear: as unlikely by chance as four flips to success and no flip back."""
+        """Whether the gain is clear: as unlikely by chance as four flips to success and no flip back."""
         return self.gained > self.lost and self.p <= _CLEAR_P
 
     def in_words(self) -> str:
@@ -278,7 +278,7 @@ class CollisionCauses(Model):
 
     @property
     def is_sample(self) -> bool:
-        """Return whether only a sample was examined."""
+        """Whether only a sample was examined."""
         return self.looked_at < self.collisions
 
     def in_words(self) -> str:
@@ -346,7 +346,7 @@ class BeyondVehicle(Model):
     judged: int
 
     def in_words(self) -> str:
-        """Return their number, and the limits exceeded."""
+        """Return the number of runs, and the limits that their motions exceed, as text."""
         by_limit = ", ".join(f"{name} {count}" for name, count in self.limits.items())
         return f"The vehicle cannot drive {len(self.run_ids)} of {self.judged} motions (limits exceeded: {by_limit})."
 
@@ -647,7 +647,7 @@ _STATED_ABOVE = frozenset(
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
-    """Return a line that no finding suggests a weight, if findings were requested and that is the case."""
+    """Return a line that no finding suggests a weight; empty if one does, or if findings were not requested."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return [

@@ -86,13 +86,13 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Return whether a reference driver prevents the collision, from just before the contact or from the start."""
+        """Whether a reference driver prevents the collision, from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Return whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
+        """Whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
@@ -218,7 +218,7 @@ class PaceMoment(Model):
 
     @property
     def is_the_egos(self) -> bool:
-        """Return whether nothing on the road required the ego to stand or brake."""
+        """Whether nothing on the road required the ego to stand or brake."""
         return self.code in EGOS_OWN
 
     @property
@@ -333,12 +333,12 @@ class Contact(Model):
 
     @property
     def is_unpreventable(self) -> bool:
-        """Return whether no reference driver prevents the collision and the ego did not cause it."""
+        """Whether no reference driver prevents the collision and the ego did not cause it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
     def unforeseen(self) -> bool:
-        """Return whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
+        """Whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
@@ -513,7 +513,7 @@ class RuleVerdict(Model):
 
     @property
     def violated(self) -> bool:
-        """Return whether the run broke the rule."""
+        """Whether the run broke the rule."""
         return self.first_s is not None
 
     @property

@@ -175,7 +175,7 @@ class Tasks(Extension):
         self._background.start_soon(self._carry_out, work, link)
 
     async def _carry_out(self, work: _Work, link: "_Link") -> None:
-        """Run the call and record its end, or leave it to the next server if this one stops."""
+        """Run the call and record its end, or leave it to the next server if this server stops."""
         try:
             async with anyio.create_task_group() as tasks:
                 tasks.start_soon(self._watch, work)

@@ -85,7 +85,7 @@ def answer_text(result: CallToolResult) -> str:
 
 
 def linked_by(call: ToolCall) -> list[ResourceLink]:
-    """Return links to what a call created, the last ones if there are many; with type, title and size."""
+    """Return links to what a call created, only the last links if there are many; with type, title and size."""
     if not call.services.links:
         return []
     links: list[ResourceLink] = []

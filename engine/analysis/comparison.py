@@ -55,7 +55,7 @@ _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one, or the pairs of sides that the request gives.
+    """Compare every side with the first side, or the pairs of sides that the request gives.
 
     Raises:
         NotPossible: there are fewer than two sides, or they have no pair in common.

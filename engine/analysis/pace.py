@@ -173,7 +173,7 @@ class _Cause:
 
     @property
     def strong(self) -> bool:
-        """Return True if the cause requires more than letting the vehicle roll."""
+        """Whether the cause requires more than letting the vehicle roll."""
         return self.needed_mps2 >= NEEDED_MPS2
 
     def explains(self, hardest_mps2: float, usual_mps2: float) -> bool:

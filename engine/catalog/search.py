@@ -130,7 +130,7 @@ class Search:
 
     @property
     def needs_ranking(self) -> bool:
-        """Return whether the retrieval worker must rank by text."""
+        """Whether the retrieval worker must rank by text."""
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ class Actor:
         return sumo_pose(x, y, float(self.track.headings_rad[index]), self.track.length_m)
 
     def stands_at(self, index: int) -> bool:
-        """Return True if the vehicle stands at a state and the one before it, at the same pose."""
+        """Return True if the vehicle stands at a state and at the state before, at the same pose."""
         return bool(self._stands[index])
 
     @cached_property

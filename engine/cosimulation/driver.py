@@ -132,7 +132,7 @@ def behaviour_from(
 
 
 def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]:
-    """Return, for each parameter that is set, whether its new value is independent of the old one."""
+    """Return, for each parameter that is set, whether its new value is independent of the old value."""
     assignments = [parse_assignment(text) for text in params]
     return dict.fromkeys(_NAMES if preset else (), True) | {
         assignment.name: preset is not None or assignment.operator == "=" for assignment in assignments

@@ -332,7 +332,7 @@ class DrivenVehicle:
         return between if all(graph.length_m[key] < _SHORT_M for key in between) else ()
 
     def _reached(self, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
-        """Return the lanelets; the last ones are left out if the motion after an index does not reach them."""
+        """Return the lanelets; omit the last lanelets if the motion after an index does not reach them."""
         count = len(lanelets)
         while count and not self._gets_onto(lanelets[count - 1], begin):
             count -= 1

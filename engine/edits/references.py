@@ -300,7 +300,7 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """Return the first vehicles by rank; the last one's rank must differ from the next vehicle's."""
+    """Return the first vehicles by rank; the rank of the last must differ from that of the next."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]
@@ -352,7 +352,7 @@ def _resolve_lanelets(text: str, scene: Scene, changes: Changes) -> tuple[int, .
 
 
 def known_lanelet(text: str, scene: Scene) -> int:
-    """Return the drivable lanelet with this id, or that of a SUMO lane (edge, underscore, index).
+    """Return the drivable lanelet with this id, or the lanelet of a SUMO lane (edge, underscore, index).
 
     Raises:
         UnknownName: there is no such lanelet or edge; the error lists the nearest ids.

@@ -119,7 +119,7 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
-    """Return the touched vehicles and, if both checks were requested, the number on which they agree."""
+    """Return the touched vehicles, and on how many of them the checks agree; None if one check was requested."""
     screened = _touched_vehicles(edited, check_kinematics)
     if request.detail == "brief":
         return screened, None

@@ -324,7 +324,7 @@ def _way_along_m(line: Points, front: Points) -> float:
 
 
 def _shortest_crossing_m(scene: Scene, row: tuple[int, ...]) -> float:
-    """Return the shortest distance in which a vehicle gets from the first of adjacent lanes to the last one's edge."""
+    """Return the shortest distance in which a vehicle crosses from its lane's centre to the last lane's edge."""
     first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 

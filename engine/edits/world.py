@@ -469,7 +469,7 @@ def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
 
 
 def _after_last(parent: _Element, element: _Element, names: tuple[str, ...]) -> None:
-    """Insert an element after the last one of the first existing name, as the schema's order requires."""
+    """Insert an element after the last element of the first existing name, as the schema's order requires."""
     for name in names:
         found = parent.findall(name)
         if found:

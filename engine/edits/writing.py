@@ -197,7 +197,7 @@ def _point_element(position: Points) -> _Element:
 
 
 def _state_step(state: _Element) -> int:
-    """Return the time step of a state; the first one of an interval."""
+    """Return the time step of a state; the first step of an interval."""
     exact = state.findtext("time/exact")
     return int(exact if exact is not None else state.findtext("time/intervalStart", "0"))
 
@@ -308,7 +308,7 @@ def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
 
 
 def _move(obstacle: _Element, tag: str, initial_tag: str, replay: Replay) -> None:
-    """Shift an initial state and those of a list by the replay's steps; those outside its track are removed."""
+    """Shift an initial state and a list of states by the replay's steps; remove the states outside its track."""
     initial, series = obstacle.find(initial_tag), obstacle.find(tag)
     states = [one for one in (initial, *([] if series is None else series)) if one is not None]
     kept = []

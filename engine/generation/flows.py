@@ -52,7 +52,7 @@ class RouteFlow:
 
     @property
     def present(self) -> float:
-        """Return the mean number of vehicles on the route (Little's law)."""
+        """The mean number of vehicles on the route (Little's law)."""
         return self.per_h * self.travel_s / 3600
 
 
@@ -77,7 +77,7 @@ class FlowPlan:
 
     @property
     def vehicles(self) -> int:
-        """Return the mean number of vehicles at the site, at least 1."""
+        """The mean number of vehicles at the site, at least 1."""
         return max(round(sum(route.present for route in self.routes)), 1)
 
 
@@ -210,13 +210,13 @@ class _Place:
         self._middle = ends.reshape(-1, 2).mean(axis=0)
 
     def names(self) -> list[str]:
-        """Return the names of the named streets, then the OSM way ids of the unnamed ones."""
+        """Return the names of the named streets, then the OSM way ids of the unnamed streets."""
         named = {self._net.edges[edge].name for edge in self._edges.length_m} - {""}
         unnamed = {_way(edge) for edge in self._edges.length_m if not self._net.edges[edge].name}
         return [*sorted(named), *sorted(unnamed)]
 
     def sections(self, flow: RoadFlow) -> tuple[frozenset[str], ...]:
-        """Return the cross-sections of a counted road: the edges of both directions, or of the requested one."""
+        """Return the cross-sections of a counted road, as edges of both directions, or of the requested direction."""
         sections: dict[str, set[str]] = {}
         for edge in sorted(self._edges.length_m):
             if self._has_name(edge, flow.road) and self._leads(edge, flow.direction):

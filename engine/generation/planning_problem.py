@@ -52,7 +52,7 @@ class TaskSpec:
 
     @property
     def shortest_path_m(self) -> float:
-        """Return the minimum distance that a car must drive to the goal."""
+        """The minimum distance that a car must drive to the goal."""
         return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_REQUESTED_PATH_M
 
 

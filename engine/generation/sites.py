@@ -408,7 +408,7 @@ def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool
 
 
 def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
-    """Return whether the streets include one of the names; those in a list (``A 4;E 40``) count individually."""
+    """Return whether the streets include one of the names; names in a list (``A 4;E 40``) count individually."""
     held, wanted = (
         {fold(part) for listed in lists for part in (listed, *listed.split(";"))} for lists in (streets, names)
     )

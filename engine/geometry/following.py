@@ -82,7 +82,7 @@ class PathFollower:
         return stations[np.argsort(distances, kind="stable")[:_MOST_BEGINNINGS]]
 
     def _near_the_last(self, x: float, y: float, last_m: float, reach_m: float) -> tuple[int, float, float] | None:
-        """Return the best position in the window around the last one, or None if a position outside may be better."""
+        """Return the best position within a window of ``last_m``, or None if a position outside may be better."""
         window_m = reach_m + _WINDOW_M
         low = max(int(np.searchsorted(self._stations, last_m - window_m)) - 1, 0)
         high = min(int(np.searchsorted(self._stations, last_m + window_m)) + 1, len(self._squared))

@@ -193,7 +193,7 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """Return a match of the whole map if streets are outside their place's circle, or None if that is a limit.
+        """A match of the whole map if streets are outside their place's circle, or None if that is a limit.
 
         The circle of a town is mostly a guess, and an intersection of streets is unique. A quarter, however, states
         which part of a single street is requested.
@@ -208,7 +208,7 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """Return the box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+        """The box to search: around ``area``, and within the part of a fetched map whose roads are complete.
 
         The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
         """

@@ -54,7 +54,7 @@ class LaneBounds:
         self.on_left = self.on_right = None
 
     def move_end(self, index: int, left: Points, right: Points) -> None:
-        """Set the first (0) or last (−1) vertices of both bounds, including those of sharing neighbours."""
+        """Set the first (0) or last (−1) vertices of both bounds, and of the neighbours' bounds that share them."""
         self.left[index], self.right[index] = left, right
         if self.on_left is not None:
             self.on_left.right[index] = left

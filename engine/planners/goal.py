@@ -151,7 +151,7 @@ class Goal:
 
 
 def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float] | None:
-    """Return a path's first stretch inside an area that does not end before a station, or the last one before it."""
+    """Return a path's first stretch inside an area that ends after a station, otherwise its last stretch there."""
     import shapely
 
     stations = arc_length(path)

@@ -84,7 +84,7 @@ class ReferencePath:
         return ends
 
     def way_m(self, first_m: float, last_m: float) -> float:
-        """Return the length in m along the centre lines between two stations; negative if the second is first."""
+        """Return the length in m along the centre lines between two stations; negative if ``last_m`` is smaller."""
         if self.center_m is None:
             return last_m - first_m
         first, last = np.interp([first_m, last_m], arc_length(self.points), self.center_m)

@@ -77,7 +77,7 @@ def draw_background(axes: "Axes", view: ScenarioView, viewport: Viewport) -> Non
 
 
 def _draw_moment(axes: "Axes", view: ScenarioView, viewport: Viewport) -> VehicleCounts:
-    """Draw one time: the background, the lights, the vehicles with their ids, the egos."""
+    """Draw the scenario and the runs at one time; return the numbers of drawn vehicles."""
     draw_background(axes, view, viewport)
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = view.content.vehicles_at(view.step)

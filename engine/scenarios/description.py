@@ -209,7 +209,7 @@ def _vehicles(
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """Return the vehicle with its role: the ego's recording, not drivable, or ``lead``/``follow`` in another lane."""
+    """Return the vehicle with its role: the ego's recording, undrivable, or ``lead``/``follow`` in another lane."""
     track = scene.tracks.get(vehicle.vehicle_id)
     if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
         return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})

@@ -42,7 +42,7 @@ class LaneMatch:
     lanelets: tuple[int, ...]
 
     def at(self, index: int) -> int:
-        """Return the lanelet at an array index of the track (that of the last sample at or before it)."""
+        """Return the lanelet at an array index of the track: the lanelet of the last sample up to this index."""
         place = int(np.searchsorted(self.indices, index, side="right")) - 1
         return self.lanelets[max(place, 0)]
 

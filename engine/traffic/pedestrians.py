@@ -162,7 +162,7 @@ def _pedestrian_type() -> str:
 
 @dataclass
 class _WalkRecording:
-    """The recorded data of a person: the first step, fronts, SUMO's headings and edges."""
+    """The recorded data of a person: the first step, fronts, headings from SUMO and edges."""
 
     first_step: int
     fronts: list[tuple[float, float]] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and that of a configuration with a class.
+"""CommonRoad's vehicles 1 to 4, the vehicle of each ego class, and the vehicle of a configuration with a class.
 
 The server's process imports this module, so it does not use numpy.
 """
@@ -307,7 +307,7 @@ def refused_by_planners(vehicle_class: str) -> str:
 
 
 def vehicle_of(settings: PlannerSettings, vehicle_class: str = "car") -> VehicleParameters:
-    """Return the vehicle of a run: what the configuration states, otherwise that of the ego's class.
+    """Return the vehicle of a run: the vehicle that the configuration states, otherwise the vehicle of the ego's class.
 
     Raises:
         NotPossible: the class is a vehicle with a trailer, which is two bodies, and the configuration states no other

@@ -151,7 +151,7 @@ class Feasibility:
 
 
 def steering_angles(motion: Motion, step_s: float, wheelbase_m: float = _WHEELBASE_M) -> Values:
-    """Return the steering angle in rad that turns each state into the next, shape (n,); the last one is repeated."""
+    """Return the steering angle in rad that turns each state into the next, shape (n,); the last angle is repeated."""
     if len(motion.headings_rad) < 2:
         return np.zeros(len(motion.headings_rad))
     turn = wrap_angles(np.diff(motion.headings_rad))

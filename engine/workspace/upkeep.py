@@ -123,7 +123,7 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
     """Remove every artifact with an unreadable or inconsistent record; everything else stays.
 
     Returns:
-        The problem of each, and the folder below ``taken_out`` with its row and its files.
+        For each removed artifact: its problem, and the folder below ``taken_out`` with its row and files.
 
     Raises:
         ResourceFailure: The database is damaged, or something cannot be moved.

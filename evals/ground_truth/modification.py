@@ -351,7 +351,7 @@ def _lanelet_of(edit: Mapping[str, Any]) -> object:
 
 
 def _vehicle(scene: Scene) -> int | None:
-    """Return a vehicle that can be edited; one with the planning problem's id would count as the ego."""
+    """Return a vehicle that can be edited; a vehicle with the planning problem's id would count as the ego."""
     return next((key for key in scene.tracks if key != _ego_id(scene) and not not_drivable(scene, key)), None)
 
 

@@ -202,7 +202,7 @@ class SceneFile:
         return {key for key, lane in self.lanelets.items() if lane.polygon.distance(point) <= slack}
 
     def count_parallel_lanes(self, key: int) -> int:
-        """Count the parallel lanelets of one direction, including this one."""
+        """Count the parallel lanelets of one direction, including the given lanelet."""
         return 1 + len(list(self._adjacent_lanelets(key, "left"))) + len(list(self._adjacent_lanelets(key, "right")))
 
     def _adjacent_lanelets(self, key: int, side: str) -> Iterator[int]:

@@ -316,7 +316,7 @@ _STATED = "density missed"
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, including the ego, next to the target; whether a miss is stated."""
+    """Vehicles per kilometre of lane at the start, including the ego; ``stated``: the answer admits a miss."""
 
     target: float
     found: float
@@ -349,7 +349,7 @@ STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
 
 
 def is_in_box(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
-    """Return whether the middle is in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
+    """Return whether the site's middle is at most ``slack`` outside a box (south, west, north, east); in degrees."""
     south, west, north, east = box
     inside = south - slack <= made.latitude <= north + slack
     return inside and west - slack <= made.longitude <= east + slack

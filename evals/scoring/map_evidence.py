@@ -159,7 +159,7 @@ class BenchMaps:
 
     @property
     def names(self) -> frozenset[str]:
-        """Files for which requests can be made."""
+        """The names of the map files for which requests can be made."""
         return frozenset(entry.facts.file_name for entry in self.entries)
 
     def name_of(self, map_id: str) -> str:

@@ -161,7 +161,7 @@ class SuccessTest(Model):
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Return whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
+        """Whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL

@@ -98,5 +98,5 @@ class SuiteReport(Model):
 
     @property
     def passed(self) -> bool:
-        """Return whether all limits hold."""
+        """Whether all limits hold."""
         return all(verdict.holds for verdict in self.verdicts)

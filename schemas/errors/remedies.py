@@ -145,7 +145,7 @@ class NextCall:
 
     @property
     def text(self) -> str:
-        """Return the call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
+        """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
         name = "again" if self.changed is not None else self.tool
         arguments = cited_parts(dict(self.arguments))
         if self.changed is not None:  # what the caller wrote stays as it was written

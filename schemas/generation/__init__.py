@@ -533,7 +533,7 @@ class ScenarioSummary(Model):
 
     @property
     def traffic(self) -> str:
-        """Return the ego and the others by class, and the number requested if it differs."""
+        """The ego and the others by class, and the number requested if it differs."""
         on_foot = self.classes_realised.get("pedestrian", 0)
         vehicles = {name: count for name, count in self.classes_realised.items() if name != "pedestrian"}
         classes = ", ".join(["the ego", *(counted(count, name) for name, count in vehicles.items())])
@@ -544,12 +544,12 @@ class ScenarioSummary(Model):
 
     @property
     def missing(self) -> list[str]:
-        """Return why requested road users are missing, one line each. Replaced ones are not missing."""
+        """Why requested road users are missing, one line each."""
         return [f"Missing: {absence.in_words()}." for absence in self.absences if absence.fate != "replaced"]
 
     @property
     def where(self) -> str:
-        """Return the site, its map, and its coordinates."""
+        """The site, its map, and its coordinates."""
         osm = f", OSM {self.osm_id}" if self.osm_id else ""
         return f"{self.site}, {cited(self.place)} ({self.map_id}, {self.latitude:.5f}, {self.longitude:.5f}{osm})"
 

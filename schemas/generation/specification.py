@@ -215,7 +215,7 @@ class RequestedGoal:
 
     @property
     def is_through(self) -> bool:
-        """Return whether the goal is beyond the site."""
+        """Whether the goal is beyond the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:

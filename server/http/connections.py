@@ -210,7 +210,7 @@ class BoundedProtocol(HttpToolsProtocol):
             super().on_message_complete()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request; if the body of this one is still arriving, only for a while."""
+        """Wait for the next request; if the body of this request is still arriving, only for a while."""
         super().on_response_complete()
         if self.transport.is_closing() or self.pipeline:
             return

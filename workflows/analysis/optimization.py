@@ -256,7 +256,7 @@ class _Search:
         return made
 
     def _is_behind(self, runs: Sequence[RunRecord | None], best: Sequence[RunRecord | None]) -> bool:
-        """Return whether a candidate is worse than the best one by more than a standard error on the same scenarios."""
+        """Return whether a candidate is worse than the best one by over one standard error on the same scenarios."""
         paired = [
             self.plan.score(one) - self.plan.score(other)
             for one, other in zip(runs, best, strict=False)

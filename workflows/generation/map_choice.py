@@ -145,7 +145,7 @@ def _no_such_site(scenario_type: ScenarioType, matches: Sequence[MapMatch]) -> N
 
 
 def _uncovered_box_notes(box: Box, matches: Sequence[MapMatch]) -> list[str]:
-    """Return a note for a box that no map covers, such as that of a country: which parts were searched."""
+    """Return a note for a box that no map covers, such as a country's box: which parts were searched."""
     shown = [match.entry.facts for match in matches]
     south, west, north, east = box
     if any(f.south <= south and f.west <= west and north <= f.north and east <= f.east for f in shown):
@@ -224,7 +224,7 @@ async def assign_sites(spec: GenerationSpec, context: WorkflowContext, matches: 
     """Return sites for the requested number of scenarios, or as many as there are.
 
     Raises:
-        NotPossible: no map has a matching site; the error gives the reason for the first one.
+        NotPossible: no map has a matching site; the error gives the reason for the first map.
     """
     if spec.count == 1:
         return SiteAssignment((AssignedSite(matches[0]),), matches[1 : 1 + _MOST_SPARE_MAPS])
@@ -540,7 +540,7 @@ def _is_named(facts: MapFacts, place: str | None) -> bool:
 
 
 def _fitting(spec: GenerationSpec, whole: Sequence[MapEntry], extracts: Sequence[MapEntry]) -> list[MapEntry]:
-    """Return the extracts that may match if no other map does: those of the country and the box."""
+    """Return the extracts that may match if no other map does: the extracts of the country and the box."""
     if not extracts or (spec.place, spec.country, spec.bbox) == (None, None, None):
         return []
     try:

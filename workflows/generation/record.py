@@ -35,7 +35,7 @@ def kept_report(artifact: Artifact, context: WorkflowContext) -> GeneratedScenar
 
 
 def described_generation(report: GeneratedScenario, artifact: Artifact, detail: Detail) -> DescribedGeneration:
-    """Return the requested and realised values; notes and warnings depend on the detail."""
+    """Return the requested and the realised values of a generated scenario; notes and warnings depend on the detail."""
     full = detail in _IN_FULL
     return DescribedGeneration(
         site=report.site,

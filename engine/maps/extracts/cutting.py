@@ -105,7 +105,7 @@ def _resolve_target(request: CutExtractRequest, store: TileStore) -> _Target | N
 
 
 def _place_called(part: str, others: Sequence[PlaceArea], store: TileStore) -> PlaceArea | None:
-    """Return the largest place with a name, or the one nearest to a second place in the text."""
+    """Return the largest place with a name, or the place nearest to a second place in the text."""
     bodies = store.places_called(place_keys(part) | place_keys(without_frame(part)))
     bodies = bodies or store.places_called(names_elsewhere(without_frame(part)))
     places = [PlaceArea.model_validate_json(body) for body in bodies]

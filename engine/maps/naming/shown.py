@@ -68,7 +68,7 @@ class _Outline:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """All names, starting with the one in the local language."""
+        """All names, starting with the name in the local language."""
         return tuple(dict.fromkeys((*filter(None, (self.tags.get("name", "").strip(),)), *self.names)))
 
     @property

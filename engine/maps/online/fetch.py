@@ -153,7 +153,7 @@ class _Area:
 
     @property
     def _hinted(self) -> bool:
-        """Return whether the requested road is unknown to Nominatim in the requested settlement."""
+        """Whether the requested road is unknown to Nominatim in the requested settlement."""
         return self._place is not None and self._place.is_settlement and bool(self._place.roads)
 
     def _whole(self) -> Box:

@@ -45,12 +45,12 @@ class BuiltUp:
 
     @property
     def is_mapped(self) -> bool:
-        """Return whether the map has any built-up part."""
+        """Whether the map has any built-up part."""
         return not self._shapes.is_empty
 
     @cached_property
     def is_dense(self) -> bool:
-        """Return whether junctions are as dense as in towns, or a settlement is marked, for maps with only roads."""
+        """Whether junctions are as dense as in towns, or a settlement is marked, for maps with only roads."""
         roads = self._osm.roads()
         arms = Counter(key for way in roads for key in (*way.node_ids, *way.node_ids[1:-1]))
         junctions = sum(count > 2 for count in arms.values())

@@ -76,7 +76,7 @@ class _LaneTable:
 
 @dataclass(frozen=True)
 class JunctionPath:
-    """A path from lane to lane of two edges: the lanelet it leaves, those inside the junction, the one it enters."""
+    """A path from a lane of one edge to a lane of another: the lanelets before, inside and after the junction."""
 
     entry: int
     through: tuple[int, ...]
@@ -367,7 +367,7 @@ def _left_neighbours(table: _LaneTable, interior: frozenset[int]) -> dict[int, i
 
 
 def _chain(start: int, next_of: dict[int, int]) -> tuple[int, ...]:
-    """Return a lanelet and its chain of neighbours, up to the last one or until the chain repeats."""
+    """Return a lanelet and its chain of neighbours, up to the last neighbour, or until the chain repeats."""
     chain = dict.fromkeys([start])
     last = start
     while last in next_of and next_of[last] not in chain:

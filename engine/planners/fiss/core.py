@@ -286,7 +286,7 @@ class DrivenPlan:
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
-        """Return the rest of the plan."""
+        """Return the part of the planned trajectory from the given state on."""
         return self.trajectory.since(index)
 
 

@@ -202,13 +202,13 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
 
 
 def _under(here: list[_Section]) -> _Section | None:
-    """Return the lane under the path: preferably one of the route, then the one with the nearest centre."""
+    """Return the lane under the path: preferably a lane of the route, then the one with the nearest centre."""
     holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
     return min(holding, key=lambda section: (section.place is None, abs(section.center_m)), default=None)
 
 
 def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
-    """Return the lane that touches the one under the path on a side, if the vehicle may enter it."""
+    """Return the lane that touches the lane under the path on a side, if the vehicle may enter it."""
     edge = under.left_m if is_left else under.right_m
     crossed = under.crossed_left if is_left else under.crossed_right
     candidates = [

@@ -275,7 +275,7 @@ class GrowingTrack:
 
     @property
     def last_step(self) -> int:
-        """The last step that was added, or the one before the first step."""
+        """The last step that was added, or the step before the first."""
         return self.first_step + self._count - 1
 
     def add(self, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
