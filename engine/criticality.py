@@ -61,7 +61,7 @@ class MovingRectangles:
 class _Encounters:
     """All pairs of a driven state (``state``, an index) and a nearby road user; ``ego`` and ``other`` have shape (n,).
 
-    ``track``: an index into the moving road users, followed by the standing ones.
+    ``track``: an index into the moving road users, followed by the standing road users.
     """
 
     state: NDArray[np.intp]

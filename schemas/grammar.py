@@ -305,7 +305,7 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
 
 
 def _whole(text: str) -> str:
-    """Return the text with its numbers rounded to whole ones."""
+    """Return the text with its numbers rounded to integers."""
     return re.sub(_NUMBER, lambda found: f"{round(float(found[0]))}", text)
 
 

@@ -341,7 +341,7 @@ class ModificationOutcome(Model):
 
     @property
     def handed_over(self) -> tuple[int, ...]:
-        """The vehicles that no edit names, but that would have hit an edited one, or that react with all traffic."""
+        """The vehicles that no edit names, but that would have hit an edited vehicle or react with all traffic."""
         return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
 
 
@@ -508,7 +508,7 @@ def _route_text(route: VehicleRoute) -> str:
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
-    """Return the sentences, shortened to a total length if necessary; a long one loses its middle.
+    """Return the sentences, shortened to a total length if necessary; a long sentence loses its middle.
 
     Its end is kept because it says why an edit is not done.
     """

@@ -168,7 +168,7 @@ def _bounded(text: str) -> str:
 
 
 def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageContent], int]:
-    """Return the first pictures that fit into an answer, and the number of the remaining ones."""
+    """Return the first pictures that fit into an answer, and the number of the remaining pictures."""
     shown: list[ImageContent] = []
     size = 0
     for image in result.images:

@@ -62,7 +62,7 @@ class Recent:
         self._reported: set[MadeKind] = set()
 
     def note(self, kind: MadeKind, made_id: str) -> None:
-        """Remember an artifact or a job as the latest one."""
+        """Remember an artifact or a job as the latest of its kind."""
         with self._lock:
             self._made.pop((kind, made_id), None)
             self._made[kind, made_id] = None

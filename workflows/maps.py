@@ -1,4 +1,4 @@
-"""The maps of a call: those of the package, of the user's map folders, and the imported ones."""
+"""The maps of a call: those of the package, of the user's map folders, and the imported maps."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -96,7 +96,7 @@ def _proposing_others(others: Sequence[str]) -> Iterator[None]:
 
 
 def result_named(word: str, context: WorkflowContext) -> Artifact:
-    """Return the run or batch with an id, or the client's latest one that a word refers to (``WORDS``).
+    """Return the run or batch with an id, or the client's latest result that a word refers to (``WORDS``).
 
     Raises:
         UnknownName: the name is unknown, or there is no such run or batch yet.

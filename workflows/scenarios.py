@@ -89,7 +89,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
-    """Return a file's planning problems other than the described one; None means the first."""
+    """Return a file's planning problems other than the described problem; None means the first."""
     known = [ego.problem_id for ego in facts.egos]
     shown = known[0] if problem_id is None and known else problem_id
     return tuple(key for key in known if key != shown)
@@ -150,7 +150,7 @@ def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScena
 
 
 def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
-    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last one.
+    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last plan.
 
     Raises:
         UnknownName: there is no such plan.

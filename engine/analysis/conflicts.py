@@ -238,7 +238,7 @@ class Crossing:
 
     @property
     def post_encroachment_s(self) -> float:
-        """The time from the first road user's exit to the second one's entry; 0 if they were in the area together."""
+        """The time from the first road user's exit to the other's entry; 0 if they were in the area together."""
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property

@@ -160,7 +160,7 @@ class _Encounters:
         return None if index is None else round(index * self.step_s, 9)
 
     def verdicts(self) -> Iterator[DriverVerdict]:
-        """Yield one verdict for each driver and start."""
+        """Yield one verdict for each reference driver and start."""
         for start, scene in (("before_contact", self._as_driven), ("start", self._on_lane)):
             yield from self._verdicts_from(start, scene)  # type: ignore[arg-type]
 

@@ -2,7 +2,7 @@
 
 A file is identified by the SHA-256 of its content, so an interrupted import continues where it stopped. A file with a
 known id and different content is a *version*. It is stored under its own id, which is also written into the stored
-copy, and the catalogue lists it instead of the earlier one. Several servers may import into one workspace at the same
+copy, and the catalogue lists it instead of the earlier file. Several servers may import into one workspace at the same
 time.
 """
 

@@ -288,7 +288,7 @@ class ScenarioDocument:
         self.root.remove(element)
 
     def add_obstacle(self, element: "etree._Element", *, is_static: bool = False) -> None:
-        """Add an obstacle: a static obstacle before the dynamic ones, any other after the dynamic ones."""
+        """Add an obstacle: a static obstacle before the dynamic ones, any other after the dynamic obstacles."""
         names = ("staticObstacle",) if is_static and not self.is_2018b else ("dynamicObstacle", "obstacle")
         existing = [child for child in self.root if child.tag in names]
         after = (*(("dynamicObstacle",) if is_static else ()), *_AFTER_OBSTACLES)

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 class XmlLimits:
     """Limits for an XML file before any library parses it.
 
-    Chosen well above real files and below harmful ones: the largest of about 200 measured CommonRoad scenarios is 1.4
+    Chosen well above real files and below harmful files: the largest of about 200 measured CommonRoad scenarios is 1.4
     MB in size, with 8 levels, 46,000 elements and 370 lanelets.
 
     ``size_bytes``: bytes of the file. ``depth``: levels of elements, which parsers follow by recursion. ``elements``:

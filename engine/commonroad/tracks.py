@@ -58,7 +58,7 @@ class Track:
         return front
 
     def part(self, begin: int, end: int) -> "Track":
-        """Return the states from a first index (included) to a second one (excluded)."""
+        """Return the states from a first index (included) to a second index (excluded)."""
         return replace(
             self,
             first_step=self.first_step + begin,

@@ -28,7 +28,7 @@ class _ParameterRange:
         return (value > self.low if self.above else value >= self.low) and value <= self.high
 
     def nearest(self, value: float) -> float:
-        """Return the valid value nearest to an invalid one; an excluded lower end gives 1 % of the range above it."""
+        """Return the valid value nearest to an invalid value; an excluded lower end gives 1 % of the range above it."""
         if value > self.high:
             return self.high
         return self.low + (self.high - self.low) / 100 if self.above else self.low
@@ -140,7 +140,7 @@ def parameters_set(preset: str | None, params: Sequence[str]) -> dict[str, bool]
 
 
 def values_set(params: Sequence[str], resulting: Sequence[Behaviour]) -> list[str]:
-    """Return single parameters as given; relative ones have the resulting value, or the range of several values."""
+    """Return parameters as given; a relative parameter has its resulting value, or the range of several values."""
     notes = []
     for text in params:
         assignment = parse_assignment(text)

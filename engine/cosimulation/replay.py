@@ -64,7 +64,7 @@ class SimulationSetup:
 class DrivenTrack:
     """SUMO's track of a driven vehicle: its front bumper (n, 2) in m at every step, starting at ``first_step``.
 
-    The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
+    The first point is recorded. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
     network. ``blocked_by``: ids of vehicles that left no room for an ordered lane change that was not carried out,
     longest-blocking first.
     """
@@ -300,7 +300,7 @@ class _Run:
         return tracks
 
     def _place_replayed(self, step: int) -> None:
-        """Insert, place and remove vehicles, so that all replayed ones that matter are in place after the step."""
+        """Insert, place and remove vehicles, so that all replayed vehicles that matter are in place after the step."""
         near = self._surroundings.at(step, self._driving)
         for actor in self._in_order(near | self._present | self._driven):
             index = actor.track.index_at(step)

@@ -44,7 +44,7 @@ class Changes:
     """Everything that a list of edits requests, up to one of the edits.
 
     ``added_by_edit``: the ids that each edit added, by the edit's index. ``next_id``: the id that the next added
-    vehicle gets. ``replays``: tracks that replace the recorded ones, and added road users that SUMO does not drive.
+    vehicle gets. ``replays``: tracks that replace the recorded tracks, and added road users that SUMO does not drive.
     ``ego``: a new start of the ego. ``ego_drive``: returns the ego's motion under an ordinary driver in the base
     scenario, None if there is no ego; edits that depend on the ego's position call it.
     """
@@ -100,7 +100,7 @@ class EditStep:
     lanelet of each set. ``since``: the step from which aims count. ``speeds``: the speed in m/s that a vehicle should
     reach, and the step from which it counts. ``measure``: returns the results for the requested values, from the
     ``EditedScene`` after the simulation. ``parameters``: for each driver parameter that it sets, whether the new value
-    is independent of the old one. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
+    is independent of the old value. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
     """
 
     changes: Changes

@@ -67,7 +67,7 @@ class EditedScene:
 
     @cached_property
     def after(self) -> Scene:
-        """The scene with simulated tracks in place of recorded ones, and without removed road users."""
+        """The scene with simulated tracks in place of recorded tracks, and without removed road users."""
         scene, removed = self.scene, self.changes.removed
         driven = {key: track.whole(self.result.plans[key].start) for key, track in self.result.tracks.items()}
         return replace(

@@ -39,7 +39,7 @@ _NO_CHANGES = Changes(next_id=0, driven={})
 
 @dataclass(frozen=True)
 class EgoRisk:
-    """The figures, and the ids of vehicles that they leave out: replayed ones that hit the ego from behind."""
+    """The figures, and the ids of vehicles that they leave out: replayed vehicles that hit the ego from behind."""
 
     figures: EgoDanger
     left_out: tuple[int, ...] = ()

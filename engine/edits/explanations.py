@@ -505,7 +505,7 @@ def why_missed(values: Sequence[Achieved]) -> str | None:
     """Return why an edit counts as not done although its vehicles follow its orders; None if it is done.
 
     An edit is not done if its effect occurred for none of its vehicles. A value that only differs from the requested
-    one is reported as a value.
+    value is reported as a value.
     """
     missed = {one.vehicle_id: one.quantity for one in values if one.failed}
     if not missed or {one.vehicle_id for one in values} - set(missed):
@@ -521,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits set all of an edit's parameters to values independent of the earlier ones."""
+    """Return True if later edits set all of an edit's parameters to values independent of the earlier values."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
@@ -539,7 +539,7 @@ def _is_superseded_by_plan(step: EditStep, key: int, result: SimulationResult) -
 
 
 def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
-    """Return True if a later edit sends a vehicle (with this last plan) away from an edit's targets."""
+    """Return True if a later edit sends a vehicle, whose last plan is given, away from an edit's targets."""
     key = plan.start.obstacle_id
     own = step.changes.driven[key]
     lane_changes = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]

@@ -73,7 +73,7 @@ class _Entering:
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add one or more vehicles of a class; further ones are placed downstream of the first, ``spacing_m`` apart.
+    """Add one or more vehicles of a class; further vehicles are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
         UnknownName: there is no such class, lanelet or vehicle.

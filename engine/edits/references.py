@@ -43,7 +43,7 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
     """Return the ids of the vehicles that the selectors match and do not exclude, ascending.
 
-    Vehicles that earlier edits added count like recorded ones; removed ones do not count.
+    Vehicles that earlier edits added count like recorded vehicles; removed vehicles do not count.
 
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
@@ -150,7 +150,7 @@ def _selector(text: str, scene: Scene) -> Selector:
 
 
 def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
-    """Return known ids, ordered by their difference from the wanted one."""
+    """Return known ids, ordered by their difference from the wanted id."""
     return sorted(known, key=lambda key: (abs(key - wanted), key))
 
 

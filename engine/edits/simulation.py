@@ -54,7 +54,7 @@ class Simulation:
     setup: SimulationSetup
 
     def until_clear(self, shown: tuple[Actor, ...], *, all_react: bool) -> SimulationResult:
-        """Simulate, hand over the vehicles that a driven one hits, and simulate again, at most eight more rounds.
+        """Simulate, hand over the vehicles that a driven vehicle hits, and simulate again, at most eight more rounds.
 
         If all vehicles that are hit are already driven, one of them gives way, as long as that leaves fewer collisions.
 

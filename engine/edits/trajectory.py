@@ -163,7 +163,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     They accelerate and brake within their own limits; 0 stops them.
 
     Raises:
-        InvalidRequest: no speed or an impossible one is given, or a vehicle is absent at that time.
+        InvalidRequest: no speed or an impossible speed is given, or a vehicle is absent at that time.
         NotPossible: a vehicle cannot be driven.
     """
     if edit.speed is None:

@@ -451,7 +451,7 @@ def _phase(text: str, step_s: float) -> tuple[int, str]:
 
 
 def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
-    """Return a light at the right edge of a lanelet's end."""
+    """Return a traffic light element at the right edge of a lanelet's end."""
     ids = [one.get("id", "") for one in root.iter() if isinstance(one.tag, str)]
     highest = max((int(one) for one in ids if one.isdigit()), default=0)
     light = etree.Element("trafficLight", id=str(highest + 1))

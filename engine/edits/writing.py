@@ -175,7 +175,7 @@ def _goal_position(old: _Element, goal: GoalChange) -> _Element:
 
 
 def _turned(orientation: _Element, heading_rad: float) -> _Element:
-    """Return the interval, with its old width, around a new heading."""
+    """Return an orientation interval around a new heading, as wide as the old interval."""
     start, end = float(orientation.findtext("intervalStart", "0")), float(orientation.findtext("intervalEnd", "0"))
     half = min(abs(end - start) / 2, 3.14)
     middle = wrap_angle(heading_rad)

@@ -79,7 +79,7 @@ class Limits:
             )
 
     def _resolved(self, text: str) -> Path | None:
-        """Return the absolute path, or None for an impossible one: a null byte, a loop of links, the home of an unknown
+        """Return the absolute path, or None if it is impossible: a null byte, a loop of links, the home of an unknown
         user.
         """
         try:

@@ -87,7 +87,7 @@ _STAND_IN = "; an ordinary driver in the ego's place does not collide"
 
 
 def first_of(wanted: RequestedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
-    """Return the earliest manoeuvre that matches the requested one, or None if there is no match."""
+    """Return the earliest manoeuvre that matches the requested manoeuvre, or None if there is no match."""
     fitting = [one for one in met if one.name == wanted.name]
     if wanted.vehicle_class is not None:
         fitting = [one for one in fitting if class_of(one.obstacle_id) == wanted.vehicle_class]

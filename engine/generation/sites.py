@@ -308,7 +308,7 @@ def _crossing_nearby(
 def _fitting_any(
     finder: SiteFinder, request: GenerationRequest, kinds: Iterable[SiteType], streets: tuple[tuple[str, ...], ...]
 ) -> list[Site]:
-    """Return the fitting sites of any of the kinds on the given streets instead of the requested ones."""
+    """Return the fitting sites of any of the kinds on the given streets instead of the requested kinds."""
     elsewhere = request.model_copy(update={"streets": streets})
     return [site for kind in kinds for site in _fitting(finder, finder.find(kind), elsewhere)]
 

@@ -308,7 +308,7 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def without_spares(vehicles: tuple[GeneratedVehicle, ...], demand: Demand) -> tuple[GeneratedVehicle, ...]:
-    """Remove the vehicles of each class beyond the wanted number, last ones first; the ego must come first."""
+    """Remove the vehicles of each class beyond the wanted number, last vehicles first; the ego must come first."""
     seen: Counter[str] = Counter()
     kept: list[GeneratedVehicle] = []
     for vehicle in vehicles:

@@ -1178,7 +1178,7 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 
 
 def _is_spelling(typed: str, name: str) -> bool:
-    """Return True if a name is the typed one, abbreviated or with its numbers written differently."""
+    """Return True if a name is the typed name, abbreviated or with its numbers written differently."""
     return (
         fold(name) == fold(typed)
         or is_abbreviated(typed, name)

@@ -1,4 +1,4 @@
-"""Recognises the format of map files, and unpacks compressed ones within a size limit.
+"""Recognises the format of map files, and unpacks compressed files within a size limit.
 
 Names only select candidates; the content determines what a file is.
 

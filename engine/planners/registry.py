@@ -201,7 +201,7 @@ def _installed_version(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Return True if a planner uses predictions: all built-in planners do, and user-supplied ones that declare it."""
+    """Return True if a planner uses predictions: all built-in planners, and external planners that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True

@@ -208,7 +208,7 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
 
 
 def _check_version(request: RunRequest) -> None:
-    """Refuse to store a run under a version of a user-supplied planner that differs from the current one."""
+    """Refuse to store a run under a version of a user-supplied planner that differs from the current version."""
     name, wanted = request.configuration.planner, request.planner_version
     here = planner_version(name) if wanted else ""
     if here != wanted:
@@ -220,7 +220,7 @@ def _check_version(request: RunRequest) -> None:
 
 
 def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
-    """Return the metrics of a run over its driven states, including the initial one; None for an invalid problem."""
+    """Return the metrics of a run over its driven states, including the initial state; None for an invalid problem."""
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]

@@ -163,7 +163,7 @@ class MapMatcher:
         return tuple(reversed(chosen))
 
     def _cheapest(self, costs: list[float], before: list[tuple[int, float]], new: int) -> tuple[float, int]:
-        """Return the lowest cost of reaching a lanelet from the previous lanelets, and the index of the best one."""
+        """Return the lowest cost of reaching a lanelet from the previous lanelets, and the best one's index."""
         least, place = math.inf, 0
         for at, (old, _) in enumerate(before):
             cost = costs[at]

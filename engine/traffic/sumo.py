@@ -204,7 +204,7 @@ class Sumo:
     def add_pedestrian(
         self, key: str, edges: Sequence[str], stations_m: tuple[float, float], pedestrian_type: str
     ) -> None:
-        """Put a person onto the pavement of the first edge, to walk along the edges to a point on the last one.
+        """Put a person onto the pavement of the first edge, to walk along the edges to a point on the last edge.
 
         ``stations_m``: distances of the start and end points from the start of their edges.
         """

@@ -129,7 +129,7 @@ def _changes(request: EffectsRequest) -> "dict[str, NDArray[np.float64]]":
 
 
 def _chance(changes: "NDArray[np.float64]", units: Sequence[str], design: DesignRequest) -> float:
-    """Return the p value: how often random signs of scenarios give an effect as large as the observed one; never 0."""
+    """Return the p value: how often random signs of scenarios give at least the observed effect; never 0."""
     import numpy as np
 
     names = list(dict.fromkeys(units))

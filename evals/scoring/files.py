@@ -192,7 +192,7 @@ class SceneFile:
 
     @property
     def counts(self) -> Counter[str]:
-        """The number of road users by class, including static ones, excluding the ego of the planning problem."""
+        """The number of road users by class, including static road users, excluding the ego of the planning problem."""
         egos = {problem.key for problem in self.problems}
         return Counter(user.kind for key, user in self.users.items() if key not in egos)
 

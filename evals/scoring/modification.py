@@ -28,7 +28,7 @@ Columns = dict[str, bool | None]
 
 
 def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score the last scenario made from the requested one."""
+    """Score the last scenario made from the requested scenario."""
     if request.expect == "refuse":
         return refused(request, attempt, "modify_scenario")
     made = last_of(attempt.calls, "modify_scenario")

@@ -122,7 +122,7 @@ class InvalidRequest(PlannerForgeError):
 
 
 class UnknownName(InvalidRequest):
-    """A name or id that does not exist; ``valid`` lists the nearest ones first."""
+    """A name or id that does not exist; ``valid`` lists the nearest names first."""
 
     code = "unknown_name"
     names_valid = True
@@ -168,8 +168,8 @@ class Faults:
         """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: there are faults; the error has the class and reason of the first one, and the valid values
-                of all.
+            InvalidRequest: there are faults; the error has the class and reason of the first fault, and the valid
+                values of all.
         """
         if not self._found:
             return

@@ -64,7 +64,7 @@ class Remedy:
 
 
 def instead(word: str, other: object, *fields: str) -> Remedy:
-    """Return the call with a word replaced; ``fields`` are the only ones that contain it, if known."""
+    """Return the call with a word replaced; ``fields`` are the only fields that contain it, if known."""
     return Remedy((Change(words={word: str(other)}, fields=fields),))
 
 

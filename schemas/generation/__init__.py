@@ -281,7 +281,7 @@ class CoverageRequest(Model):
     """The progress of a coverage plan, and a request for its next ``most`` rows.
 
     ``strength`` is the number of factors in a combination. ``barred`` are combinations of any size that no map has.
-    ``covered`` are finished ones. ``refused`` counts refusals by combination. ``lap`` is how often
+    ``covered`` are finished combinations. ``refused`` counts refusals by combination. ``lap`` is how often
     everything has already been covered; further rows are varied by it.
     """
 
@@ -343,7 +343,7 @@ class GeneratedEgo(Model):
 
 
 class DensityFacts(Model):
-    """Vehicles per lane-kilometre of the cut: requested, at step 0, and at the last step.
+    """Vehicles per kilometre of lane in the cut map: requested, at step 0, and at the last step.
 
     CommonRoad's schema lets obstacles begin only at step 0, so traffic thins out as vehicles leave. ``paper_trips`` is
     the number in the paper's scenarios of that density. ``at_time`` is the time of day that set the density instead of
@@ -609,8 +609,8 @@ class PlanSummary(Model):
     """The progress of a coverage plan.
 
     ``asked`` is the requested number of scenarios, or None for as many as the combinations need. ``made`` counts the
-    plan's scenarios, including ``reused`` older ones. Of the combinations ``allowed`` by the maps, ``covered`` have a
-    scenario. ``left`` and ``cannot`` list the first open and the first impossible combinations.
+    plan's scenarios, including ``reused`` older scenarios. Of the combinations ``allowed`` by the maps, ``covered``
+    have a scenario. ``left`` and ``cannot`` list the first open and the first impossible combinations.
     """
 
     plan_id: str

@@ -5,7 +5,7 @@ cheap: its bytes, lines and time are limited, and so is everything between and a
 chunks, their extensions, trailers). Uvicorn's protocol on httptools has none of these limits.
 
 Descriptors are limited too. If they run short, the connection that has waited longest for its next request is closed,
-so that an idle client gives way to an active one.
+so that an idle client gives way to an active client.
 """
 
 import asyncio

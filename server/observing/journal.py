@@ -156,7 +156,7 @@ class Journal:
 class _Appending(logging.handlers.RotatingFileHandler):
     """A rotating log file that creates its folder with the first line.
 
-    A line that cannot be written is logged and fails no call.
+    A line that cannot be written is logged, and the call succeeds.
     """
 
     def _open(self) -> TextIOWrapper:

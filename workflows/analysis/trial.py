@@ -1,6 +1,6 @@
 """Try the suggestions of an analysis: run each change on failed runs and on a sample of passed runs.
 
-Each suggestion is tried with two sizes of the change, and the better one is reported with its gains and losses. The
+Each suggestion is tried with two sizes of the change, and the better size is reported with its gains and losses. The
 runs are those of ``run_planner``. Stored runs are found again, so a repeated call resumes.
 """
 
@@ -99,7 +99,7 @@ async def with_trials(
 
 
 def _has_other_version(record: RunRecord) -> bool:
-    """Return whether a run's planner version differs from the installed one; an unknown version counts as equal."""
+    """Return whether a run's planner version differs from the installed version; an unknown version counts as equal."""
     try:
         return record.planner_source not in ("", source_that_drives(record.planner))
     except (UnknownName, PlannerFailure):  # no longer installed: resolving its configuration reports this

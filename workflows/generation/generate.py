@@ -34,7 +34,7 @@ async def generate_scenarios(
     A note reports each scenario that could not be generated.
 
     Raises:
-        InvalidRequest: no scenario could be generated; the error gives the reason for the first one.
+        InvalidRequest: no scenario could be generated; the error gives the reason for the first scenario.
     """
     open_catalogue(
         context.workspace, with_starter=context.services.with_starter

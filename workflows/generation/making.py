@@ -153,7 +153,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
 
 
 def _other_type_note(realised: str, requested: str) -> str:
-    """Return the requested type of site, if the realised one differs."""
+    """Return the requested type of site, if the realised type differs."""
     return "" if requested in ("any", realised) else f" (instead of the requested {requested})"
 
 

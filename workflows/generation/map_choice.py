@@ -3,7 +3,7 @@
 Local maps that contain the place come first. If no local map does, the matching part of a country extract is cut out,
 or a map is downloaded. A map downloaded for a request is stored, but only the same request uses it, so the request
 gives the same bytes regardless of later downloads. A map that a user downloaded counts like any other. Maps without an
-assigned site may replace one that fails.
+assigned site may replace a map that fails.
 """
 
 from collections import Counter
@@ -178,7 +178,7 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
 async def without_refused(
     spec: GenerationSpec, context: WorkflowContext, entries: Sequence[MapEntry], refusal: PlannerForgeError
 ) -> PlannerForgeError:
-    """Return the refusal of a place, without those proposed places that have no such site and would be refused too.
+    """Return the refusal of a place, without the places that it proposes but that would be refused too.
 
     If all of them would be refused, it proposes the towns of local maps that have a site of this type.
     """
@@ -286,7 +286,7 @@ def share_sites(matches: Sequence[MapMatch], counts: Sequence[int], wanted: int)
 def nth_site(counts: Sequence[int], turn: int) -> tuple[int, int, int]:
     """Return the map and site for a turn, if maps take turns, and how often all sites were used before.
 
-    ``counts`` are the sites per map. All first sites come before all second ones, as in :func:`share_sites`.
+    ``counts`` are the sites per map. All first sites come before all second sites, as in :func:`share_sites`.
     """
     lap, left = divmod(turn, sum(counts))
     done = 0

@@ -296,7 +296,7 @@ class TileStore:
         return {kind: int(count) for kind, count in rows}
 
     def places_called(self, keys: Iterable[str]) -> list[str]:
-        """Return the places with one of the names, larger ones first, as they were added."""
+        """Return the places with one of the names, larger places first, as they were added."""
         wanted = sorted(set(keys))
         holes = ", ".join("?" * len(wanted))
         query = (

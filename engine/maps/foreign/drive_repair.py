@@ -236,7 +236,7 @@ class _Arm:
     at_start: bool
 
     def leads_in(self, lane: int) -> bool:
-        """Return whether a lane leads into the junction: right lanes lead to a road's end, left ones to its start."""
+        """Return whether a lane leads into the junction: right lanes lead to a road's end, left lanes to its start."""
         return (lane > 0) == self.at_start
 
     def width_m(self, lane: int) -> float:

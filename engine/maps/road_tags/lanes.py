@@ -235,7 +235,7 @@ def _metres(text: str) -> float | None:
 def arrows(turns: Sequence[str]) -> tuple[str, ...]:
     """Return the directions of lanes, left to right.
 
-    Lanes without arrows lead straight on; the outer ones also lead to their side.
+    Lanes without arrows lead straight on; the outer lanes also lead to their side.
 
     A lane next to a right arrow leads to the right only if it has an arrow to the right, or if no other lane does.
     """

@@ -71,7 +71,7 @@ class Pavements:
         return tags | ({"sidewalk": "no", "foot": "no"} if sides == "no" else {"sidewalk": sides})
 
     def tags_of_node(self, node: OsmNode) -> Mapping[str, str]:
-        """Return a node's tags without crossings, except mid-block ones.
+        """Return a node's tags without crossings, except mid-block crossings.
 
         netconvert builds every crossing that a node marks, in addition to its own at junctions.
         """

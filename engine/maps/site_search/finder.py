@@ -1,7 +1,7 @@
 """Finds the sites on a map: its roundabouts, signalised intersections, ramps, motorways and so on.
 
 A map of any kind and size is searched in at most n log n time: ``nearness`` finds what is nearby. If hundreds of roads
-meet, or hundreds of sites share one position, only the first ones are named.
+meet, or hundreds of sites share one position, only the first roads or sites are named.
 """
 
 import math
@@ -176,7 +176,7 @@ class SiteFinder:
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
-        """Return all sites of a kind, with nearby ones merged; empty if the map has hardly any roads."""
+        """Return all sites of a kind, with nearby sites merged; empty if the map has hardly any roads."""
         if kind not in self._found:
             sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
             self._found[kind] = tuple(

@@ -73,7 +73,7 @@ class StepwiseDriver:
         return drivable(plan, task)
 
     def shown_candidates(self, most: int) -> Sequence[Points]:
-        """Return further candidates of the last step that the program showed."""
+        """Return up to ``most`` of the candidates that the program showed at the last step, as points (n, 2)."""
         return [self._shown[place] for place in evenly_chosen(len(self._shown), most)]
 
     def close(self) -> None:

@@ -1,9 +1,9 @@
 """The C++ core of FISS (fiss-planner 1.0.0): its inputs, its outputs, and its pitfalls.
 
 The core plans the centre of the vehicle in the Frenet frame of a reference line. Lateral motions are quintic and
-longitudinal ones quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own default
-is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a lane. Its
-coordinates are world coordinates. Lengths in m, headings in rad.
+longitudinal motions quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own
+default is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a
+lane. Its coordinates are world coordinates. Lengths in m, headings in rad.
 
 Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
 

@@ -49,7 +49,7 @@ class LaneBand:
 
 @dataclass(frozen=True)
 class Bands:
-    """The lane under the path and the two adjacent ones, at stations (n,) in m along the path."""
+    """The lane under the path and the two adjacent lanes, at stations (n,) in m along the path."""
 
     stations_m: Values
     under: LaneBand
@@ -101,8 +101,8 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
 def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
     """Return the position in the route of each lanelet on it, in driving order.
 
-    Predecessors of the first lanelet have the position −1; successors of the last one, as far as a path continues, have
-    the last position.
+    Predecessors of the first lanelet have the position −1; successors of the last lanelet, as far as a path continues,
+    have the last position.
     """
     places = dict.fromkeys(graph.predecessors[lanelets[0]], -1) | {key: at for at, key in enumerate(lanelets)}
     ends = {lanelets[-1]: 0.0}

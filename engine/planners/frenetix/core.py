@@ -314,7 +314,7 @@ class PlanningStep:
 def add_feasibility(handler: "frenetix.TrajectoryHandler", vehicle: VehicleParameters) -> None:
     """Add the four constraints that the core actually checks; they stay the same during a run.
 
-    The core's accelerations are half of the true ones (see the module), so it gets half of the limit.
+    The core's accelerations are half of the true accelerations (see the module), so it gets half of the limit.
     """
     steering, wheelbase = vehicle.maximum_steering_rad, vehicle.wheelbase_m
     handler.add_feasability_function(feasibility.CheckYawRateConstraint(steering, wheelbase, False))

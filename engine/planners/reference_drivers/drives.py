@@ -289,7 +289,7 @@ class DriverScene:
     def latest_takeover(self, driver: ReferenceDriver, last: int) -> int | None:
         """Return the latest state for a takeover, at most ``last``; None if even the first state is too late.
 
-        Uses bisection: the driver prevents the collision from that state, but not from the next one.
+        Uses bisection: the driver prevents the collision from that state, but not from the next state.
         """
         if not self.prevents(driver):
             return None

@@ -121,7 +121,7 @@ def _headway_s(gap_m: float, own_mps: float) -> float:
 
 @dataclass(frozen=True)
 class Moment:
-    """A driver's perception: the time, its own speed and acceleration, and the road users ahead, even hidden ones."""
+    """A driver's perception: the time, its own speed and acceleration, and the road users ahead, hidden or not."""
 
     time_s: float
     own_mps: float
@@ -376,10 +376,10 @@ class RssDriver(_RespondingDriver):
     """The driver of Responsibility-Sensitive Safety, which brakes fully while both distances to a road user are unsafe.
 
     The longitudinal distance is definition 1 for a road user in the driver's direction, without acceleration during the
-    response (a driver that keeps its speed), and definition 2 for an oncoming one. The lateral distance is definition 6
-    with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay, ``own_mps2`` and
-    ``front_mps2`` are the decelerations that the driver assumes for itself and for others, ``across_mps2`` and
-    ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
+    response (a driver that keeps its speed), and definition 2 for an oncoming road user. The lateral distance is
+    definition 6 with a driver that keeps its lane. RSS leaves the values open: ``response_s`` is UN R157's delay,
+    ``own_mps2`` and ``front_mps2`` are the decelerations that the driver assumes for itself and for others,
+    ``across_mps2`` and ``fluctuation_m`` are those of the Joint Research Centre's comparison of the driver models.
     """
 
     own_mps2: float = 4.0

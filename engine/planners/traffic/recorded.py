@@ -225,7 +225,7 @@ def _all_tracks(obstacles: "Iterable[DynamicObstacle]", recorded: Mapping[int, T
 
 
 def _occupancy_track(obstacle: Any) -> Track:
-    """Return a track of the centres of an obstacle's occupied regions, with the size of the largest one."""
+    """Return a track of the centres of an obstacle's occupied regions, with the size of the largest region."""
     first = int(obstacle.initial_state.time_step)
     shapes = [obstacle.occupancy_at_time(first).shape]
     if obstacle.prediction is not None:
