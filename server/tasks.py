@@ -88,7 +88,7 @@ class Caller(Protocol):
 
 @dataclass
 class _Work:
-    """A call that runs separately: its means of stopping, and its result."""
+    """A call that runs separately: the means to stop it, and its result."""
 
     spec: ToolSpec
     arguments: Mapping[str, Any]

@@ -477,7 +477,7 @@ def _passage(
 
 
 def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletNetwork") -> YieldsBy | None:
-    """Return the reason why the ego must give way to another at an intersection, or None. Lights override all signs."""
+    """Return why the ego must give way to another road user at an intersection, or None. Lights override all signs."""
     if own.incoming_id == theirs.incoming_id:
         return None
     turned = abs(float(wrap_angles(np.array([theirs.heading_rad - own.heading_rad]))[0]))

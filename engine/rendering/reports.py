@@ -141,7 +141,7 @@ def _by_any_motion(result: AnalyzeResultsResult) -> str:
 
 
 def _describe_causes(causes: CollisionCauses | None) -> str:
-    """Return a sentence on who caused the collisions, as far as the reference drivers can tell."""
+    """Return a sentence on who caused the collisions, according to the reference drivers."""
     if causes is None:
         return "There was no collision with a known course."
     none = len(causes.not_preventable)

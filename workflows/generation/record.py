@@ -87,7 +87,7 @@ def _flows(flows: Sequence[RoadFlow]) -> str:
 
 
 def with_classes(vehicles: tuple[DescribedVehicle, ...], report: GeneratedScenario) -> tuple[DescribedVehicle, ...]:
-    """Return the vehicles with the class that they were generated as, if CommonRoad's type has another name."""
+    """Return the vehicles with ``vehicle_class`` set to the generated class if that differs from CommonRoad's type."""
     classes = report.vehicle_classes
     return tuple(
         vehicle.model_copy(update={"vehicle_class": name})

@@ -93,7 +93,7 @@ class Site:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Its middle as latitude and longitude in degrees."""
+        """The site's middle as latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
     @property

@@ -257,9 +257,7 @@ def copied_trajectory(
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """Return the weighted cost terms of a candidate by name; ``proximity`` combines headway, time to collision and
-    clearance.
-    """
+    """Return the weighted costs of a candidate by term; ``proximity`` is headway, time to collision and clearance."""
     terms = candidate.cost
     return {
         "acceleration": terms.accel,

@@ -156,9 +156,7 @@ class _Rectangles:
 
 
 def _bodies_of(obstacles: Mapping[int, Any]) -> dict[int, "pycrcc.CollisionObject"]:
-    """Return the bodies of obstacles for all their steps, as commonroad-dc creates them; its function for this loads
-    matplotlib.
-    """
+    """Return obstacles' bodies at all steps, as commonroad-dc creates them; its own function loads matplotlib."""
     return {key: _body_of_obstacle(obstacle) for key, obstacle in obstacles.items()}
 
 
