@@ -315,7 +315,7 @@ class ImportedItem(Model):
 
 
 class RefusedItem(Model):
-    """A file that was not imported, and why."""
+    """A file that was not imported, and the reason."""
 
     file: str = Field(description="path of the file")
     reason: str = Field(description="why it was not imported")

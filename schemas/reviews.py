@@ -1,4 +1,4 @@
-"""What a look at a run adds to its record: who hit whom, who was at fault, pace, comfort and broken rules.
+"""Reviews of runs, in addition to their records: who hit whom, who was at fault, pace, comfort and broken rules.
 
 ``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
@@ -43,7 +43,7 @@ DriverStart = Literal["before_contact", "start"]
 
 
 class DriverVerdict(Model):
-    """Whether one reference driver prevents a collision from one start. Times are in s of the run.
+    """The verdict on one reference driver: whether it prevents a collision from one start. Times are in s of the run.
 
     ``until_s`` is the latest time at which it can take over and still prevent the collision, or null if it cannot.
     ``reacts_at_s`` is when it first brakes or steers if it takes over at the start, or null if it does not react.
@@ -57,7 +57,7 @@ class DriverVerdict(Model):
 
 
 class Prevention(Model):
-    """Whether reference drivers in the ego's place prevent a collision if the others move as before (see docs/runs.md).
+    """The verdicts of reference drivers on a collision: whether they prevent it in the ego's place (see docs/runs.md).
 
     ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
     fields state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking
@@ -79,25 +79,25 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Return whether any reference driver prevents it, either from just before the contact or from the start."""
+        """Whether a reference driver prevents the collision, from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Return whether UN R157's careful or fuzzy driver prevents it from both starts."""
+        """Whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
 
     def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
-        """Return whether a driver prevents it from a start, or from both."""
+        """Return whether a driver prevents the collision from a start, or from both."""
         starts = ("before_contact", "start") if start == "both" else (start,)
         found = {verdict.start for verdict in self.drivers if verdict.driver == driver and verdict.prevents}
         return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Return which drivers prevent it from which start, and until when."""
+        """Return which drivers prevent the collision from which start, and until when, as text."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
@@ -117,7 +117,7 @@ class Prevention(Model):
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
-        """Return which drivers prevent it from the start; empty for runs of older versions."""
+        """Return which drivers prevent the collision from the start, as text; empty for runs of older versions."""
         if not self.drivers:
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
@@ -129,7 +129,7 @@ class Prevention(Model):
         return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
+        """Return the reference drivers that do or do not prevent the collision from the start; steering is left out."""
         drivers = [
             verdict.driver
             for verdict in self.drivers
@@ -142,7 +142,7 @@ class Prevention(Model):
         return list(names.values())
 
     def _drivers(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers, other than full braking, that do or do not prevent it."""
+        """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
         drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
@@ -194,7 +194,7 @@ EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "brak
 
 
 class PaceMoment(Model):
-    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked at 2 m/s² or more, and why.
+    """A span of a run in which the ego stood, was held up, or braked at 2 m/s² or more, and the reason.
 
     ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
     stop line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
@@ -210,7 +210,7 @@ class PaceMoment(Model):
 
     @property
     def is_the_egos(self) -> bool:
-        """Return whether nothing on the road required it."""
+        """Whether nothing on the road required the ego to stand or brake."""
         return self.code in EGOS_OWN
 
     @property
@@ -276,7 +276,7 @@ It stood or braked without a reason, cut in, was on an oncoming lane, ran a red 
 
 
 class EgoFault(Model):
-    """What the ego did that led to a collision, and when; ``moment`` is the stop or braking, if there was one."""
+    """The ego's action that led to a collision, and its time; ``moment`` is the stop or braking, if there was one."""
 
     code: OwnFault = Field(description="stable code of what the ego did")
     time_s: float = Field(description="when it did it")
@@ -333,12 +333,12 @@ class Contact(Model):
 
     @property
     def is_unpreventable(self) -> bool:
-        """Return whether no reference driver prevents it and the ego did not cause it."""
+        """Whether no reference driver prevents the collision and the ego did not cause it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
     def unforeseen(self) -> bool:
-        """Return whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
+        """Whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
@@ -420,7 +420,7 @@ class Encounter(Model):
 
     @property
     def place(self) -> str:
-        """Position: ``ahead``, ``behind``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
+        """The position, such as ``ahead``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 
@@ -435,7 +435,7 @@ class LargestMotion(Model):
 
 
 class ComfortExcess(Model):
-    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and when that window ends."""
+    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and the end of that window."""
 
     name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"] = Field(
         description="the motion"
@@ -475,7 +475,7 @@ class RunReview(Model):
         return f"The ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
-        """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
+        """Return a line on the smallest gap and the shortest time to collision, or on why there is no such value."""
         if self.closest is None:
             return "Closest: no other road user within 60 m."
         near, urgent = self.closest, self.most_urgent
@@ -515,7 +515,7 @@ class RuleVerdict(Model):
 
     @property
     def violated(self) -> bool:
-        """Return whether the run broke the rule."""
+        """Whether the run broke the rule."""
         return self.first_s is not None
 
     @property
@@ -532,7 +532,7 @@ class RuleVerdict(Model):
 
 
 class RunLook(Model):
-    """The stored result of one look at a run's steps and scenario.
+    """The stored review of a run, computed from its steps and its scenario.
 
     ``out_of_reach`` is True if no ego could reach the goal in time. ``trivial`` states why the goal required no
     driving, and is empty if it required some.
@@ -547,7 +547,7 @@ class RunLook(Model):
 
 
 class LooksResponse(Model):
-    """A look at each run, in the order of the request."""
+    """The review of each run, in the order of the request."""
 
     looks: tuple[RunLook, ...]
 

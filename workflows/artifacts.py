@@ -239,7 +239,7 @@ def _job_id(word: str, context: WorkflowContext) -> str:
 
 
 def _own_latest(context: WorkflowContext) -> str | None:
-    """Return the client's latest job, otherwise the latest one started with its token, with a remark."""
+    """Return the id of the client's latest job, otherwise of the latest job started with its token, with a remark."""
     last = context.services.recent.last(["job"])
     if last:
         return last[0][1]

@@ -144,7 +144,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
 
 
 def _listed(name: str) -> PlannerInfo:
-    """Return a planner's entry; an external one that cannot be imported says so."""
+    """Return a planner's entry; the entry of an external planner that cannot be imported says so."""
     try:
         tuning = tuning_of(name)
     except PlannerFailure as error:

@@ -56,7 +56,7 @@ _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one, or the pairs of sides that the request gives.
+    """Compare every side with the first side, or the pairs of sides that the request gives.
 
     Raises:
         NotPossible: there are fewer than two sides, or they have no pair in common.
@@ -142,7 +142,7 @@ class _Draft:
 
 
 def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest) -> _Draft:
-    """Pair two sides and test them.
+    """Pair two sides and test them; return the comparison before its tests are adjusted.
 
     Raises:
         NotPossible: they have no problem in common.
@@ -313,7 +313,7 @@ def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
 
 
 def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
-    """Return the pairs grouped by prediction and traffic mode; empty if they have only one."""
+    """Return the pairs grouped by prediction and traffic mode; empty if all pairs are in one group."""
     groups: dict[str, list[tuple[bool, bool]]] = {}
     for pair in pairs:
         groups.setdefault(f"{pair[1].prediction}/{pair[1].traffic}", []).append(_mastered(pair))
@@ -368,7 +368,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """Return what distinguishes the scenarios of a pair by lineage: their edits, from the first difference."""
+    """Return the edits in which a pair's scenarios differ; the two scenarios were edited from a common ancestor."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -392,7 +392,7 @@ def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
 
 
 def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
-    """Return how both runs of the only pair ended, with their reviews."""
+    """Return both runs of the only pair, with their outcomes and reviews."""
     runs = RunSet(request.runs, request.configs, request.scenarios)
     before, after = (
         PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair
@@ -682,7 +682,7 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
+    """Return sentences on the metrics that differ, with the better side, and on those that differ in some scenarios."""
     telling = [test for test in metrics if _is_significant(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [

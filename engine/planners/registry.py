@@ -75,7 +75,7 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 
 
 def planner_names() -> tuple[str, ...]:
-    """Return the available planners: the built-in ones, then the user's."""
+    """Return the available planners: the built-in planners, then the user's."""
     others = found_planners(PLANNERS).values()
     return (*PLANNERS, *(each.name for each in others if not each.fault))
 
@@ -89,7 +89,7 @@ def known_planner(name: str) -> str:
     """Return a planner's registered name, ignoring case.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
@@ -98,10 +98,10 @@ def known_planner(name: str) -> str:
 
 
 def own_planner(name: str) -> Found:
-    """Return the user-supplied planner with a name.
+    """Return the user-supplied planner with this name.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: Its name is already taken.
     """
     found = found_planners(PLANNERS).get(name.strip().lower().replace("-", "_"))
@@ -121,7 +121,7 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
     """Return a new planner; a program planner gets the scenario's file.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user-supplied planner cannot be created.
     """
     folded = known_planner(name)
@@ -172,7 +172,7 @@ def version_that_drives(name: str) -> PlannerVersion:
     """Return the version of the planner that currently has a name; only for workers, since it imports the class.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user's planner cannot be imported.
     """
     folded = known_planner(name)
@@ -188,7 +188,7 @@ def source_that_drives(name: str) -> str:
     """Return the digest of :func:`version_that_drives`, without importing anything.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = known_planner(name)
     return _installed_version(folded).source if folded in PLANNERS else own_planner(folded).version
@@ -201,7 +201,7 @@ def _installed_version(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Return True if a planner uses predictions: all built-in planners do, and others that declare it."""
+    """Return True if a planner uses predictions: all built-in planners, and external planners that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True
@@ -213,7 +213,7 @@ def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
     """Refuse to give a planner the future of vehicles that have no future yet.
 
     Raises:
-        InvalidRequest: Ground-truth prediction of reactive traffic.
+        InvalidRequest: The prediction is ``ground_truth`` and the traffic is reactive.
     """
     if traffic == "reactive" and prediction == "ground_truth":
         others = [name for name in get_args(Prediction) if name != "ground_truth"]
@@ -227,7 +227,7 @@ def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
 def open_traffic(
     mode: TrafficMode, loaded: "LoadedScenario", problem: "PlanningProblem", vehicle: "VehicleParameters", seed: int
 ) -> "AbstractContextManager[Traffic]":
-    """Yield the others of a scenario at the ego's first step, for a ``with`` block.
+    """Yield the other road users of a scenario at the ego's first step, for a ``with`` block.
 
     Raises:
         NotPossible: No vehicle can react, since no lanelet is drivable.

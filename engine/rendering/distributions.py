@@ -28,7 +28,7 @@ _Pair = tuple[float, float]
 
 
 def distributions(runs: RunSet) -> Drawing:
-    """Draw a panel per metric: runs are dots, the middle half is a box, the median a line, and pairs are joined.
+    """Draw a panel per metric: runs are dots, a box spans the middle half, a line is the median, and pairs are joined.
 
     Raises:
         NotPossible: No valid run has a metric.

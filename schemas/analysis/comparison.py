@@ -161,7 +161,7 @@ class SuccessTest(Model):
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Return whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
+        """Whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL
@@ -392,7 +392,7 @@ def _strata(comparison: Comparison) -> list[str]:
 
 
 def _edited(comparison: Comparison) -> list[str]:
-    """Return what the edits changed between the scenarios of pairs by lineage."""
+    """Return lines on what the edits changed between the scenarios of pairs by lineage."""
     if not comparison.edited_count:
         return []
     lines = []

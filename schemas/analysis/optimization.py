@@ -188,12 +188,12 @@ class HeldOut(Model):
 
     @property
     def is_better(self) -> bool:
-        """Return whether the gain is shown."""
+        """Whether the gain is shown."""
         return self.gain.low > 0 and self.shown
 
     @property
     def is_worse(self) -> bool:
-        """Return whether a loss is shown."""
+        """Whether a loss is shown."""
         return self.gain.high < 0 and self.shown
 
 

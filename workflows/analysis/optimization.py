@@ -231,7 +231,7 @@ class _Search:
     async def tried(
         self, candidates: Sequence[tuple[PlannerConfiguration, tuple[float, ...]]], *, prune: bool
     ) -> list[_Trial]:
-        """Run candidates on the training scenarios in parts, and abandon those that fall behind."""
+        """Run candidates on the training scenarios in parts, abandon those that fall behind, and return all trials."""
         training, best = self.plan.training, self.best() if self.trials else None
         runs: list[list[RunRecord | None]] = [[] for _ in candidates]
         alive, done = list(range(len(candidates))), 0
@@ -256,7 +256,7 @@ class _Search:
         return made
 
     def _is_behind(self, runs: Sequence[RunRecord | None], best: Sequence[RunRecord | None]) -> bool:
-        """Return whether a candidate is worse than the best one by more than a standard error on the same scenarios."""
+        """Return whether a candidate is worse than the best one by over one standard error on the same scenarios."""
         paired = [
             self.plan.score(one) - self.plan.score(other)
             for one, other in zip(runs, best, strict=False)
@@ -269,7 +269,7 @@ class _Search:
         return mean < 0 and mean + error <= 0
 
     async def _run(self, cells: Sequence[Cell]) -> list[RunRecord | None]:
-        """Return the runs of some cells in order; lost runs are None."""
+        """Return the runs of the cells in order; lost runs are None."""
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
@@ -318,7 +318,7 @@ class _Search:
         self.progress.report(0.9 * self.driven / most, f"{self.driven} of at most {most} configurations run, {found}")
 
     async def _ended(self) -> StudyRecord:
-        """Revert useless changes, then evaluate once on the held-out scenarios."""
+        """Revert useless changes, evaluate once on the held-out scenarios, and return the record of the study."""
         lines = tuple(self.line(trial) for trial in self.trials)
         best, front = self.best(), self._front()
         changes: tuple[ChangeShare, ...] = ()
@@ -388,7 +388,7 @@ class _Search:
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
-        """Return a configuration with the base's values of some weights and settings."""
+        """Return a configuration with the named weights and settings reset to the base's values."""
         weights = configuration.weights | configuration.external_weights
         changes = differences(self.plan.base, configuration)
         assignments = [f"{one.name}={one.before!r}" for one in changes if one.name in names]
@@ -644,7 +644,8 @@ def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -
     """Refuse a sensitivity analysis if its smallest design needs more runs than allowed.
 
     Raises:
-        InvalidRequest: with the number of runs needed, and the number of weights that fit.
+        InvalidRequest: the design is too large; the error gives the number of runs needed and the number of weights
+            that fit.
     """
     needed = 1 + fewest_configurations(method, weights)
     if needed > most:
