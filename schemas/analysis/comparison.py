@@ -53,15 +53,15 @@ Every name that an answer, a table or a legend prints is accepted."""
 
 
 class CompareResultsArguments(Arguments):
-    """A against B, paired per scenario: tests, intervals, effect sizes, flips each way, which weights changed."""
+    """A against B, paired per scenario: tests, intervals, effect sizes, flips, changed weights."""
 
     results: list[str] = Field(
         [],
         max_length=50,
         description="run or batch ids, baseline first, or one batch of configurations; default: the newest",
     )
-    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all that can be compared")
-    limit: int = Field(10, ge=1, le=100, description="flipped scenarios shown per direction")
+    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all comparable")
+    limit: int = Field(10, ge=1, le=100, description="flips shown per direction")
 
 
 class Side(Model):
