@@ -1,4 +1,4 @@
-"""Objects that the Python library returns: scenarios, runs and pictures, with a display for notebooks."""
+"""Objects that the Python library returns: scenarios, runs and pictures, all of which notebooks can display."""
 
 import base64
 import html

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, Protocol, TypeVar
 
-from ..engine.planners import OwnPlanner, Planner, PlannerHere, planners_here
+from ..engine.planners import OwnPlanner, Planner, PlannerObject, registered_objects
 from ..engine.workspace import Workspace as StoredWorkspace
 from ..schemas.analysis.comparison import CompareResultsArguments, CompareResultsResult
 from ..schemas.analysis.optimization import OptimizePlannerArguments, OptimizePlannerResult
@@ -321,7 +321,7 @@ class Workspace:
         known = next((known for one, known in self._known if one is planner and name in ("", known)), None)
         if known is None:
             known = name or _name_of(planner)
-            self._planners.enter_context(planners_here({known: _registration(planner)}))
+            self._planners.enter_context(registered_objects({known: _registration(planner)}))
             self._known = [(one, other) for one, other in self._known if other != known] + [(planner, known)]
         return f"{known}:Default"
 
@@ -362,16 +362,16 @@ def _one_id(scenario: "str | Scenario | Scenarios") -> str:
     return str(scenario)
 
 
-def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
+def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerObject:
     """Return a registration for the caller's planner.
 
     Raises:
         InvalidRequest: The object is not a planner.
     """
     if isinstance(planner, OwnPlanner):
-        return PlannerHere(planner, _source(planner.make, planner.declaration.model_dump_json()))
+        return PlannerObject(planner, _source(planner.make, planner.declaration.model_dump_json()))
     if isinstance(planner, type):
-        return PlannerHere(OwnPlanner(planner, _declaration(planner)), _source(planner, ""))
+        return PlannerObject(OwnPlanner(planner, _declaration(planner)), _source(planner, ""))
     if not (callable(getattr(planner, "reset", None)) and callable(getattr(planner, "plan", None))):
         raise InvalidRequest(
             f"{type(planner).__name__} is not a planner",
@@ -379,7 +379,7 @@ def _registration(planner: OwnPlanner | Planner | type[Planner]) -> PlannerHere:
             next_step="see docs/own_planner.md",
         )
     made = OwnPlanner(lambda: planner, _declaration(type(planner)))
-    return PlannerHere(made, _source(type(planner), _state(planner)))
+    return PlannerObject(made, _source(type(planner), _state(planner)))
 
 
 def _declaration(kind: type) -> PlannerDeclaration:

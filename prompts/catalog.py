@@ -1,4 +1,7 @@
-"""The prompts of the server: whole tasks, and tasks with a condition. Text only, because some hosts fail otherwise."""
+"""The prompts of the server: complete workflows, and tasks under a condition of the study.
+
+They contain only text, because some hosts fail on other content.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -43,7 +43,7 @@ _MOST_PLACES, _LONGEST_PLACE = 12, 60
 
 @dataclass(frozen=True)
 class WorkspaceFacts:
-    """The facts of a workspace in a prompt: places on its maps, and countries (ISO alpha-3) of its scenarios."""
+    """Facts about a workspace for a prompt: places on its maps, and countries (ISO alpha-3) of its scenarios."""
 
     map_places: tuple[str, ...] = ()
     countries: tuple[str, ...] = ()

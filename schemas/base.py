@@ -132,7 +132,7 @@ def problem_of(model: type[BaseModel], detail: ErrorDetails, noun: str = "field"
     if kind == "extra_forbidden":
         fields = list(model_at(model, detail["loc"]).model_fields)
         return f"there is no {noun} '{path}'", closest(str(detail["loc"][-1]), fields, limit=len(fields))
-    wanted, described = _wanted(model, detail["loc"])
+    wanted, described = _expected(model, detail["loc"])
     if kind == "missing":
         return f"the {noun} '{path}' is missing", [f"{path}={wanted}{described}"]
     if kind in _CHOICES and (allowed := choices_of(detail)):
@@ -179,7 +179,7 @@ def _path(location: tuple[int | str, ...]) -> str:
     return text or "it"
 
 
-def _wanted(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
+def _expected(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, str]:
     """Return what an argument accepts, in words, and its description in brackets, from its schema."""
     named = [place for place, part in enumerate(location) if isinstance(part, str)]
     name = location[named[-1]] if named else ""

@@ -295,7 +295,7 @@ MEASURES: tuple[Measure, ...] = (
         "s",
         "lower",
         "how long the time to collision with the leader was 3 s or less",
-        "(number of driven steps at whose end the time to collision with the leader is 3 s or less) × step length",
+        "(number of driven steps that end with a time to collision with the leader of 3 s or less) × step length",
         "Minderhoud and Bovy 2001",
         "0 to the run's duration",
         _NOT_AHEAD,
@@ -613,7 +613,7 @@ def measure_named(name: str) -> Measure | None:
     return _BY_NAME.get(name)
 
 
-def metric_meant(text: str) -> str:
+def metric_of_label(text: str) -> str:
     """Return the name of the measure that an answer, table or legend prints as ``text``, otherwise the text itself.
 
     The printed forms are the name, its words with and without the explanation in brackets, and the abbreviation. Case,

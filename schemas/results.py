@@ -7,7 +7,7 @@ from pydantic import Field
 
 from .base import Answer, Arguments, Model, Result
 from .measures import MeasuredValue, MeasureSpread, RunMetrics, measure_named, metric_words
-from .reviews import REFERENCE_DRIVERS_DO, Contact, ContactKind, LaidTo, OwnFault, RuleVerdict, RunReview
+from .reviews import REFERENCE_DRIVERS_DO, CollisionCause, Contact, ContactKind, OwnFault, RuleVerdict, RunReview
 from .runs import (
     LimitExcess,
     Lineage,
@@ -248,7 +248,7 @@ class CauseMoment(Model):
     run_id: str
     time_s: float = Field(description="when the two met")
     kind: ContactKind = Field(description="how they met")
-    laid_to: LaidTo | None = Field(None, description="cause that it is attributed to; null: not known")
+    laid_to: CollisionCause | None = Field(None, description="cause that it is attributed to; null: not known")
     fault: OwnFault | None = Field(None, description="what the ego did, if it is attributed to the ego")
     preventable: bool | None = Field(None, description="whether a reference driver prevents it; null: not known")
 
@@ -273,7 +273,7 @@ class CollisionCauses(Model):
     from_behind: int
     recorded_traffic: bool
     success_without: Rate | None = Field(description="null over several configurations")
-    laid_to: dict[LaidTo, int] = Field(default_factory=dict)
+    laid_to: dict[CollisionCause, int] = Field(default_factory=dict)
     evidence: tuple[CauseMoment, ...] = Field((), description="each collision examined")
 
     @property
@@ -294,8 +294,8 @@ class CollisionCauses(Model):
         made = "; collisions caused by the ego are not counted" if "ego" in self.laid_to else ""
         drivers = f" ({REFERENCE_DRIVERS_DO}, from just before it or from the start{made})"
         none = f"; no reference driver prevents {count}{drivers if self.not_preventable else ''}" if self.judged else ""
-        laid = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
-        summary = f"{kinds}{f'; attributed to {laid}' if laid else ''}{none}{without}."
+        counts = ", ".join(f"{cause} {count}" for cause, count in self.laid_to.items())
+        summary = f"{kinds}{f'; attributed to {counts}' if counts else ''}{none}{without}."
         sample = f"In a random {self.looked_at} of {self.collisions} collisions: " if self.is_sample else ""
         return f"{sample or 'Collisions: '}{summary}{self._examples()}"
 
@@ -637,7 +637,7 @@ def _several_runs(result: AnalyzeResultsResult) -> Answer:
     return Answer(head, figures=figures, listed=[*listed, *_noted(result)], next_step=main)
 
 
-_SAID_ABOVE = frozenset(
+_STATED_ABOVE = frozenset(
     [
         *("main_failure", "dominating_cost", "near_misses", "uncomfortable_turns", "idle_weights"),
         *("stood_without_cause", "braked_without_cause"),
@@ -659,7 +659,7 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
     """Return the findings that add to the rest of the answer."""
     if result.detail == "findings":
         return list(result.findings)
-    above = _SAID_ABOVE if result.runs == 1 else {"main_failure"}
+    above = _STATED_ABOVE if result.runs == 1 else {"main_failure"}
     return [finding for finding in result.findings if finding.name not in above]
 
 

@@ -260,7 +260,7 @@ class PaceMoment(Model):
         return texts[self.code]
 
 
-LaidTo = Literal["ego", "recording", "prediction", "planning", "neither"]
+CollisionCause = Literal["ego", "recording", "prediction", "planning", "neither"]
 """What a collision is attributed to.
 
 - ``ego``: something that the ego did earlier without a reason
@@ -328,7 +328,7 @@ class Contact(Model):
     also_touched: tuple[int, ...] = ()
     prevention: Prevention | None = None
     predicted_gap_m: float | None = None
-    laid_to: LaidTo | None = None
+    laid_to: CollisionCause | None = None
     fault: EgoFault | None = Field(None, description="what the ego did, if the collision is attributed to it")
 
     @property
@@ -424,7 +424,7 @@ class Encounter(Model):
 
 
 class LargestMotion(Model):
-    """The largest value of one motion of the ego, and when; braking and jerk are positive numbers."""
+    """The largest value of one quantity of the ego's motion, and its time; braking and jerk are positive numbers."""
 
     name: Literal["acceleration", "braking", "lateral acceleration", "jerk"] = Field(description="the motion")
     value: float = Field(description="its largest value, in `unit`")
@@ -468,7 +468,7 @@ class RunReview(Model):
     pace: tuple[PaceMoment, ...] = Field((), description="where the ego stood, was held up or braked, and why")
 
     def pace_in_words(self) -> str:
-        """Return what the ego did without an external cause; empty if there is nothing of that kind."""
+        """Return a sentence on stops, slow driving and braking without an external cause; empty if there are none."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
         return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
 

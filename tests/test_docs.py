@@ -59,7 +59,7 @@ def test_paths_on_the_page_on_architecture_exist() -> None:
 
 
 @pytest.mark.parametrize("title", ["a metric stored with every run", "an edit"])
-def test_worked_examples_name_what_the_code_has(title: str) -> None:
+def test_worked_examples_name_existing_code(title: str) -> None:
     page = (CHECKOUT / "docs" / "architecture.md").read_text(encoding="utf-8")
     section = re.split(r"\n##", page.split(f"### Example: {title}\n")[1])[0]
     quoted = re.findall(r"`([^`]+)`", section)
@@ -95,6 +95,7 @@ GLOSSARY_EXCEPTIONS = {
     "one_way_neighbour": 'the id of a rule, in reports; "one-way" is not a path',
     "plans_giving_way": "to give way is a rule of traffic, no path",
     "ground_truth": "the name of a prediction, an argument of run_planner",
+    "follows_and_lies_beside": "the id of a rule for road networks, which stays",
     "ground_distance_m": "along the surface of the earth, not a site network",
     "wrong_way": "the offence of driving against the direction of a lane",
 }

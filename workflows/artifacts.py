@@ -192,7 +192,7 @@ def _job_id(word: str, context: WorkflowContext) -> str:
     if own is not None:
         return own
     newest = context.jobs.store.get(word)
-    context.tell_whose("job", newest.job_id)
+    context.remark_source("job", newest.job_id)
     return newest.job_id
 
 
@@ -205,7 +205,7 @@ def _own_latest(context: WorkflowContext) -> str | None:
     before = context.jobs.store.newest_of(owner, 1) if owner else []
     if not before:
         return None
-    context.tell_whose("job", before[0].job_id, "this token's")
+    context.remark_source("job", before[0].job_id, "this token's")
     return before[0].job_id
 
 

@@ -33,7 +33,7 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
         own = context.services.recent.last(["config"])
         made = [] if own else made_configurations(context, 1)
         if made:
-            context.tell_whose("config", f"{made[0].config_id} ({shown_name(made[0].name)})")
+            context.remark_source("config", f"{made[0].config_id} ({shown_name(made[0].name)})")
         text = own[0][1] if own else made[0].config_id if made else DEFAULT_CONFIGURATION
     stored = context.workspace.find("config", configuration_id(text))
     if stored is not None:

@@ -44,7 +44,7 @@ Ask = Callable[[Question], Awaitable[str | None]]
 """Asks the user a question; returns None if the client cannot ask, or the user chose nothing."""
 
 
-async def ask_no_one(question: Question) -> str | None:
+async def cannot_ask(question: Question) -> str | None:
     """Answer for a client that cannot ask."""
     del question
     return None
@@ -122,7 +122,7 @@ class WorkflowContext:
         made_here: what this use made or found again, in order.
     """
 
-    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = ask_no_one) -> None:
+    def __init__(self, services: Services, send_progress: OnProgress = no_progress, ask: Ask = cannot_ask) -> None:
         self.services, self.ask = services, ask
         self.remarks: list[str] = []
         self.made_here: dict[tuple[MadeKind, str], None] = {}
@@ -160,19 +160,19 @@ class WorkflowContext:
         others = sorted((one for one in stored if one.artifact_id not in known), key=lambda one: -one.sequence)
         for artifact in others[: count - len(own)]:
             if not own:
-                self.tell_whose(artifact.kind, artifact.artifact_id)
+                self.remark_source(artifact.kind, artifact.artifact_id)
         return [*own, *others[: count - len(own)]]
 
-    def tell_whose(self, kind: MadeKind, made_id: str, whose: str = "the workspace's") -> None:
+    def remark_source(self, kind: MadeKind, made_id: str, owner: str = "the workspace's") -> None:
         """Add a remark, once for each kind, that a word refers to something from outside this session."""
         if self.services.recent.is_first_report(kind):
-            self.remarks.append(f"{made_id} is {whose} newest {kind}; this session has not made one.")
+            self.remarks.append(f"{made_id} is {owner} newest {kind}; this session has not made one.")
 
     def artifact(self, word: str, kind: ArtifactKind) -> Artifact:
-        """Return the artifact with this id; ``latest`` is the client's latest one of the kind.
+        """Return the artifact with this id; ``latest`` means the client's newest artifact of this kind.
 
         Raises:
-            UnknownName: with the nearest existing ids.
+            UnknownName: there is no such artifact; the error lists the nearest ids.
         """
         if word != "latest":
             return self.workspace.get(word, kind)
@@ -189,7 +189,7 @@ class WorkflowContext:
         path = self.limits.allowed_path(text)
         if self.workspace.owns(path):
             raise OutsideRoots(
-                f"{quoted(path)} belongs to the workspace, whose files only tools may read and write",
+                f"{quoted(path)} belongs to the workspace; only tools may read and write its files",
                 next_step="use another folder, or refer to stored artifacts by id",
             )
         return path

@@ -25,8 +25,8 @@ from ..schemas.errors import (
     OutsideRoots,
     PlannerForgeError,
     UnexpectedFailure,
-    as_told,
     closest,
+    error_to_report,
     misspelt,
     with_values,
 )
@@ -341,4 +341,4 @@ async def _imported_other(
             return await import_map(context, checked, arguments.name, arguments.country, wait_s=WAIT_S)
         return await import_configuration(context, checked, arguments.name)
     except Exception as raised:  # noqa: BLE001 - the boundary of a file: it becomes the refusal of this one
-        return as_told(raised, f"import of {kind} {shown_name(path.name)}")
+        return error_to_report(raised, f"import of {kind} {shown_name(path.name)}")

@@ -137,7 +137,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
         for chosen in choice.scenarios
     ]
     if len(cells) == 1:
-        result = await run_cell(context, cells[0], tell_client=True)
+        result = await run_cell(context, cells[0], notify_client=True)
         made = [result.record.run_id] if result.record is not None else []
         context.made("run", *made)
         return await answer_of(context, cells, [result], batch_id=None, notes=choice.notes)

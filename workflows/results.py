@@ -283,7 +283,7 @@ def _parameters(planner: str) -> tuple[str, ...]:
 
 
 def _terms(planner: str) -> dict[str, str]:
-    """Return cost terms that differ in name from their weight; empty if the planner is no longer installed."""
+    """Return, by weight, the cost terms with a name of their own; empty if the planner is no longer installed."""
     try:
         return {name: weight.term for name, weight in tuning_of(planner).weights.items() if weight.term}
     except (UnknownName, PlannerFailure):

@@ -117,14 +117,14 @@ class CellResult:
     reused: bool = False
 
 
-async def run_cell(context: WorkflowContext, cell: Cell, *, tell_client: bool = False) -> CellResult:
+async def run_cell(context: WorkflowContext, cell: Cell, *, notify_client: bool = False) -> CellResult:
     """Return the run of a cell: a stored one, or a new one, possibly from another call or server.
 
     Raises:
         PlannerForgeError: the scenario cannot be read, or the worker died or exceeded its time limit.
     """
     while True:
-        result = await _attempt(context, cell, tell_client=tell_client)
+        result = await _attempt(context, cell, notify_client=notify_client)
         if result is not None:
             return result
         await anyio.sleep(_CLAIM_POLL_S)
@@ -160,7 +160,7 @@ async def run_grid(
 
 async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
     try:
-        return await _attempt(context, cell, tell_client=False)
+        return await _attempt(context, cell, notify_client=False)
     except PlannerForgeError as error:
         if isinstance(error, UnexpectedFailure):
             logger.error("incident %s in the run of %s:\n%s", error.incident, cell.scenario, error.details)  # noqa: TRY400
@@ -168,7 +168,7 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
         return CellResult(None, lost)
 
 
-async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -> CellResult | None:
+async def _attempt(context: WorkflowContext, cell: Cell, *, notify_client: bool) -> CellResult | None:
     """Return the cell's run, or None if another call or server is making it."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
@@ -180,10 +180,10 @@ async def _attempt(context: WorkflowContext, cell: Cell, *, tell_client: bool) -
         stored = context.workspace.find_by_recipe("run", recipe)  # another call may have stored it before the claim
         if stored is not None:
             return CellResult(stored.read(RunRecord), reused=True)
-        return await _made(context, cell, recipe, tell_client=tell_client)
+        return await _made(context, cell, recipe, notify_client=notify_client)
 
 
-async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_client: bool) -> CellResult:
+async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_client: bool) -> CellResult:
     request = RunRequest(
         run_id=f"run_{recipe.digest}",
         scenario_path=str(context.workspace.file("scenario", cell.scenario_id, "scenario.xml")),
@@ -196,7 +196,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, tell_cl
         planner_version=recipe.versions.get(cell.own_planner, ""),
         world=cell.world,
     )
-    run = context.run if tell_client else context.services.workers.run
+    run = context.run if notify_client else context.services.workers.run
     response = await run(RUN_PLANNER, request)
     with context.workspace.scratch() as folder:
         files = {"steps.json": response.steps.model_dump_json(), "timing.json": response.timing.model_dump_json()}
@@ -277,7 +277,7 @@ async def run_many(
     stored = context.workspace.find_by_recipe("batch", recipe)
     if stored is not None:
         batch = stored.read(BatchRecord)
-        _take_note(context, batch)
+        _mark_latest(context, batch)
         results = [_stored(context, run_id) for run_id in batch.runs]
         return await answer_of(context, cells, results, batch_id=batch.batch_id, notes=notes)
 
@@ -296,7 +296,7 @@ async def run_many(
 
         results = await run_grid(context, cells, on_done)
         batch = store_batch(context, cells, results)
-        _take_note(context, batch)
+        _mark_latest(context, batch)
         progress.add_result(batch.batch_id)
 
     job = context.start_job("batch", recipe, work)
@@ -305,7 +305,7 @@ async def run_many(
     batch_id = next((key for key in job.results if key.startswith("batch_")), None)
     if batch_id is not None:
         record = context.workspace.get(batch_id, "batch").read(BatchRecord)
-        _take_note(context, record)
+        _mark_latest(context, record)
         lost = [CellResult(None, cell) for cell in record.lost]
         reused = {r.record.run_id for r in finished if r.record is not None and r.reused}
         results = [_stored(context, run_id, reused=run_id in reused) for run_id in record.runs] + lost
@@ -369,7 +369,7 @@ def own_versions(planners: Iterable[str]) -> dict[str, str]:
     return {name: version for name, version in known.items() if version}
 
 
-def _take_note(context: WorkflowContext, batch: BatchRecord) -> None:
+def _mark_latest(context: WorkflowContext, batch: BatchRecord) -> None:
     """Make a batch and its runs the client's latest ones."""
     context.made("run", *batch.runs)
     context.made("batch", batch.batch_id)

@@ -1,9 +1,9 @@
 """Checks reported traffic rule violations, their degree and their start on synthetic drives.
 
-The seed draws 12 drives of each of 15 kinds on a crossing built for them: following, cut-ins, hard braking with and
-without a reason, speeding, crossing a solid line, red and yellow lights, stop signs, and crossing traffic from the
-right, from the left, with signs, and oncoming. The truth is arithmetic on the construction of each drive and shares
-nothing with the product.
+The seed draws 12 drives of each of 15 kinds on a crossing built for them. The kinds are following, cut-ins, hard
+braking with and without a reason, speeding, crossing a solid line, red and yellow lights, stop signs, and crossing
+traffic (from the right, from the left, with signs, oncoming). The truth is arithmetic on the construction of each drive
+and shares nothing with the product.
 
 Keys:
 

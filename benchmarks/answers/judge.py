@@ -102,7 +102,7 @@ def _ego(told: Fields, scene: SceneFile, verdict: Verdict) -> None:
     verdict.close("speed of the ego", told["speed_mps"], start.speed)
     under, named = scene.under(start.x, start.y, 0.3), set(told["lanelets"])
     verdict.holds(f"ego on lanelets {named}", named <= under, sorted(under))
-    lanes = {scene.lanes_beside(key) for key in named & set(scene.lanelets)} or {0}
+    lanes = {scene.count_parallel_lanes(key) for key in named & set(scene.lanelets)} or {0}
     verdict.holds(f"{told['lanes']} lanes", told["lanes"] in lanes, sorted(lanes))
     if len(problem.goals) != 1:
         return

@@ -9,9 +9,9 @@ with 40 visible road users. It looks for the smallest distance to any predicted 
 During the measurement both processes have priority over all others if the system allows it (``SCHED_FIFO``), because a
 message wakes the other process and other load would delay it.
 
-Keys: ``protocol_named``: share of the programs with runs reported this way; ``protocol_kinds``: number of
-programs; ``protocol_slowest_s``: the longest run beyond its limit; ``protocol_left``: processes left behind;
-``protocol_step_ms``: median over the steps of the program's time minus the class's time; ``protocol_program_ms``,
+Keys: ``protocol_named``: share of the programs with runs reported this way. ``protocol_kinds``: number of programs.
+``protocol_slowest_s``: the longest run beyond its limit. ``protocol_left``: processes left behind.
+``protocol_step_ms``: median over the steps of the program's time minus the class's time. ``protocol_program_ms``,
 ``protocol_class_ms``: both medians.
 """
 

@@ -4,17 +4,17 @@ Each run is drawn at random on its own road, straight or curved, with a light, a
 goal as its kind requires. The ego's speed over time and the reason for it are given in closed form, so the truth is
 known by construction. This module shares no code with the product.
 
-Kinds of standing: at a red light; at a light that turned green long ago or was always green; behind a standing vehicle;
-behind one that has driven away; in a queue; before a crossing vehicle; in the goal before its time; without a vehicle
-ahead, on an empty road, with an oncoming vehicle or one far ahead; and late, behind a slower vehicle or alone. Kinds of
-braking: for a vehicle, a light, a crossing vehicle, a curve, the goal's time; without a reason, gently or hard, with an
-empty road or a faster vehicle far ahead; and hit from behind after either.
+An ego stands at a light (red, turned green long ago, or always green), behind a vehicle (standing, or driven away), in
+a queue, before a crossing vehicle, or in the goal before its time. It also stands without a vehicle ahead, on an empty
+road, with an oncoming vehicle or one far ahead. It is late behind a slower vehicle or alone. An ego brakes for a
+vehicle, a light, a crossing vehicle, a curve, or the goal's time. It also brakes without a reason, gently or hard, with
+an empty road or a faster vehicle far ahead. It is hit from behind after either.
 
 Keys:
 
 - ``standing_right``: share of the runs of the first kinds with all stretches reported correctly: code, other road user,
-  start within half a second, and no further stretch of standing or being held up (except held up by the same vehicle
-  while stopping behind it).
+  start within half a second. There must be no further stretch of standing or being held up, except held up by the same
+  vehicle while stopping behind it.
 - ``braking_right``: the same for the second kinds, and for runs that were hit also the attribution of the collision.
 - ``standing_runs``, ``braking_runs``: their numbers.
 
@@ -104,8 +104,8 @@ Lights = tuple[tuple[TrafficLightState, int], ...]
 class Made:
     """A run: the speed of the ego, its surroundings, and the truth about it.
 
-    ``lights``: colours with their durations in steps; ``curve``: curvature of the road in 1/m, with start and end;
-    ``goal_m``, ``goal_steps``: position and time window of the goal; ``hit_by``: the road user that touches the ego at
+    ``lights``: colours with their durations in steps. ``curve``: curvature of the road in 1/m, with start and end.
+    ``goal_m``, ``goal_steps``: position and time window of the goal. ``hit_by``: the road user that touches the ego at
     the end, and the attribution of the collision.
     """
 
@@ -255,7 +255,7 @@ def standing(choice: random.Random) -> Iterator[tuple[str, Made]]:
 
 
 def braking(choice: random.Random) -> Iterator[tuple[str, Made]]:
-    """Yield one run of each kind of braking; goals are to be reached at the ego's first speed or faster."""
+    """Yield one run of each kind of braking; goals require the ego's first speed or a higher one."""
     way = _curve(choice)
     speed, begins = choice.uniform(8, 13), choice.uniform(1.0, 2.5)
     hard, gentle = choice.uniform(6.0, 10.3), choice.uniform(2.4, 3.2)

@@ -6,8 +6,8 @@ scenarios under the same configuration. Then the bench compares every batch with
 analyses both together.
 
 A comparison is right if its headline names both versions by the author's text (a declared version, or git's answer) and
-a digest that changes exactly with the source; if it pairs every scenario and uses the first batch given as baseline;
-and if the list of batches and an analysis of both keep them apart under the same names.
+a digest that changes exactly with the source. It must pair every scenario and use the first batch given as baseline.
+The list of batches and an analysis of both must keep them apart under the same names.
 
 Keys: ``versions_told``: share of the comparisons that are right; ``version_comparisons``: their number.
 """

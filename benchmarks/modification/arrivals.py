@@ -18,8 +18,8 @@ from plannerforge.engine.geometry import Points, length_m, project
 from plannerforge.evals.ground_truth.reach import (
     HARD_BRAKING_MPS2,
     LATERAL_MPS2,
+    adjacent_lanelets,
     all_after,
-    beside,
     changes_to,
     distances_m,
     lanelets_at_first,
@@ -85,7 +85,10 @@ def arrives_on(network: "LaneletNetwork", track: Track, targets: Collection[int]
 
 def follows(network: "LaneletNetwork", lanelets: Collection[int], positions: Points) -> bool:
     """Return True if positions (n, 2) are on the lanelets or on their neighbours of the same direction."""
-    every = {*lanelets, *(key for lanelet in lanelets for key in beside(network.find_lanelet_by_id(lanelet)))}
+    every = {
+        *lanelets,
+        *(key for lanelet in lanelets for key in adjacent_lanelets(network.find_lanelet_by_id(lanelet))),
+    }
     areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(BESIDE_M) for key in sorted(every)]
     area = shapely.union_all(areas)
     return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
@@ -128,7 +131,9 @@ def _onwards(network: "LaneletNetwork", key: int) -> frozenset[int]:
 
     def following(key: int) -> list[int]:
         lanelet = network.find_lanelet_by_id(key)
-        ends = [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in beside(lanelet)]
+        ends = (
+            [lanelet] if lanelet.successor else [network.find_lanelet_by_id(one) for one in adjacent_lanelets(lanelet)]
+        )
         return [one for end in ends for one in end.successor]
 
     return all_after([key], following)
@@ -270,7 +275,7 @@ class Journey:
     def _side_from(self, key: int) -> int | None:
         lanelet, changes = self.network.find_lanelet_by_id(key), self._changes
         for side, other in ((1, lanelet.adj_left), (-1, lanelet.adj_right)):
-            if other in beside(lanelet) and changes.get(int(other), math.inf) < changes.get(key, math.inf):
+            if other in adjacent_lanelets(lanelet) and changes.get(int(other), math.inf) < changes.get(key, math.inf):
                 return side
         return None
 
@@ -300,7 +305,7 @@ def refusal_is_right(
 ) -> bool:
     """Return True if physics prevents sending a recorded vehicle to any of some lanelets from its first state on.
 
-    Either no route leads there, or every route has a curve that it reaches too fast, or it can neither change lanes nor
+    Either no route leads there, or every route has a curve that it reaches too fast. Or it can neither change lanes nor
     stop in the remaining distance v² / (2 · 8 m/s²), or that is too short to steer over however it brakes. A detour
     longer than ``farthest_m`` does not count.
     """

@@ -381,7 +381,7 @@ def _goal_checks(written: Written, index: int) -> dict[str, bool]:
     """Check the written goal: on its lanelet, along it as requested, with the requested size and time.
 
     commonroad-io decides what is on a lanelet, because planners find the ego's route by it. Unnamed values must equal
-    the source's; a problem without a goal state has none to keep.
+    the source's; a problem without a goal state has no values to keep.
     """
     truth, network = written.truths[index], written.loaded.scenario.lanelet_network
     lanelet = network.find_lanelet_by_id(int(truth["lanelet"]))

@@ -1,9 +1,9 @@
 """``make bench-reactive``: rear hits of an ego that brakes to a standstill.
 
-Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic: by a planner that brakes
-at once with 6 m/s², and by each built-in planner, which drives for a second before the ego brakes in the same way. A
-rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego cuts in on
-while it brakes, because its reference path changes lanes, does not count.
+Scenarios with a follower in the ego's lane are driven with recorded and with reactive traffic. The planners are one
+that brakes at once with 6 m/s², and each built-in planner, which drives for a second before the ego brakes in the same
+way. A rear hit is one by a vehicle that followed the ego in its lane when it began to brake. A vehicle that the ego
+cuts in on while it brakes, because its reference path changes lanes, does not count.
 
 Keys: ``scenarios`` (with a follower), ``runs`` (with one traffic), ``recorded_rear_hits``, ``reactive_rear_hits``,
 ``reactive_step_ms`` (median duration of a step of the reactive traffic).

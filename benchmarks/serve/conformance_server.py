@@ -660,7 +660,7 @@ def _main() -> None:
     given = parser.parse_args()
     tasks.GRACE_S = _GRACE_S
     settings = Settings(warm_up=False, maps_online="offline", starter=False, http_rate=10_000.0, http_calls=256)
-    server = create_server(settings, beside=_SPECS)
+    server = create_server(settings, extra_tools=_SPECS)
     add_fixtures(server)
     with bound("127.0.0.1", given.port) as listener:
         anyio.run(HttpServer(server, settings).serve, listener)

@@ -3,9 +3,9 @@
 After each kill its processes must be gone and the workspace consistent. The next server continues, and the last one
 runs undisturbed.
 
-Keys: ``kills``; ``lost`` (artifacts reported to a client that are missing); ``broken`` (inconsistent records, files,
-catalogue and jobs after a kill); ``left_processes`` (of a killed server); ``kept`` (artifacts reported to clients that
-exist); ``kill_errors`` (failed calls of the last server's clients).
+Keys: ``kills``. ``lost``: artifacts reported to a client that are missing. ``kept``: artifacts reported to clients that
+exist. ``broken``: inconsistent records, files, catalogue and jobs after a kill. ``left_processes``: of a killed server.
+``kill_errors``: failed calls of the last server's clients.
 """
 
 import os

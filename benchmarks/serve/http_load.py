@@ -7,8 +7,7 @@ refer to this client's latest. A refusal that states a limit of the server (429)
 Keys:
 
 - ``http_errors``: calls that failed or got a wrong answer; ``http_limited``: refused by a stated limit; ``http_calls``.
-- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if there were none, because that is
-  another load).
+- ``http_edits``, ``http_runs``: new scenarios and runs of the clients (omitted if 0, because that is another load).
 - ``http_minutes``.
 - ``memory_slope_mb_per_h``: of the server's process, least squares over the last two thirds (omitted with fewer than
   two samples); ``memory_start_mb``, ``memory_end_mb``: at the start and end of these.
@@ -37,7 +36,7 @@ from .bench import ServeBench
 _SAMPLE_S = 2.0
 _WARM_UP_SHARE = 1 / 3
 """Share of the time without effect on the slope of memory (chosen), in which caches and worker pools fill."""
-_MOST_TOLD = 10
+_MOST_LISTED = 10
 _RANDOM_SEED = 21
 _READ_BYTES = 700_000
 """Largest resource to read: the SDK's client accepts no event of more than 1 MiB (docs/http.md)."""
@@ -181,7 +180,7 @@ def measure(bench: ServeBench) -> Figures:
     tokens = tokens_of_clients(bench.clients)
     with http_process(folder, settings=token_settings(tokens)) as server:
         anyio.run(_load, server, tokens, bench.minutes * 60.0, tally)
-    for error in tally.errors[:_MOST_TOLD]:
+    for error in tally.errors[:_MOST_LISTED]:
         sys.stderr.write(f"{error}\n")
     calls = sum(tally.calls.values())
     fewest = min(tally.calls[name] for name in tokens)

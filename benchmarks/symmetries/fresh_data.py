@@ -8,10 +8,10 @@ this data with a seed that was never run before:
   roundabouts, ramps, lights and winding roads.
 - ``mutated_maps``: maps that must be read or refused by name. The same with missing nodes, ways of one node, duplicate
   ids, long tags or tags with line breaks, coordinates at the poles and the antimeridian.
-- ``fresh_recordings``: scenarios of the shared folder with altered recordings: road users that are lost and reappear
-  under another id, appear late or vanish early; jitter of some cm; driving without lanes; rows of parked cars;
-  pedestrians along the road; everything turned and moved. In one of 25 a road user misses time steps in the middle of
-  its trajectory, which CommonRoad forbids: such a file must be refused by name.
+- ``fresh_recordings``: scenarios of the shared folder with altered recordings. Road users are lost and reappear under
+  another id, appear late or vanish early. Positions jitter by some cm, cars drive without lanes or park in rows,
+  pedestrians walk along the road, and everything is turned and moved. In one of 25 a road user misses time steps in the
+  middle of its trajectory, which CommonRoad forbids: this file must be refused by name.
 - ``fresh_scenarios``: alternately one of those and one generated from a fresh map with traffic of many classes.
 
 ``python -m benchmarks.symmetries.fresh_data SEED FOLDER --count 20`` writes maps into a folder; ``--mutated`` and
@@ -41,7 +41,7 @@ from plannerforge.engine.geometry import Points, Values, arc_length, length_m, p
 from plannerforge.engine.maps.drawn_library import Sketch
 from plannerforge.engine.vehicles import vehicle_classes
 from plannerforge.schemas.errors import PlannerForgeError
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest, VehicleDemand
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal, VehicleDemand
 
 from ..harness import drawn, existing, scenario_files, shared_folder, shared_scenarios
 from .relations import RELATIONS, read_root, write_root
@@ -464,7 +464,7 @@ def _request(choice: random.Random, source: Path) -> GenerationRequest:
         vehicles=tuple(VehicleDemand(vehicle_class=name) for name in choice.sample(classes, choice.randint(2, 6))),
         duration_s=float(choice.randint(6, 12)),
         seed=choice.randrange(2**31),
-        goal=AskedGoal.of("steps:50"),
+        goal=RequestedGoal.of("steps:50"),
         folder=str(source.parent),
     )
 

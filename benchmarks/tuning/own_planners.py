@@ -87,7 +87,7 @@ def _call(folder: Path, shared: Path, tool: str, **arguments: Any) -> Any:
 
 
 def _failure_text(answer: Any, name: str) -> str:
-    """Return the report on the run that a planner lost, empty if it lost none."""
+    """Return the report on the run that a planner lost, or an empty one."""
     return next((cell["error"] for cell in answer["lost"] if f"planner {name} " in cell["error"]), "")
 
 

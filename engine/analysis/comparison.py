@@ -156,7 +156,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     incomparable = before.config_id != after.config_id or any(
         name.startswith("prediction") for name in pairing.differing
     )
-    specs = [spec for spec in METRICS if _wanted(spec, request, incomparable=incomparable)]
+    specs = [spec for spec in METRICS if _is_requested(spec, request, incomparable=incomparable)]
     metrics = tuple(_metric(spec, pairing.pairs, runs) for spec in specs)
     return _Draft((before, after), pairing, _success(pairing.pairs, runs), metrics)
 
@@ -232,10 +232,10 @@ def _evidence(flipped: _Pairs, metrics: Sequence[MetricTest], pairs: _Pairs) -> 
 
 
 def _cost(
-    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], asked: Sequence[MetricName]
+    pairing: "_Pairing", sides: tuple[Side, Side], tested: Sequence[MetricTest], requested: Sequence[MetricName]
 ) -> UncomparedCost | None:
     """Return the two sides' costs if they are not comparable; None if they were compared or a side has no cost."""
-    if any(one.name == _COST and one.pairs for one in tested) or (asked and _COST not in asked):
+    if any(one.name == _COST and one.pairs for one in tested) or (requested and _COST not in requested):
         return None
     costs = [[one.metrics.mean_total_cost for one in runs if one.metrics] for runs in zip(*pairing.pairs, strict=True)]
     first, second = ([cost for cost in runs if cost is not None] for runs in costs or ([], []))
@@ -436,7 +436,7 @@ _SPECS = {spec.name: spec for spec in METRICS}
 
 def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
     """Return the test; if it shows a difference, with the better side and the pair that differs most."""
-    if not _tells(test):
+    if not _is_significant(test):
         return test
     spec, shift = _SPECS[test.name], test.shift or 0.0
     better: Literal["before", "after"] | None = None
@@ -451,7 +451,7 @@ def _judged(test: MetricTest, pairs: _Pairs) -> MetricTest:
     return test.model_copy(update={"better": better, "run_ids": (most[0].run_id, most[1].run_id)})
 
 
-def _tells(test: MetricTest) -> bool:
+def _is_significant(test: MetricTest) -> bool:
     """Return True if a metric differs beyond chance (Holm) and beyond its resolution, by an interval without 0."""
     if test.p_holm is None or test.low is None or test.high is None or test.shift is None:
         return False
@@ -463,7 +463,7 @@ def _counts(spec: MetricSpec, pair: tuple[RunRecord, RunRecord]) -> bool:
     return spec.basis == "valid" or _mastered(pair) == (True, True)
 
 
-def _wanted(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) -> bool:
+def _is_requested(spec: MetricSpec, request: CompareRequest, *, incomparable: bool) -> bool:
     if request.metrics:
         return spec.name in request.metrics
     return not (spec.within_one_configuration and incomparable)
@@ -516,8 +516,8 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Ma
 
     A condition that has one value in all runs of one side and a different value in all runs of the other side is the
     subject of the comparison: it is left out of the key and reported. The remaining runs are paired by lineage: each
-    with the only run of the opposite side whose scenario has the same root. If there are several candidates, none is
-    paired.
+    with the only run of the opposite side on a scenario with the same root. If there are several candidates, the run
+    stays unpaired.
 
     Raises:
         InvalidRequest: a side contains two runs of the same problem under the same conditions.
@@ -613,7 +613,7 @@ def _metrics_code(metrics: Sequence[MetricTest]) -> MetricsCode:
     """Return the ``MetricsCode`` for the metrics that differ significantly."""
     if all(test.p is None for test in metrics):
         return "untested"
-    telling = [test for test in metrics if _tells(test)]
+    telling = [test for test in metrics if _is_significant(test)]
     sides = {test.better for test in telling} - {None}
     if not sides:
         return "changed" if telling else "none"
@@ -691,7 +691,7 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
     """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
-    telling = [test for test in metrics if _tells(test)]
+    telling = [test for test in metrics if _is_significant(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [
         f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"

@@ -102,9 +102,9 @@ def _swerved(side: float, hardest_mps2: float) -> _Manoeuvre:
 class _Conflict:
     """Bodies that will touch: their separation along their four axes, and how manoeuvres change it.
 
-    ``apart`` (n, times, 4): the difference between the centres on each axis while the two bodies keep their motion;
-    ``along``, ``aside`` (n, 1, 4): the change per metre of the ego forward, and to its left; ``needed_m`` (n, 1, 4):
-    the difference at which the bodies are clear of each other. ``times_s`` (n, times).
+    ``apart`` (n, times, 4) is the difference between the centres on each axis while the two bodies keep their motion.
+    ``along`` and ``aside`` (n, 1, 4) are its change per metre that the ego moves forward or to its left. The bodies are
+    clear of each other at the difference ``needed_m`` (n, 1, 4). ``times_s`` has the shape (n, times).
     """
 
     times_s: Values
@@ -239,7 +239,7 @@ class Crossing:
         return max(self.other_s[0] - self.ego_s[1], self.ego_s[0] - self.other_s[1], 0.0)
 
     @property
-    def second_comes_s(self) -> float:
+    def second_arrival_s(self) -> float:
         """The time at which the second road user enters the area."""
         return max(self.ego_s[0], self.other_s[0])
 

@@ -46,7 +46,7 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
     adjusted = holm([p for _, _, p in tested.values()])
     listed = []
     for (name, (n, rho, p)), p_holm in zip(tested.items(), adjusted, strict=True):
-        held, left = _held_fixed(seen, name, [other for other in tested if other != name])
+        controls, left = _controlled_for(seen, name, [other for other in tested if other != name])
         listed.append(
             Correlation(
                 feature=name,
@@ -56,7 +56,7 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
                 p_holm=p_holm,
                 rho_fixed=None if left is None else left[0],
                 p_fixed=None if left is None else left[1],
-                held_fixed=held,
+                held_fixed=controls,
             )
         )
     return tuple(sorted(listed, key=lambda item: (-abs(item.rho), item.feature))), ("", {})
@@ -93,7 +93,7 @@ def _plain(seen: Sequence[_Scenario], name: str) -> tuple[float, float] | None:
     return rank_correlation(rows) if len(rows) >= _FEWEST_SCENARIOS else None
 
 
-def _held_fixed(
+def _controlled_for(
     seen: Sequence[_Scenario], name: str, others: Sequence[str]
 ) -> tuple[tuple[str, ...], tuple[float, float] | None]:
     """Return the features held fixed, with the resulting ρ and p; None if no feature can be, or nothing is left."""
@@ -102,7 +102,7 @@ def _held_fixed(
     for scenario in known:
         counts[scenario.road] = counts.get(scenario.road, 0) + 1
     roads = sorted(road for road, count in counts.items() if count >= _FEWEST_OF_A_ROAD)[1:]
-    held = (*others, *([ROAD] if roads else []))
+    controls = (*others, *([ROAD] if roads else []))
     columns = len(others) + len(roads)
     if not columns or len(known) < _FEWEST_SCENARIOS + columns:
         return (), None
@@ -115,7 +115,7 @@ def _held_fixed(
         )
         for scenario in known
     ]
-    return held, rank_correlation(rows, columns)
+    return controls, rank_correlation(rows, columns)
 
 
 def _large_vehicles(runs: RunSet, record: RunRecord) -> float | None:

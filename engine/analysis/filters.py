@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from ...schemas.errors import InvalidRequest, UnknownName, closest, with_values
 from ...schemas.grammar import Condition, Interval, parse_condition
-from ...schemas.measures import metric_meant
+from ...schemas.measures import metric_of_label
 from ...schemas.runs import RunRecord, configuration_id
 from ..commonroad import parse_benchmark_id
 from .run_set import METRICS, MetricSpec, RunSet
@@ -80,7 +80,7 @@ def window_of(conditions: Sequence[str]) -> tuple[tuple[str, ...], Interval | No
 
 
 def _test(runs: RunSet, condition: Condition, text: str) -> Callable[[RunRecord], bool]:
-    name = metric_meant(condition.name)
+    name = metric_of_label(condition.name)
     if name in _WORDS:
         if condition.value is None:
             raise InvalidRequest(f"'{text}' compares {name}, which is text", valid=[f"{name}=…"])

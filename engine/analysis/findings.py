@@ -87,7 +87,7 @@ class Evidence:
         hits = sum(map(hit_another, self.runs.failures))
         return _sample_figures(len(self._sampled_hits), collisions=hits)
 
-    def is_the_others(self, record: RunRecord) -> bool:
+    def is_others_fault(self, record: RunRecord) -> bool:
         """Return True if another vehicle hit the ego from behind, or if no reference driver prevents the collision.
 
         A collision that the ego caused is not attributed to the other road users.
@@ -161,7 +161,7 @@ _FEW = 2
 
 def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     """Yield collisions that would not have happened if the other road user had moved as predicted."""
-    hits = [one for one in evidence.hits() if not evidence.is_the_others(one) and one.prediction != "ground_truth"]
+    hits = [one for one in evidence.hits() if not evidence.is_others_fault(one) and one.prediction != "ground_truth"]
     known = [one for one in hits if (contact := evidence.contact(one)) and contact.predicted_gap_m is not None]
     missed = [one for one in known if (contact := evidence.contact(one)) and contact.unforeseen]
     if len(missed) * 2 < max(len(known), 1) or not missed:
@@ -206,7 +206,7 @@ def _weight_off(evidence: Evidence) -> Iterator[Finding]:
         }
         for name, default in off.items():
             outcomes = [outcome for outcome, guards in _GUARDS.items() if name in guards]
-            failed = [one for one in records if one.outcome in outcomes and not evidence.is_the_others(one)]
+            failed = [one for one in records if one.outcome in outcomes and not evidence.is_others_fault(one)]
             failed = [one for one in failed if not hit_another(one) or evidence.is_known(one)]
             if len(failed) < _FEW or len(failed) * 10 < len(records):
                 continue
@@ -246,7 +246,7 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
     prevented.
     """
     runs = evidence.runs
-    hits = [record for record in evidence.hits() if not evidence.is_the_others(record)]
+    hits = [record for record in evidence.hits() if not evidence.is_others_fault(record)]
     for config_id, records in runs.by_config(hits).items():
         shares = {record.run_id: share for record in records if (share := _obstacle_share(runs, record)) is not None}
         weak = tuple(run_id for run_id, share in shares.items() if share < _WEAK_SHARE)
@@ -341,9 +341,9 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
             moments=tuple(FindingMoment(run_id=one.run_id, time_s=0.0, code="goal_out_of_reach") for one in too_far),
             next_step="modify_scenario set_goal with a later time or a nearer goal",
         )
-    laid = {record.run_id: _late_by(evidence, record) for record in rest}
+    delays = {record.run_id: _late_by(evidence, record) for record in rest}
     for name, codes, words, alternatives in _LATE:
-        members = [record for record in rest if laid[record.run_id] == name]
+        members = [record for record in rest if delays[record.run_id] == name]
         if members:
             yield Finding(
                 name=name,
@@ -354,9 +354,9 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
                 alternatives=alternatives,
                 next_step=f"render kind=animation ids=[{members[0].run_id}]",
             )
-    others = [record for record in rest if not laid[record.run_id]]
+    others = [record for record in rest if not delays[record.run_id]]
     for config_id, records in runs.by_config(others).items():
-        yield from _held_back(runs, config_id, records)
+        yield from _findings_on_late_runs(runs, config_id, records)
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
@@ -448,7 +448,7 @@ def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingM
     )
 
 
-def _held_back(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
+def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord]) -> Iterator[Finding]:
     terms = _median_shares(runs, records)
     if not terms:
         return
@@ -520,7 +520,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
     for config_id, records in runs.by_config(runs.successes).items():
         near = [record for record in records if is_close(record)]
         close = evidence.sample(near)
-        own = [record for record in close if _came_near(evidence.review(record))]
+        own = [record for record in close if _caused_near_miss(evidence.review(record))]
         if not own:
             continue
         others = f"; in {len(close) - len(own)} more, others came close to it" if len(close) > len(own) else ""
@@ -552,7 +552,7 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
         )
 
 
-def _came_near(looked_at: RunReview) -> bool:
+def _caused_near_miss(looked_at: RunReview) -> bool:
     """Return True if the ego itself caused one of the close approaches of a run."""
     return bool(_own_near(looked_at))
 
@@ -678,7 +678,7 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield classes of obstacles or kinds of road whose scenarios fail more often than the remaining scenarios.
+    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than the others.
 
     The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
     reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road
@@ -688,7 +688,7 @@ def _harder_group(evidence: Evidence) -> Iterator[Finding]:
     reached: dict[str, list[bool]] = {}
     groups: dict[str, set[str]] = {}
     for record in runs.valid:
-        if hit_another(record) and (not evidence.is_known(record) or evidence.is_the_others(record)):
+        if hit_another(record) and (not evidence.is_known(record) or evidence.is_others_fault(record)):
             continue
         root, known = runs.root(record), runs.scenario(record)
         reached.setdefault(root, []).append(reached_goal(record))
@@ -745,7 +745,7 @@ def _hard_scenarios(evidence: Evidence) -> Iterator[Finding]:
         by_scenario.setdefault(record.scenario_id, []).append(record)
     tried = {key: records for key, records in by_scenario.items() if len({r.config_id for r in records}) > 1}
     hard = {key: records for key, records in tried.items() if not any(map(reached_goal, records))}
-    fair = {key: records for key, records in hard.items() if not all(map(evidence.is_the_others, records))}
+    fair = {key: records for key, records in hard.items() if not all(map(evidence.is_others_fault, records))}
     if not fair:
         return
     names = sorted(fair)

@@ -18,12 +18,12 @@ from ...schemas.grammar import Interval
 from ...schemas.results import TimelineStep
 from ...schemas.reviews import (
     BodySide,
+    CollisionCause,
     ComfortExcess,
     Contact,
     ContactKind,
     EgoFault,
     Encounter,
-    LaidTo,
     LargestMotion,
     Prevention,
     RelativeHeading,
@@ -167,7 +167,7 @@ def _lane_in(path: Path, record: RunRecord, vehicle: VehicleParameters) -> Point
 
 @dataclass(frozen=True)
 class Course:
-    """A run over time, one value per state: what passengers feel, and distances to others (NaN: none within 60 m).
+    """A run over time, one value per state: what passengers feel, and distances to others (NaN beyond 60 m).
 
     ``obstacle_ids``: the nearest road user, −1 if there is none; ``time_to_collision_s``: NaN if no road user was on a
     collision course. ``lateral_mps2`` is positive to the left.
@@ -292,7 +292,7 @@ class _Drive:
         )
 
     def contact(self) -> Contact | None:
-        """Return how the collision came about, or None if there was none.
+        """Return how the collision came about, or None if there was no collision.
 
         Speeds are those at the collision; positions are those of the step before.
         """
@@ -341,10 +341,12 @@ class _Drive:
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
             prevention=prevention,
             predicted_gap_m=predicted,
-            laid_to=self._laid_to(kind, prevention, predicted),
+            laid_to=self._attribution(kind, prevention, predicted),
         )
 
-    def _laid_to(self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None) -> LaidTo | None:
+    def _attribution(
+        self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None
+    ) -> CollisionCause | None:
         """Return what the collision is attributed to: the first match of recording, neither, prediction, planning.
 
         ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.
@@ -404,16 +406,16 @@ class _Drive:
         if heading != "same":
             return heading, None
         if sides[0] == "rear" or (sides[1] == "front" and sides[0] != "front"):
-            came = self._came_in(index, ahead=(self._ego, index), behind=(other, at))
+            came = self._cut_in_time_s(index, ahead=(self._ego, index), behind=(other, at))
             kind: ContactKind = "rear_end_by_other" if sides[0] == "rear" else "side"
             return (kind if came is None else "cut_in_by_ego"), came
         if sides[0] == "front":
-            came = self._came_in(index, ahead=(other, at), behind=(self._ego, index))
+            came = self._cut_in_time_s(index, ahead=(other, at), behind=(self._ego, index))
             kind = "rear_end_by_ego" if sides[1] == "rear" else "side"
             return (kind if came is None else "cut_in"), came
         return "side", None
 
-    def _came_in(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
+    def _cut_in_time_s(self, index: int, *, ahead: tuple[Track, int], behind: tuple[Track, int]) -> float | None:
         """Return when the vehicle ahead entered the path of the vehicle behind, or None.
 
         None means that it entered longer ago, or that the vehicle behind changed lanes. The path of the vehicle behind
@@ -551,11 +553,11 @@ def _uncomfortable(motion: _Motion) -> Iterator[ComfortExcess]:
     """Yield the motions that exceeded a comfort limit.
 
     ISO 15622:2018 (adaptive cruise control): acceleration averaged over 2 s up to 2.0 m/s², braking averaged over 2 s
-    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³, all at 20 m/s and above; the limits at 5
-    m/s and below are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN Regulation
-    79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete windows are
-    averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values are not
-    sensor measurements.
+    up to 3.5 m/s², and the jerk of braking averaged over 1 s up to 2.5 m/s³. These limits apply at 20 m/s and above; at
+    5 m/s and below, they are 4.0, 5.0 and 5.0. ISO 11270:2014 (lane keeping): lateral acceleration up to 3 m/s². UN
+    Regulation 79 (automatically commanded steering): lateral jerk averaged over 0.5 s up to 5 m/s³. Only complete
+    windows are averaged; the speed is that of the window's end. The filter of UN R79 is left out, because these values
+    are not sensor measurements.
     """
     step_s, felt = motion.step_s, motion.acceleration_mps2
     mean = _window_means(felt, round(2.0 / step_s))
@@ -619,7 +621,7 @@ def timeline(
 ) -> tuple[TimelineStep, ...]:
     """Return at most ten entries from the last three seconds, three seconds around a moment, or a time window.
 
-    There are none if the run has no steps.
+    The result is empty if the run has no steps.
 
     Raises:
         InvalidRequest: the run ended before the window.

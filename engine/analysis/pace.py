@@ -285,7 +285,7 @@ class _Pace:
 
         A vehicle that pulls away from the ego does not hold it up, however near it is.
         """
-        wanted = self.wanted_mps
+        wanted = self.required_mps
         slow = np.zeros(self._drive.count, dtype=bool)
         ids = np.full(self._drive.count, -1)
         for index in range(self._drive.count):
@@ -514,7 +514,7 @@ class _Pace:
 
     @cached_property
     def _looked_at(self) -> int:
-        """The number of steps, from the ego's first, at which road users are examined; some are after the run."""
+        """The number of steps, counted from the ego's first, in which road users are examined, even after the run."""
         return self._ego.last_step + round(CRITICAL_HEADWAY_S / self._step_s) - self._ego.first_step + 1
 
     @cached_property
@@ -540,7 +540,7 @@ class _Pace:
 
     @cached_property
     def _on_path(self) -> list[_OnPath]:
-        """The other road users whose body is in the ego's path at some time, until some time after the run."""
+        """The other road users with their body in the ego's path at some time, until some time after the run."""
         import shapely
 
         line = shapely.LineString(self._path) if len(self._path) > 1 and self._along[-1] > 0 else None
@@ -632,7 +632,7 @@ class _Pace:
         return sorted(found, key=lambda line: line.station_m)
 
     def _any_stops(self, lights: "tuple[TrafficLight, ...]") -> bool:
-        """Return True if any of some lights requires a stop at some time of the run."""
+        """Return True if any of the lights requires a stop at any time during the run."""
         return any(not self._drive.shown(light, _GO).all() for light in lights)
 
     def _line_ahead(self, index: int) -> _Line | None:
@@ -643,7 +643,7 @@ class _Pace:
         return line.station_m - float(self._stations[index]) - self._ego.length_m / 2
 
     def _stops(self, line: _Line, index: int) -> bool:
-        """Return True if a light of the line requires a stop at a state, or at one after the run."""
+        """Return True if a light at the line requires a stop at this step, which may be after the end of the run."""
         step = self._ego.first_step + index
         return any(light.get_state_at_time_step(step).name not in _GO for light in line.lights)
 
@@ -702,7 +702,7 @@ class _Pace:
         return self._ego.first_step + index < goal.first_step and goal.holds(self._ego.positions[index])
 
     @cached_property
-    def wanted_mps(self) -> float:
+    def required_mps(self) -> float:
         """The average speed that the ego needs to be on time, and at least its initial speed."""
         began = float(self._speeds[0])
         if self._goal is None or self._reference is None or not self._goal.has_position:

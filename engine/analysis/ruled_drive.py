@@ -96,8 +96,9 @@ class _Passage:
 class Conflict:
     """A road user to which the ego must give way at an intersection, with the area where their paths overlap.
 
-    At each state, ``is_there``: whether the ego's body is in the area; ``until_s``, ``since_s``: the time until the
-    road user's body is next in the area, and since it last was; 0 while it is in the area, infinite if it never is.
+    The arrays have one entry per state. ``is_there``: whether the ego's body is in the area. ``until_s``, ``since_s``:
+    the time until the road user's body is next in the area, and since it last was; 0 while it is in the area, infinite
+    if it never is.
     """
 
     by: YieldsBy

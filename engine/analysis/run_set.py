@@ -204,7 +204,7 @@ def read_series(source: RunSource) -> RunSeries | None:
 
 
 def _with_shown_names(steps: RunSteps) -> RunSteps:
-    """Return the steps with a planner's terms and constraints named as answers print them."""
+    """Return the steps with a planner's terms and constraints renamed to the names that answers show."""
     words = {name: shown_name(name) for name in (*steps.costs, *steps.rejected)}
     if all(shown == name for name, shown in words.items()):
         return steps

@@ -45,9 +45,10 @@ def rate_by_scenario(trials: Iterable[tuple[str, bool]]) -> Rate:
     """Return the share of true trials with its 95 % interval; a trial is its scenario and its outcome.
 
     If there are no trials, the share and the interval are None. The interval is Wilson's for the effective number of
-    trials, reduced by the design effect of the scenarios (Rao and Scott 1992, "A simple method for the analysis of
-    clustered binary data"), with Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and
-    Pagano 2015 on Wilson's form of it). If all trials have the same outcome, a scenario counts as one trial.
+    trials, with Student's quantile for the number of scenarios (Korn and Graubard 1998; Dean and Pagano 2015 on
+    Wilson's form of it). The design effect of the scenarios reduces the number of trials (Rao and Scott 1992, "A simple
+    method for the analysis of clustered binary data"). If all trials have the same outcome, a scenario counts as one
+    trial.
     """
     clusters = _sums((key, float(outcome)) for key, outcome in trials)
     count, of = round(sum(total for total, _ in clusters)), sum(size for _, size in clusters)

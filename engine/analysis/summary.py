@@ -189,7 +189,7 @@ def _ease(record: RunRecord) -> tuple[float, ...]:
 
 
 def _page(runs: RunSet, request: AnalyseRequest) -> list[RunRecord]:
-    """Return the runs of the requested page: failures first, the hardest of each first, invalid ones last."""
+    """Return the requested page of runs: failures, successes, then invalid runs; most harmful first in each."""
     invalid = [record for record in runs.records if record.outcome == "invalid"]
     ordered = [*sorted(runs.failures, key=_ease), *sorted(runs.successes, key=_ease), *invalid]
     return ordered if len(ordered) == 1 else ordered[request.offset : request.offset + request.limit]
@@ -327,16 +327,16 @@ def _groups(runs: RunSet, breakdown: Breakdown, *, is_one: bool, summed: bool) -
     """
     if breakdown == "pooled" or (breakdown == "none" and is_one):
         return ()
-    asked = "config" if breakdown == "none" else breakdown
-    apart = not is_one and asked in _OF_SCENARIOS
+    factor = "config" if breakdown == "none" else breakdown
+    apart = not is_one and factor in _OF_SCENARIOS
     members: dict[str, list[RunRecord]] = {}
     for record in runs.records:
-        for name in _GROUPERS[asked](runs, record):
+        for name in _GROUPERS[factor](runs, record):
             members.setdefault(f"{name}, {record.config_name}" if apart else name, []).append(record)
     order = [name for name in _BIN_NAMES if name in members] if breakdown == "obstacle_count" else sorted(members)
     order += [name for name in sorted(members) if name not in order]
     groups = tuple(_group(runs, name, members[name]) for name in order)
-    if asked != "config" or is_one:
+    if factor != "config" or is_one:
         return groups
     by_configuration = runs.by_configuration
     return tuple(

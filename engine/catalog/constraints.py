@@ -124,7 +124,7 @@ def constraints_of(
 
 
 def _any_of(argument: str, with_circumstances: bool, text: str) -> Constraint:
-    """Return a condition that holds if any of the alternatives between ``|`` holds; with a leading ``!``, if none does.
+    """Return a condition that holds if any alternative between ``|`` holds; with a leading ``!``, if all fail.
 
     Raises:
         UnknownName: a word is in no vocabulary.
@@ -375,7 +375,7 @@ def _bounds(interval: Interval, tolerance: float, factor: float = 1.0) -> tuple[
     return low, _FAR if interval.high is None else interval.high * factor + slack
 
 
-def holds_circumstances(connection: sqlite3.Connection) -> bool:
+def has_circumstances(connection: sqlite3.Connection) -> bool:
     """Return whether any entry of the catalogue states its weather or time of day."""
     query = "SELECT 1 FROM catalog_words WHERE kind = ? LIMIT 1"
     return connection.execute(query, (CIRCUMSTANCE,)).fetchone() is not None
@@ -471,8 +471,8 @@ def obstacle_type_of(word: str) -> str | None:
 
 
 def _obstacle_name(word: str) -> str:
-    meant = vehicle_class_of(word)
-    everyday = {_key(word): _TYPE_OF_CLASS.get(meant, meant)} if meant else {}
+    found = vehicle_class_of(word)
+    everyday = {_key(word): _TYPE_OF_CLASS.get(found, found)} if found else {}
     return _name(word, OBSTACLE_TYPES, everyday, "obstacle type")
 
 

@@ -147,7 +147,7 @@ class Postings:
     def holding(
         self, connection: sqlite3.Connection, entries: Entries, query: str, values: Sequence[str | float]
     ) -> EntrySet:
-        """Return the entries whose number the query selects."""
+        """Return the entries with the numbers that the query selects."""
         key = (query, *values)
         with self._lock:
             kept = self._sets.get(key)

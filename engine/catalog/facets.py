@@ -95,9 +95,9 @@ def _road_net(
 ) -> list[FacetCounts]:
     known = [*SIGNS, "traffic_light"]
     rows = connection.execute("SELECT kind, word, number FROM catalog_words WHERE kind IN ('sign@ego', 'sign@map')")
-    held = [(row[0], row[1]) for row in rows if row[2] in numbers]
-    on_ego = _counted([word for kind, word in held if kind == "sign@ego"])
-    on_map = _counted([f"{word}@map" for kind, word in held if kind == "sign@map"])
+    present = [(row[0], row[1]) for row in rows if row[2] in numbers]
+    on_ego = _counted([word for kind, word in present if kind == "sign@ego"])
+    on_map = _counted([f"{word}@map" for kind, word in present if kind == "sign@map"])
     none = [word for word in known if f"{word}@map" not in on_map]
     extra = dict.fromkeys(none, 0) if whole else {}
     count = _counted([str(value) for value in lanes if value is not None])

@@ -30,7 +30,7 @@ from ...schemas.scenarios import ScenarioFacts
 from ...schemas.text import cited, one_line, shown_name
 from .alternatives import TextWords, emptied_note, look_up_words, names_without_scenario, not_computed, notes_on_names
 from .bm25 import reciprocal_rank_fusion
-from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, holds_circumstances, location_constraints
+from .constraints import EITHER, PARTICIPANTS, Constraint, constraints_of, has_circumstances, location_constraints
 from .entry_sets import EntrySet, Postings, plain_rows
 from .funnel import Funnel
 from .tables import facts_of
@@ -121,7 +121,7 @@ class Search:
         self._connection, self.arguments = connection, arguments
         numbers = None if within is None else _numbers_of(connection, within).values()
         location = location_constraints(connection, arguments.country, arguments.city)
-        constraints = constraints_of(arguments, location, with_circumstances=holds_circumstances(connection))
+        constraints = constraints_of(arguments, location, with_circumstances=has_circumstances(connection))
         in_text = conditions_in_text("" if arguments.tags or arguments.features else arguments.text or "")
         requested = {constraint.label for constraint in constraints}
         constraints += tuple(one for one in in_text.constraints if one.label not in requested)
@@ -362,15 +362,15 @@ def _evidence(constraint: Constraint, facts: ScenarioFacts) -> str:
 def _tags(constraint: Constraint, facts: ScenarioFacts) -> str:
     kind = constraint.subject
     if kind == EITHER:
-        held_as = [
+        matching = [
             f"{one} {word}"
             for one, word in constraint.words
             if word in (facts.tags if one == "tag" else facts.features)
         ]
-        return ", ".join(held_as) or f"no {kind} {constraint.words[0][1]}"
+        return ", ".join(matching) or f"no {kind} {constraint.words[0][1]}"
     computed = (*facts.features, *(facts.ego.manoeuvres or () if facts.ego else ()))
-    held = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
-    shown = [word if word in held else f"no {word}" for _, word in constraint.words]
+    present = {"tag": facts.tags, "feature": computed}.get(kind, facts.circumstances)
+    shown = [word if word in present else f"no {word}" for _, word in constraint.words]
     if constraint.negated or len(shown) == 1:
         return f"{kind} {', '.join(shown)}"
     carried = [word for word in shown if not word.startswith("no ")]

@@ -7,7 +7,7 @@ embedded and searched.
 
 A file that was changed and imported again is a *version*, which refers to the version that it supersedes; all connected
 versions form a family. The catalogue lists the member that was added last, or an earlier member that was imported again
-since. A separate table records such an import, because artifacts are never changed and the listing must survive a
+since. A separate table records this import, because artifacts are never changed and the listing must survive a
 rebuild of the catalogue.
 """
 
@@ -172,7 +172,7 @@ def refresh(database: "Database") -> int:
 
 
 def _enter_missing(connection: sqlite3.Connection) -> int:
-    """Do what ``refresh`` does, within a writing transaction and with tables that exist."""
+    """Do the same as ``refresh``; the caller has opened a writing transaction and prepared the tables."""
     rows = _missing(connection)
     changed = []
     for sequence, artifact_id, record in rows:

@@ -323,9 +323,9 @@ class _Reader:
             self.close()
             self._client = _client(folder)
             self._collection = self._client.get_collection(COLLECTION, embedding_function=None)
-            held, told = self._collection.count(), (folder / COMPLETE).read_text(encoding="ascii")
-            if told and held != int(told):  # a marker of an earlier version is empty
-                raise ValueError(f"{held} vectors instead of {told}")
+            count, recorded = self._collection.count(), (folder / COMPLETE).read_text(encoding="ascii")
+            if recorded and count != int(recorded):  # a marker of an earlier version is empty
+                raise ValueError(f"{count} vectors instead of {recorded}")
             self._opened = wanted
         return self._collection
 

@@ -1,4 +1,4 @@
-"""A CommonRoad file of which only the parts that an edit touches are parsed, and its check against the schema.
+"""A CommonRoad file that is parsed only where an edit touches it, and its check against the schema.
 
 commonroad-io's writer rounds every state of every obstacle (half of the files change). Here, untouched elements are
 copied. Formats: CommonRoad XML 2018b (``<obstacle>`` with ``<role>``) and 2020a (``<dynamicObstacle>``).
@@ -122,7 +122,7 @@ def without_scripts(root: "etree._Element") -> int:
 
 
 def prescribed_ids(path: Path) -> frozenset[int]:
-    """Return the ids of a file's road users with a motion that an edit prescribes."""
+    """Return the ids of the road users in a file whose motion an edit prescribes."""
     found = _PRESCRIBED.search(path.read_bytes())
     return frozenset() if found is None else frozenset(map(int, found[1].split()))
 

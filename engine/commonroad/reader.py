@@ -44,7 +44,7 @@ from .document import (
     schema_faults,
 )
 from .lanelet_networks import scenario_of
-from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
+from .plain_states import PlainStates, cut_states, put_states, remove_plain_states, remove_states
 from .recordings import FOLDER_VARIABLE, Recording, RecordingStore
 from .tracks import Track, recorded_tracks
 from .value_limits import MOST_OF_A_KIND, BeyondLimits, check_document
@@ -282,7 +282,7 @@ def _road_document(path: Path, limits: XmlLimits | None) -> _RoadDocument:
             f"{shown_name(path.name)} has no lanelets, so there is no road to drive on",
             next_step="export the scenario again with its lanelet network, or choose another file",
         )
-    states = take_plain_states(whole) if states is None else states
+    states = remove_plain_states(whole) if states is None else states
     root = fromstring(etree.tostring(whole))  # noqa: S314 - serialised by this process
     _check(path, root, limits, states)
     complete(root)
@@ -379,7 +379,7 @@ def _cut_obstacle(chunk: bytes) -> _ReadObstacle | None:
 
 def _parsed_obstacle(chunk: bytes) -> _ReadObstacle:
     obstacle = etree.fromstring(chunk, _parser())
-    taken = take_states(obstacle)
+    taken = remove_states(obstacle)
     return _ReadObstacle(taken, chunk if taken is None else etree.tostring(obstacle))
 
 
@@ -487,8 +487,8 @@ def _against_schema(path: Path) -> str:
 def _silence_commonroad_warnings() -> Iterator[None]:
     """Suppress commonroad-io's warnings on standard error, because they do not name the file.
 
-    They concern faults that the rules for networks (``network/rules``) also report, or countries whose signs
-    commonroad-io does not know.
+    They concern faults that the rules for networks (``network/rules``) also report, or countries for which
+    commonroad-io does not know the signs.
     """
     log = logging.getLogger("commonroad.common.reader.file_reader_xml")
     level = log.level

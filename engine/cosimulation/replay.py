@@ -174,7 +174,7 @@ class _Place:
 
     @classmethod
     def of(cls, actor: Actor, front: Points, speed_mps: float) -> "_Place":
-        """Return the place of an actor whose front is at a position."""
+        """Return the place of an actor with its front at a position."""
         return cls(front, float(_reach_m(actor, np.array(speed_mps))))
 
 
@@ -272,7 +272,7 @@ class _Run:
         """Simulate one step; actors move to where they were recorded or where SUMO drives them."""
         self._place_replayed(step)
         self._sumo.step()
-        self._take_out_those_off_road(step)
+        self._remove_off_road(step)
         shown = self._in_order(self._present.intersection(self._sumo.vehicles()))
         self._driving.clear()
         self._show_speeds(shown, step)
@@ -309,17 +309,17 @@ class _Run:
             if index is not None and (actor.drive_from is not None or actor.key in near):
                 self._place(actor, index)
             elif actor.key in self._present:
-                self._take_out(actor.key)
+                self._remove(actor.key)
 
-    def _take_out(self, key: str) -> None:
+    def _remove(self, key: str) -> None:
         for keys in (self._present, self._held, self._standing, self._on_road):
             keys.discard(key)
         self._sumo.remove(key)
 
-    def _take_out_those_off_road(self, step: int) -> None:
+    def _remove_off_road(self, step: int) -> None:
         """Remove placed vehicles that left the road in the step, because SUMO crashes on its remaining data on them.
 
-        Such a vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
+        A removed vehicle is placed as a new vehicle before the next step, and returns where its recording meets a lane.
         """
         there = self._present.intersection(self._sumo.vehicles())
         for actor in self._in_order(there - self._standing):
@@ -328,7 +328,7 @@ class _Run:
             if self._sumo.lane(actor.key):
                 self._on_road.add(actor.key)
             elif actor.key in self._on_road:
-                self._take_out(actor.key)
+                self._remove(actor.key)
 
     def _in_order(self, keys: Iterable[str]) -> list[Actor]:
         """Return actors in the order of all: SUMO's results depend on the order of placement."""
@@ -350,7 +350,7 @@ class _Run:
         if not actor.stands_at(index) or actor.key not in self._held:
             if actor.key in self._standing:
                 self._standing.discard(actor.key)
-                self._sumo.let_roll(actor.key)
+                self._sumo.cancel_stop(actor.key)
             return False
         if actor.key not in self._standing:
             if not self._sumo.stays_as_placed(actor.key):
@@ -375,7 +375,7 @@ class _Run:
         if step == actor.drive_from:
             if actor.ignores_lights:
                 self._sumo.ignore_lights(key)
-            self._sumo.let_drive(key)
+            self._sumo.release(key)
             if self._sumo.last_edge(key) != actor.edges[-1]:
                 self.astray.add(key)
         lane = self._sumo.lane(key)
@@ -383,7 +383,7 @@ class _Run:
         highest_mps = min((speed for speed in highest if speed is not None), default=None)
         self._used_lanes.add((key, lane))
         self._keep_to_light(actor, lane)
-        self._change_to_wanted_lane(actor, lane)
+        self._change_to_required_lane(actor, lane)
         self._manoeuvres.act(key, actor.manoeuvres, step, highest_mps)
         front = self._sumo.front(key)
         self._seen.setdefault(actor.track.obstacle_id, []).append((step, *front, lane))
@@ -401,7 +401,7 @@ class _Run:
             self._kept_to_lane.remove(actor.key)
             self._sumo.allow_lane_changes(actor.key, LaneChanges.DRIVERS_OWN)
 
-    def _change_to_wanted_lane(self, actor: Actor, lane: str) -> None:
+    def _change_to_required_lane(self, actor: Actor, lane: str) -> None:
         """Send a vehicle to the lane of its edge that it must still use, or to its target's lane."""
         through = [hint for hint in actor.through if (actor.key, "{}_{}".format(*hint)) not in self._used_lanes]
         here = [hint for hint in (*through, actor.target) if hint and hint[0] == lane.rpartition("_")[0]]

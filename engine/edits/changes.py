@@ -253,9 +253,9 @@ _TIMES_TRIED = (0.0, 0.2, 0.5)
 """Positions within the possible time span, from its nearer end, that a refusal proposes (chosen)."""
 
 
-def within_time(asked: int, first: int, last: int, scene: Scene) -> list[Remedy]:
+def within_time(requested: int, first: int, last: int, scene: Scene) -> list[Remedy]:
     """Return times between two steps for a refusal to propose, the nearest to the requested step first."""
-    nearer, farther = (first, last) if asked < first else (last, first)
+    nearer, farther = (first, last) if requested < first else (last, first)
     steps = [round(nearer + share * (farther - nearer)) for share in _TIMES_TRIED]
     return [with_values(time_s=round(step * scene.step_s, 3)) for step in steps if last >= first]
 

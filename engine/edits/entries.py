@@ -203,7 +203,7 @@ class _Neighbour:
     is_parked: bool = False
 
     def gap_m(self, vehicle_class: VehicleClass) -> float:
-        """Return the gap between the bumpers."""
+        """Return the gap to a vehicle of this class at the place, bumper to bumper; 0 if they overlap."""
         return max(abs(self.distance_m) - (self.length_m + vehicle_class.length_m) / 2, 0.0)
 
 
@@ -511,14 +511,14 @@ def _without(key: int, tracks: Mapping[int, Track]) -> Iterator[Track]:
     return (track for other, track in tracks.items() if other != key)
 
 
-def _fitting_times(replays: Mapping[int, Replay], asked: int, edited: EditedScene) -> list[str]:
+def _fitting_times(replays: Mapping[int, Replay], requested: int, edited: EditedScene) -> list[str]:
     """Return the ``time_s`` nearest to the requested steps at which the vehicles start clear of all others for 2 s."""
     scene, nearest = edited.scene, []
     for sign in (-1, 1):
-        tried = (asked + sign * more for more in range(1, 2 * scene.last_step))
-        fitting = next((steps for steps in tried if steps and _fits(replays, steps - asked, edited)), None)
+        tried = (requested + sign * more for more in range(1, 2 * scene.last_step))
+        fitting = next((steps for steps in tried if steps and _fits(replays, steps - requested, edited)), None)
         nearest += [] if fitting is None else [fitting]
-    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - asked))]
+    return [f"time_s={steps * scene.step_s:g}" for steps in sorted(nearest, key=lambda steps: abs(steps - requested))]
 
 
 def _fits(replays: Mapping[int, Replay], more_steps: int, edited: EditedScene) -> bool:

@@ -44,7 +44,7 @@ from .population import check_allowed, resolve_class
 from .references import select, select_one, target_lanelets
 from .scripted import LINE_MISSED, RED_MISSED, achieved, motion_of
 
-_BARRIER_M, _BESIDE_BARRIER_M = 1.0, 0.2
+_BARRIER_M, _BARRIER_MARGIN_M = 1.0, 0.2
 """Length of the barrier that closes a lane, and the room that it leaves on either side (chosen)."""
 _RED = frozenset("ru")
 """SUMO's letters of a red light, and of red and yellow."""
@@ -215,7 +215,7 @@ def run_red_light(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
                 remedies=[VEHICLES_LISTED],
             )
         order = Manoeuvre(plan.from_step, speed_mps=speed_mps)
-        # It stays in the lanes that lead to its light: other lanes have a different light or none.
+        # It stays in the lanes that lead to its light: other lanes have a different light or no light.
         kept = (
             plan.through | {*plan.lanelets[: plan.lanelets.index(lanelet) + 1]}
             if lanelet in plan.lanelets
@@ -326,7 +326,7 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         lane = scene.layout.table.lanes[lanelet]
         place = Place(lanelet, station_m(edit.position or "middle", lanelet, lane.length_m, _BARRIER_M / 2))
         center, heading = place.pose(scene)
-        size = _BARRIER_M, max(lane.width_m - 2 * _BESIDE_BARRIER_M, 1.0)
+        size = _BARRIER_M, max(lane.width_m - 2 * _BARRIER_MARGIN_M, 1.0)
         occupant = OccupiedPlaces.at(scene, begin, changes).occupant_at(center, heading, size)
         if occupant is not None:
             raise NotPossible(

@@ -45,7 +45,7 @@ _SIZE_M = (0.5, 0.6)
 """Length and width of a person (chosen)."""
 _PARKING_GAP_M = 1.5
 """Gap between the bumpers of vehicles that are parked one behind the other (chosen)."""
-_PARKED_BESIDE_M = 0.1
+_PARKING_GAP_M = 0.1
 """Gap between a parked vehicle and the lane (chosen), so that drivers who keep to lanes pass it."""
 _KERB_M = 0.6
 """A crossing pedestrian starts and ends this far outside the road (chosen)."""
@@ -117,8 +117,8 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         added.append(changes.next_id)
         changes = replace(changes.with_plan(entering[-1].plan), next_id=changes.next_id + 1)
     who = f"{vehicle_class.name} {', '.join(map(str, added))}"
-    asked = (edit.vehicle_class or "").strip()
-    who += f" ({asked!r} read as {vehicle_class.name})" if asked.lower() != vehicle_class.name else ""
+    requested = (edit.vehicle_class or "").strip()
+    who += f" ({requested!r} read as {vehicle_class.name})" if requested.lower() != vehicle_class.name else ""
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
     gaps = f"{entering[-1].ahead} and {entering[0].behind}"
@@ -169,7 +169,7 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
     for key in added:
         start = changes.driven[key].start
         entry = f"{start.speeds_mps[0]:.1f} m/s, from {start.first_step * scene.step_s:.1f} s"
-        late = start.first_step > _asked_step(edit, scene)
+        late = start.first_step > _requested_step(edit, scene)
         words.append(f"{entry} (requested: {edit.time_s:g} s, but the place is not free earlier)" if late else entry)
     if len(set(words)) == 1:
         return words[0]
@@ -234,12 +234,12 @@ def _plan(
         targets=targets,
         behaviour=usual,
         vehicle_class=vehicle_class,
-        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _is_to_stand(edit, speed) else (),
+        manoeuvres=(Manoeuvre(step, speed_mps=0.0),) if _stands_until_edited(edit, speed) else (),
     )
     return _Entering(plan, reason, *gaps_in_words(scene, changes, vehicle_class, place, step, speed))
 
 
-def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
+def _stands_until_edited(edit: Edit, speed_mps: float) -> bool:
     """Return True if a vehicle is added to stand until another edit moves it."""
     return edit.speed is not None and speed_mps == 0.0 and not edit.to
 
@@ -247,7 +247,7 @@ def _is_to_stand(edit: Edit, speed_mps: float) -> bool:
 def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: VehicleClass, place: Place) -> int:
     """Return the step at which the vehicle enters: at once or, with a given departure, as soon as there is room."""
     size = (vehicle_class.length_m, vehicle_class.width_m)
-    first = _asked_step(edit, scene)
+    first = _requested_step(edit, scene)
     if not 0 <= first < scene.last_step:
         raise InvalidRequest(
             f"departure at {first * scene.step_s:.1f} s is not before the scenario's end",
@@ -262,7 +262,7 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     return step
 
 
-def _asked_step(edit: Edit, scene: Scene) -> int:
+def _requested_step(edit: Edit, scene: Scene) -> int:
     """Return the step of the given departure, else of the ego's start, to which relative places refer."""
     if edit.time_s is None:
         return scene.ego.step if scene.ego else 0
@@ -330,7 +330,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     who = ", ".join(map(str, added))
     what = (
         f"{vehicle_class.name} {who} parked at the {side} kerb of lanelet {place.lanelet_id} at "
-        f"{place.station_m:.1f} m, {_PARKED_BESIDE_M:g} m from the lane"
+        f"{place.station_m:.1f} m, {_PARKING_GAP_M:g} m from the lane"
     )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
@@ -344,7 +344,7 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
     offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
-    half_m = vehicle_class.width_m / 2 + _PARKED_BESIDE_M
+    half_m = vehicle_class.width_m / 2 + _PARKING_GAP_M
     aside_m = max(offsets) + half_m if side == "left" else min(offsets) - half_m
     center: Points = point + left * aside_m
     ahead = np.array([np.cos(heading), np.sin(heading)])
@@ -382,7 +382,7 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     check_speed(speed, _RUNNING_MPS, f"a pedestrian cannot walk at {edit.speed}", "choose a slower speed")
     line, where = _line(edit, scene, changes, stands=speed == 0.0)
     middle = line[[0, -1]].mean(axis=0)
-    first = _asked_step(edit, scene)
+    first = _requested_step(edit, scene)
     trigger = None
     if edit.when is not None:
         trigger, first = read_trigger(edit.when, scene, changes, lambda _: middle)
@@ -550,7 +550,7 @@ def _kinds(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def _users(scene: Scene, lanelet_id: int) -> set[str]:
-    """Return the users that a file lists for a lanelet, for one direction or both; empty if it lists none."""
+    """Return the users that a file lists for a lanelet, for one direction or both; empty if there is no list."""
     lanelet = scene.network.find_lanelet_by_id(lanelet_id)
     return {str(user.value) for user in {*(lanelet.user_one_way or ()), *(lanelet.user_bidirectional or ())}}
 

@@ -33,7 +33,7 @@ _TIE = 1e-3
 """Speeds in m/s or distances in m that differ by less are equal for a description."""
 _NAME_A_VEHICLE = "give one of these ids; describe_scenario with detail=vehicles lists them all"
 _NAME_A_LANELET = "give one of these; describe_scenario with detail=lanelets lists them all"
-_MOST_MEANT = 3
+_MOST_CANDIDATES = 3
 """Number of vehicles that are described if a selector matches several (chosen)."""
 _MEAN_ALL = ("id", "new", "all", "class")
 """Selectors that match the same vehicles regardless of exclusions."""
@@ -65,8 +65,8 @@ def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, .
             "only exclusions are given", valid=["all", "class:car"], next_step="add a selector that they exclude from"
         )
     excluded = {key for selector in selectors if selector.negated for key in _resolve(selector, there, changes)}
-    meant = {key for selector in wanted for key in _resolve_without(selector, there, excluded, changes)}
-    left = tuple(sorted(meant - excluded))
+    matched = {key for selector in wanted for key in _resolve_without(selector, there, excluded, changes)}
+    left = tuple(sorted(matched - excluded))
     gone = _gone(there, changes) & set(left)
     if gone:
         raise NotPossible(
@@ -117,14 +117,14 @@ def describe_matches(texts: Sequence[str], vehicles: Sequence[int], scene: Scene
     there = scene_for_references(scene, changes)
     lane, step = ego_lane(there, there.ego) if there.ego else None, there.ego.step if there.ego else 0
     named = []
-    for key in vehicles[:_MOST_MEANT]:
+    for key in vehicles[:_MOST_CANDIDATES]:
         track, match = there.tracks[key], there.matches.get(key)
         index = track.index_at(step)
         where = ""
         if lane is not None and index is not None:
             where = f" {lane.where(track, index, match.at(index) if match else None).words}"
         named.append(f"{key} {track.kind}{where}")
-    more = f" and {len(vehicles) - _MOST_MEANT} more" if len(vehicles) > _MOST_MEANT else ""
+    more = f" and {len(vehicles) - _MOST_CANDIDATES} more" if len(vehicles) > _MOST_CANDIDATES else ""
     return f"{', '.join(map(_with_meaning, texts))}: {'; '.join(named)}{more}"
 
 
@@ -395,7 +395,7 @@ def route_to(scene: Scene, starts: Iterable[int], targets: Iterable[int], who: s
             f" from lanelet {', '.join(map(str, begin))}: no successors or lane changes lead there",
             valid=nearest,
             next_step="choose a reachable lanelet",
-            remedies=[_toward(wanted[0], key) for key in nearest[:_MOST_MEANT]] if len(wanted) == 1 else [],
+            remedies=[_toward(wanted[0], key) for key in nearest[:_MOST_CANDIDATES]] if len(wanted) == 1 else [],
         )
     return route
 
@@ -422,7 +422,7 @@ def drive_to(scene: Scene, start: int, targets: frozenset[int], who: str, *, is_
         "their lanes",
         valid=nearest,
         next_step="choose a target before or after the junction",
-        remedies=[_toward(key, other) for key in targets for other in nearest[:_MOST_MEANT]],
+        remedies=[_toward(key, other) for key in targets for other in nearest[:_MOST_CANDIDATES]],
     )
 
 

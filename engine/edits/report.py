@@ -15,7 +15,7 @@ from ...schemas.modification import (
     TouchedVehicle,
 )
 from ..commonroad import Track
-from ..cosimulation import DrivePlan, Replay, TakenOverTrack
+from ..cosimulation import DrivePlan, HandoverTrack, Replay
 from ..scene import NOT_DRIVEN, Scene, is_own_recording
 from ..vehicles import Feasibility, Motion, check_drivability, check_kinematics, nearest_class, refused_by_planners
 from .changes import listed
@@ -112,8 +112,8 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
     """Return the achieved values of an edit as text, for its first vehicles; equal results are merged."""
     vehicles: dict[str, list[int]] = {}
     for one in values[:_MOST_VALUES]:
-        asked = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
-        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{asked}"
+        requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
+        words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
     return [f"{listed(tuple(keys))} {words}" for words, keys in vehicles.items()]
 
@@ -138,7 +138,7 @@ def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) ->
         for key, track in result.tracks.items()
     }
     for key in result.tracks:
-        stood_s = None if key in edited.told_speeds else stood_until_s(edited, key)
+        stood_s = None if key in edited.ordered_speeds else stood_until_s(edited, key)
         if stood_s is not None:
             driven[key] = driven[key].model_copy(update={"stood_until_s": round(stood_s, 3)})
     for key in edited.driven_shifts:
@@ -175,7 +175,7 @@ def _given(scene: Scene, replay: Replay, check: Callable[..., Feasibility]) -> T
     )
 
 
-def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feasibility) -> TouchedVehicle:
+def _touched(scene: Scene, plan: DrivePlan, track: HandoverTrack, verdict: Feasibility) -> TouchedVehicle:
     speeds, positions = track.speeds_mps, track.positions
     moved = np.linalg.norm(np.diff(positions[:2], axis=0), axis=1)[0]
     recorded = plan.cause != "added"
@@ -193,7 +193,7 @@ def _touched(scene: Scene, plan: DrivePlan, track: TakenOverTrack, verdict: Feas
     )
 
 
-def _moved_m(track: TakenOverTrack, recorded: Track) -> float:
+def _moved_m(track: HandoverTrack, recorded: Track) -> float:
     """Return the largest distance in m between two tracks at the same steps."""
     first = max(track.first_step, recorded.first_step)
     ours, theirs = track.positions[first - track.first_step :], recorded.positions[first - recorded.first_step :]

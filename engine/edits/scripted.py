@@ -54,7 +54,7 @@ _SWERVE_M, _SWERVE_HOLD_S = 1.0, 1.0
 """By default a swerve goes this far to the side and stays there this long (chosen)."""
 _EASY_MPS2, _HARDEST_MPS2 = 2.0, 6.0
 """A cut-in starts as soon as its preparation needs at most the first; above the second it is refused."""
-_BESIDE_M = (1.8, 6.0)
+_NEXT_LANE_M = (1.8, 6.0)
 """Lateral distance of a vehicle in the next lane from a path (chosen): half a lane to one and a half lanes."""
 _TRIED_S = 0.2
 """Start times of a cut-in are tried at this interval (chosen)."""
@@ -288,7 +288,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         base, _ = motion_of(scene, changes, vehicle_id)
         step, trigger = _begin_of(edit, scene, changes, base)
         now_mps = float(base.speeds_mps[step - base.first_step])
-        wanted = wanted_speed(edit.speed or "", now_mps)
+        wanted = requested_speed(edit.speed or "", now_mps)
         check_speed(
             wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} cannot drive {edit.speed}", "go slower"
         )
@@ -316,7 +316,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
     return EditStep(changes, vehicles, what, measure=measured)
 
 
-def wanted_speed(text: str, now_mps: float) -> float:
+def requested_speed(text: str, now_mps: float) -> float:
     """Return the speed in m/s that a text states; with +, - or % it is relative to the current speed.
 
     Raises:
@@ -517,7 +517,7 @@ def _check_next_lane(scene: Scene, base: Track, path: _Path, first: int, who: st
     station, aside = project(path.line, base.positions[index])
     along = point_at(path.line, station)[1]
     turned = abs(wrap_angle(float(base.headings_rad[index]) - along))
-    low, high = _BESIDE_M
+    low, high = _NEXT_LANE_M
     if low <= abs(aside) <= high and turned < math.radians(45.0):
         return
     where = "heads elsewhere" if turned >= math.radians(45.0) else f"is {abs(aside):.1f} m to the side of its path"
@@ -538,7 +538,7 @@ def _is_in_next_lane(track: Track, path: _Path, step: int) -> bool:
         return False
     station, aside = project(path.line, track.positions[index])
     turned = abs(wrap_angle(float(track.headings_rad[index]) - point_at(path.line, station)[1]))
-    return _BESIDE_M[0] <= abs(aside) <= _BESIDE_M[1] and turned < math.radians(45.0)
+    return _NEXT_LANE_M[0] <= abs(aside) <= _NEXT_LANE_M[1] and turned < math.radians(45.0)
 
 
 def _cut_in_motion(
@@ -607,7 +607,7 @@ def _prepared(
 ) -> _CutIn | None:
     step_s, at = scene.step_s, end - other.first_step
     other_mps = float(other.speeds_mps[at])
-    final_mps = other_mps if edit.speed is None else wanted_speed(edit.speed, other_mps)
+    final_mps = other_mps if edit.speed is None else requested_speed(edit.speed, other_mps)
     goal = float(path.stations[at]) + gap_s * other_mps + (base.length_m + other.length_m) / 2
     taken_s = (end - first) * step_s
     distance = goal - x0

@@ -46,7 +46,7 @@ from .changes import (
 )
 from .edited_scene import EditedScene
 from .references import nearest_ids, select
-from .scripted import achieved, is_relative, motion_of, scripted_lane_change, scripted_speed, wanted_speed
+from .scripted import achieved, is_relative, motion_of, requested_speed, scripted_lane_change, scripted_speed
 
 _NEAR_SHARE = 0.02
 """A mean speed is reached within this share of it (chosen)."""
@@ -200,7 +200,7 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
             motion = as_ordered or motion
         plan, step = _plan_from(scene, changes, vehicle_id, edit.time_s)
         now = motion.speeds_mps[step - motion.first_step :]
-        wanted = np.array([wanted_speed(text, float(speed)) if speed > STANDING_MPS else 0.0 for speed in now])
+        wanted = np.array([requested_speed(text, float(speed)) if speed > STANDING_MPS else 0.0 for speed in now])
         check_speed(
             float(wanted.min() if wanted.min() < 0.0 else wanted.max()),
             class_of(motion.kind).maximum_speed_mps,

@@ -1,7 +1,7 @@
 """Edits S, of the scene itself: crop it in time or space, mirror it, or change its lights and weather.
 
-These change a whole file, not single elements. The edits before such an edit are applied first; those after it start
-from its result. Lengths are in m; times count from the scenario's start.
+These change a whole file, not single elements. The edits before them are applied first; the edits after them start from
+their result. Lengths are in m; times count from the scenario's start.
 """
 
 import math

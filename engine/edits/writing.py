@@ -7,7 +7,7 @@ import numpy as np
 from lxml import etree
 
 from ..commonroad import LoadedScenario, ScenarioDocument, Track, center_of, middle_of
-from ..cosimulation import Replay, TakenOverTrack
+from ..cosimulation import HandoverTrack, Replay
 from ..geometry import Points, wrap_angle
 from ..scene import Ego
 from ..vehicles import Motion, nearest_class, steering_angles
@@ -58,7 +58,7 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
     return [] if changes.goal is None else _write_goal(document, changes.goal)
 
 
-def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
+def _write_touched(document: ScenarioDocument, track: HandoverTrack, step_s: float) -> None:
     """Replace the states of a recorded obstacle after its hand-over; earlier states stay unchanged."""
     trajectory = document.obstacle(track.obstacle_id).find("trajectory")
     if trajectory is None:

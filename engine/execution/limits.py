@@ -120,7 +120,7 @@ _BETWEEN_TRIMS_S = 10.0
 """Chosen: returning memory takes 2 to 20 ms."""
 
 
-class HeapsGivenBack:
+class MemoryTrimmer:
     """Returns freed memory to the operating system (with glibc) after work, at most every few seconds.
 
     glibc does not return freed memory that lies below memory in use. A server would therefore keep the largest total

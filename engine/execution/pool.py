@@ -112,10 +112,10 @@ class WorkerPool:
         """Return True if a worker may serve the next operation, because its idle memory is within the limit."""
         if lane == "retrieval":
             return True
-        held_bytes = 0
+        resident_bytes = 0
         with anyio.CancelScope(shield=True):
-            held_bytes = await anyio.to_thread.run_sync(worker.held_bytes)
-        return held_bytes <= self._limits.worker_idle_bytes
+            resident_bytes = await anyio.to_thread.run_sync(worker.resident_bytes)
+        return resident_bytes <= self._limits.worker_idle_bytes
 
     async def warm_up(self, lane: Lane = "compute") -> None:
         """Start one idle worker with its heavy imports, before the first operation needs it."""
@@ -200,7 +200,7 @@ class _WorkerProcess:
         """Process id."""
         return self._process.pid
 
-    def held_bytes(self) -> int:
+    def resident_bytes(self) -> int:
         """Return the resident memory of the process, or 0 if it is gone."""
         import psutil
 

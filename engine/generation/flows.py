@@ -157,14 +157,14 @@ def flow_notes(plan: FlowPlan, vehicles: Sequence[GeneratedVehicle], site: SiteN
 
 
 def _flow_note(road: CountedRoad, at_start: int) -> str:
-    asked = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
+    flow_text = f"{road.flow}: {road.flow.per_h:g} vehicles an hour counted"
     if road.flow.to:
         no_route = "but no route leads there here"
         ways = f"{road.planned_per_h:.0f} planned on its routes" if road.planned_per_h else no_route
-        return f"{asked}, {ways}"
+        return f"{flow_text}, {ways}"
     if not road.sections:
-        return f"{asked}, but no such road carries cars at this site"
-    return f"{asked}, {road.planned_per_h:.0f} planned; {counted(at_start, 'vehicle')} on it at the start"
+        return f"{flow_text}, but no such road carries cars at this site"
+    return f"{flow_text}, {road.planned_per_h:.0f} planned; {counted(at_start, 'vehicle')} on it at the start"
 
 
 def _edges_at_start(vehicles: Sequence[GeneratedVehicle], site: SiteNetwork) -> Iterator[str]:

@@ -39,11 +39,11 @@ class Footways:
     notes: tuple[str, ...]
 
 
-def people_wanted(asked: VehicleDemand, density: Density, vehicles: int) -> int:
+def target_pedestrians(demand: VehicleDemand, density: Density, vehicles: int) -> int:
     """Return the target number of pedestrians at a site with the given number of vehicles."""
-    if asked.least is not None:
-        return asked.least
-    return round(asked.share * vehicles) or 1 if asked.share else PEOPLE[density]
+    if demand.least is not None:
+        return demand.least
+    return round(demand.share * vehicles) or 1 if demand.share else PEOPLE[density]
 
 
 def open_footways(net_path: Path) -> None:
@@ -96,7 +96,7 @@ def with_walkways(network: RoadNetwork, footways: Footways) -> RoadNetwork:
 
 
 def _marked(ways: WalkNet, net: SumoNet, marked: Iterable[tuple[float, float]]) -> int:
-    """Count the crossings of a net that are near one that the map marks."""
+    """Count the crossings of a net that are near a crossing marked on the map."""
     from pyproj import Proj
 
     if not net.projection or not (degrees := list(marked)):

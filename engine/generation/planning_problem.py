@@ -2,7 +2,7 @@
 goal.
 
 The ego is a car, or a vehicle of the requested class (``type:truck``); below, "car" means either. Of the cars that can
-have such a goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
+have this goal, the choice prefers one with a drivable recorded path that passes the site along lanes that a planner
 with a reference path can follow. Maps have corners, and where lanes do not face each other, netconvert joins them with
 sideways jogs. Recorded cars cut these corners and jogs, but a planner that follows the centre lines may find no
 trajectory.
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...schemas.errors import NotPossible, UnknownName, closest, with_values
-from ...schemas.generation import AskedEgo, AskedGoal, LaneletGoal, Turn
+from ...schemas.generation import LaneletGoal, RequestedEgo, RequestedGoal, Turn
 from ...schemas.text import counted
 from ..geometry import (
     Points,
@@ -38,7 +38,7 @@ from .turns import leads_without_change, makes
 
 SHORTEST_PATH_M = 10.0
 """Minimum distance to a goal after a number of steps (chosen): a car that waits has no task."""
-SHORTEST_ASKED_PATH_M = 4.0
+SHORTEST_REQUESTED_PATH_M = 4.0
 """The same for a goal by distance, which is at least 5 m, or by lanelet (chosen)."""
 
 
@@ -46,14 +46,14 @@ SHORTEST_ASKED_PATH_M = 4.0
 class TaskSpec:
     """The request for a planning problem: the goal, the ego, and how long the scenario lasts."""
 
-    goal: AskedGoal
-    ego: AskedEgo
+    goal: RequestedGoal
+    ego: RequestedEgo
     duration_s: float
 
     @property
     def shortest_path_m(self) -> float:
         """Return the minimum distance that a car must drive to the goal."""
-        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_ASKED_PATH_M
+        return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_REQUESTED_PATH_M
 
 
 TIME_MARGIN_S = 1.5
@@ -218,7 +218,7 @@ def _with_site_criteria(task: PlanningTask, spec: TaskSpec, focus: SiteFocus, st
     )
 
 
-def _check_lanelet(goal: AskedGoal, network: RoadNetwork) -> None:
+def _check_lanelet(goal: RequestedGoal, network: RoadNetwork) -> None:
     """Raise an error if the network does not have the lanelet, or if the position is beyond it."""
     if goal.lanelet is None:
         return
@@ -257,7 +257,7 @@ def _task(
         end = lookup.under(at_goal.center, at_goal.heading_rad)
     if start is None or end is None or end.lanelet_id not in network.graph.reachable([start.lanelet_id]):
         return None
-    asked = goal.lanelet.size_m if goal.lanelet else None
+    size_m = goal.lanelet.size_m if goal.lanelet else None
     return PlanningTask(
         ego=car,
         goal_step=at_goal.step,
@@ -265,7 +265,7 @@ def _task(
         lanelet_id=end.lanelet_id,
         center=at_goal.center,
         heading_rad=at_goal.heading_rad,
-        size_m=asked or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
+        size_m=size_m or _usual_size(end, at_goal.center, float(car.motion.speeds_mps[at_goal.step])),
         time_steps=_window(spec, at_goal.step, step_s),
     )
 
@@ -315,7 +315,7 @@ def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s:
     return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))
 
 
-def _ahead(goal: AskedGoal, driven: Values) -> int | None:
+def _ahead(goal: RequestedGoal, driven: Values) -> int | None:
     """Return the step after the requested steps or metres, or None if that is beyond the car's recording."""
     if goal.steps is not None:
         return goal.steps if goal.steps < len(driven) else None
@@ -354,7 +354,7 @@ def _on_lanelet(goal: LaneletGoal, car: GeneratedVehicle, lanelet: RoadLanelet, 
         return None
     turned = wrap_angle(float(car.motion.headings_rad[step]) - heading)
     passes = abs(ahead) < LARGEST_GAP_M and abs(aside) < FARTHEST_ASIDE_M and abs(turned) < WIDEST_TURN_RAD
-    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_ASKED_PATH_M else None
+    return _Passage(step, center, heading) if passes and driven[step] >= SHORTEST_REQUESTED_PATH_M else None
 
 
 LARGEST_CURVATURE_PER_M = 0.2

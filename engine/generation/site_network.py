@@ -128,8 +128,8 @@ def prepare_site(
     usual_m = radius_for(site, request)
     usual = _known_sites().get(request, osm, site, usual_m, folder, report)
     built = usual.built(request, folder)
-    asked = 1 + sum(demand.needed for demand in request.on_wheels)
-    share = asked / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
+    requested = 1 + sum(demand.needed for demand in request.on_wheels)
+    share = requested / max(VEHICLES_PER_LANE_KM["high"] * lane_km_of(built.net), 1.0)
     if share <= MOST_CROWDED or isinstance(osm, LaneletMap):
         return usual.judged(request, folder, report)
     wider_m, wider = usual_m * min(math.sqrt(share), MOST_WIDENED), folder / "wider"
@@ -140,7 +140,7 @@ def prepare_site(
         note = f"a wider cut for so many vehicles failed: {refusal.message}"
         narrow = usual.judged(request, folder, report)
         return replace(narrow, notes=(*narrow.notes, note))
-    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to make room for {asked} vehicles"
+    note = f"cut out {wider_m:.0f} m around the site, not {usual_m:.0f} m, to make room for {requested} vehicles"
     return replace(roomy, notes=(*roomy.notes, note))
 
 
@@ -307,8 +307,8 @@ def _passing_note(site: Site, request: GenerationRequest) -> str:
     """Return the note on a site that the requested streets only pass: none of its junctions is on these streets."""
     kind = site.kind.replace("_", " ")
     if len(request.streets) > 1:
-        asked = cited_all((names[0] for names in request.streets), " and ")
-        return f"{asked} do not meet here, but both pass this {kind}"
+        streets = cited_all((names[0] for names in request.streets), " and ")
+        return f"{streets} do not meet here, but both pass this {kind}"
     return f"no {kind} is on {cited(request.streets[0][0])} itself; this one is nearby"
 
 
@@ -346,9 +346,9 @@ def judged(built: SiteNetwork, report: ProgressReporter) -> SiteNetwork:
 def _report_file_errors(built: SiteNetwork, findings: tuple[RuleFinding, ...]) -> SiteNetwork:
     """Return a filled network with the rules' findings; errors in the file itself are reported but not mended."""
     errors = summarise_findings(findings, "error")
-    told = [f"errors of the given road network remain: {'; '.join(errors)}"] if errors else []
+    notes = [f"errors of the given road network remain: {'; '.join(errors)}"] if errors else []
     milder = tuple(finding.model_copy(update={"severity": "warning"}) for finding in findings)
-    return replace(built, findings=milder, notes=(*built.notes, *told))
+    return replace(built, findings=milder, notes=(*built.notes, *notes))
 
 
 def build_network(
@@ -419,8 +419,8 @@ def build_network(
 
 def _friction_of(request: GenerationRequest, stated: frozenset[float | None]) -> float | None:
     """Return the friction of the roads in the requested weather, else the value that the map states for all roads."""
-    asked = None if request.conditions is None else request.conditions.friction
-    return next(iter(stated)) if asked is None and len(stated) == 1 else asked
+    requested = None if request.conditions is None else request.conditions.friction
+    return next(iter(stated)) if requested is None and len(stated) == 1 else requested
 
 
 def _friction_notes(request: GenerationRequest, friction: float | None) -> tuple[str, ...]:

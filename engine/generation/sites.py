@@ -175,8 +175,8 @@ def _box_around(site: Site) -> list[float]:
 
 def other_types(osm: OsmMap, request: GenerationRequest) -> list[SiteType]:
     """Return the other types that have a site on the requested streets and in the requested box."""
-    held = _available_types(site_finder(osm, request.road_classes), request)
-    return [kind for kind in held if kind != request.scenario_type]
+    available = _available_types(site_finder(osm, request.road_classes), request)
+    return [kind for kind in available if kind != request.scenario_type]
 
 
 def _available_types(finder: SiteFinder, request: GenerationRequest) -> list[SiteType]:
@@ -194,7 +194,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             next_step="add link to road_classes, or leave road_classes out",
             remedies=[with_values(road_classes=None)],
         )
-    held = _available_types(finder, request)
+    available = _available_types(finder, request)
     where = " on " + cited_all((names[0] for names in request.streets), " / ") if request.streets else ""
     if request.bbox is not None:
         south, west, north, east = request.bbox
@@ -206,18 +206,18 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
             "; a highway is a motorway or, on a map without one, a trunk road that is signed as a motor road, or is "
             f"one-way with a limit of {EXPRESSWAY_KMH} km/h or more"
         )
-    next_step = f"choose one of these scenario types, or {elsewhere}" if held else f"choose {elsewhere}"
-    if not held and len(request.streets) > 1 and not _meet(osm, request.streets):
+    next_step = f"choose one of these scenario types, or {elsewhere}" if available else f"choose {elsewhere}"
+    if not available and len(request.streets) > 1 and not _meet(osm, request.streets):
         return _never_meet(finder, request)
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
         where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
-        next_step = "leave road_classes out" + (", or choose one of these scenario types" if held else "")
+        next_step = "leave road_classes out" + (", or choose one of these scenario types" if available else "")
     turn = request.goal.turn
-    suited = [kind for kind in held if turn is None or turn in TURNS_AT[kind]]
+    suited = [kind for kind in available if turn is None or turn in TURNS_AT[kind]]
     remedies = [with_values(scenario_type=kind) for kind in suited[:1]]
-    if held and not suited:
-        remedies = [with_values(scenario_type=held[0], goal=None)]
+    if available and not suited:
+        remedies = [with_values(scenario_type=available[0], goal=None)]
     if (outside := _nearest_outside(finder, request)) is not None:
         streets = cited_all(outside.streets[:SHOWN_NAMES], " / ") or "unnamed roads"
         at = f"{outside.latitude:.5f}, {outside.longitude:.5f}"
@@ -225,7 +225,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         remedies.insert(0, with_values(place=request.map_id, bbox=_box_around(outside)))
     return NotPossible(
         f"{cited(request.place)} ({request.map_id}) has no {wanted_site}{where}",
-        valid=held,
+        valid=available,
         next_step=next_step,
         reason="no_such_site",
         remedies=remedies,
@@ -239,9 +239,9 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
         if not way.road_class:
             continue
         called = tuple(way.tags[key] for key in ("name", "ref") if key in way.tags)
-        for held, names in zip(nodes, streets, strict=True):
+        for street_nodes, names in zip(nodes, streets, strict=True):
             if _carries(called, names):
-                held.update(way.node_ids)
+                street_nodes.update(way.node_ids)
     return bool(set.intersection(*nodes))
 
 

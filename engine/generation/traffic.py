@@ -39,7 +39,7 @@ from ..traffic import (
 )
 from ..vehicles import vehicle_classes
 from .flows import FlowPlan, FlowTrips, plan_flows
-from .people import pedestrians_for, people_among, people_wanted
+from .people import pedestrians_for, people_among, target_pedestrians
 from .site_network import SiteNetwork
 from .sites import middle_of, road_classes
 from .turning_trips import TurningTrips
@@ -68,13 +68,13 @@ LASTING_S = 30.0
 class TrafficAim:
     """The traffic target of a site: vehicles per kilometre of lane, the target's source, and counted routes.
 
-    ``per_lane_km`` is None if the request's density applies; otherwise ``asked_by`` is a time of day or ``counts``. The
-    site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through the site along
-    the ego's requested turn.
+    ``per_lane_km`` is None if the request's density applies; otherwise ``density_source`` is a time of day or
+    ``counts``. The site gets at least ``fewest`` vehicles. ``turning``: vehicles of the ego's class are routed through
+    the site along the ego's requested turn.
     """
 
     per_lane_km: float | None = None
-    asked_by: str = ""
+    density_source: str = ""
     plan: FlowPlan | None = None
     fewest: int = FEWEST
     turning: bool = False
@@ -128,8 +128,8 @@ def generate_traffic(
     lasting_s = min(WARM_UP_S + request.duration_s, LASTING_S)
     needed = {demand.ego_class: 1} | {name: count for name, count in demand.needed.items() if count}
     shortfalls: list[dict[str, int]] = []
-    asked = request.people
-    people = 0 if asked is None else people_wanted(asked, request.density, demand.total)
+    on_foot = request.people
+    people = 0 if on_foot is None else target_pedestrians(on_foot, request.density, demand.total)
     most_people = 0
     more: Counter[str] = Counter()
     if demand.ego_class != "car" or aim.turning:
@@ -181,7 +181,7 @@ def generate_traffic(
         absent = _absent(demand, Counter(vehicle.vehicle_class.name for vehicle in kept))
         walked = () if pedestrians is None else people_among(pedestrians, kept, people)
         most_people = max(most_people, len(walked))
-        if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(asked))):
+        if not absent and (len(walked) == people or (walked and attempt == ATTEMPTS - 1 and not _is_counted(on_foot))):
             return GeneratedTraffic(kept, demand, walked, dropped)
         logger.debug("traffic_drawn_again attempt=%d absent=%s people=%d", attempt, absent, len(walked))
         if not absent:
@@ -201,9 +201,9 @@ def generate_traffic(
     raise _no_room(demand, min(shortfalls, key=lambda absent: sum(absent.values())))
 
 
-def _is_counted(asked: VehicleDemand | None) -> bool:
+def _is_counted(demand: VehicleDemand | None) -> bool:
     """Return whether the request sets a number of a class."""
-    return asked is not None and asked.least is not None
+    return demand is not None and demand.least is not None
 
 
 def _trips(

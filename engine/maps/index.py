@@ -1,4 +1,4 @@
-"""Finds an available map by what the user calls it: place, street, intersection, road number, id, box.
+"""Finds an available map by a user's description: place, street, intersection, road number, id, box.
 
 The database stores the result for each file in the map folders, so each file is unpacked and read only once.
 """
@@ -196,7 +196,10 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """Return the box around ``area``, inside the core of a fetched map; None if the whole map is requested."""
+        """Return the box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+
+        The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
+        """
         area = None if self.area is None else _box_around(self.area)
         core = None if self.entry.facts.source is None else self.entry.facts.source.core
         if area is None or core is None:
@@ -682,7 +685,7 @@ def _read_whole(part: str, facts: MapFacts) -> _Reading | None:
     """Read the text as the whole name of a place or a road.
 
     A square is read as its roads, if it has any. The position of a place is unknown if only addresses or borders name
-    it; such a name is read as the road with exactly this name.
+    it; then the name is read as the road with exactly this name.
     """
     place = _read_place(part, facts)
     is_square = place is not None and place.area is not None and place.area.kind in ROAD_PLACES

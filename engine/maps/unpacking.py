@@ -150,7 +150,7 @@ def _begin_of_root(text: str) -> int:
 
 
 def named_by_content(path: Path, folder: Path) -> Path:
-    """Return an unpacked map under a name with its format's ending: the file itself, or a copy in the folder."""
+    """Return an unpacked map with the file extension of its format: the file itself, or a copy in the folder."""
     ending = _ENDINGS.get(root_element(path) or "")
     name = path.name.lower()
     if ending is None or (name.endswith(ending) and not (ending == LANELETS_ENDING and name.endswith(NET_ENDING))):
@@ -209,10 +209,10 @@ def foreign_format(path: Path) -> ForeignFormat | None:
         return "OpenDRIVE"
     if name.endswith(LANELETS_ENDING) and not is_net(path):
         return "CommonRoad"
-    return "Lanelet2" if name.endswith(".osm") and _holds_lanelets(path) else None
+    return "Lanelet2" if name.endswith(".osm") and _contains_lanelets(path) else None
 
 
-def _holds_lanelets(path: Path) -> bool:
+def _contains_lanelets(path: Path) -> bool:
     """Return whether an OpenStreetMap XML file contains lanelets; no file of streets has a tag with that value."""
     rest = b""
     with path.open("rb") as stream:

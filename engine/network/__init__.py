@@ -4,7 +4,7 @@
 ``remove_hairpins``: Deletes the connections of all lanes without valid bounds from a net, in place.
 ``Digraph``: A directed graph with searches: cheapest and shortest routes, costs, reachable nodes.
 ``GeoReference``: The location of a network's coordinates on earth: a PROJ string and an offset in m.
-``lights_begin_at``: Returns a net whose lights, after some simulated time, are in their initial states.
+``lights_begin_at``: Returns a net with lights that, after some simulated time, are in their initial states.
 ``net_over_lanelets``: Returns the ``.net.xml`` over a lanelet network, and the lanelets for vehicles as plain values.
 ``LaneletGraph``: Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction.
 ``MOTOR_CLASSES``: SUMO's classes of motor vehicles on roads.

@@ -30,7 +30,7 @@ _LEAST_AREA_M2 = 0.01
 
 @dataclass
 class LaneBounds:
-    """A lane whose bounds are being drawn and may still change.
+    """A lane with bounds that are being drawn and may still change.
 
     ``on_left`` and ``on_right`` are neighbours of the same direction that share a bound; ``oncoming`` is a neighbour of
     the other direction that shares a bound. ``is_folded``: every drawing of it crosses itself or leads backwards.

@@ -1,9 +1,9 @@
 """Searches directed graphs, and provides the graph of a lanelet network.
 
-The searches are our own rather than networkx's or scipy's: of several equally cheap routes, they take the one with the
-lower node ids, whatever the order in the file. networkx takes the first route that it finds, and scipy's csgraph does
-not specify which one it takes. On straight roads, an early lane change costs as much as a late one, so routes would
-vary, and so would everything computed along them.
+The searches are our own. Of several equally cheap routes, they take the one with the lower node ids, regardless of the
+order in the file; networkx takes the first route that it finds, and scipy's csgraph does not specify which one it
+takes. On straight roads, an early lane change costs as much as a late one, so routes would vary, and so would
+everything computed along them.
 """
 
 import heapq
@@ -133,7 +133,7 @@ class LaneletGraph:
         """Return all reachable lanelets with the fewest steps to them, nearest first, including the starts."""
         return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
-    def beside(self, starts: Iterable[int]) -> frozenset[int]:
+    def parallel_lanes(self, starts: Iterable[int]) -> frozenset[int]:
         """Return the lanelets that can be reached by lane changes alone, including the starts."""
         changes = Digraph(lambda key: ((other, LANE_CHANGE_COST_M) for other in self.neighbours.get(key, ())))
         return frozenset(changes.reachable(starts))

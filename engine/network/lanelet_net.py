@@ -81,7 +81,7 @@ def net_over_lanelets(
 
 
 def lights_begin_at(net: bytes, elapsed_s: float) -> bytes:
-    """Return a net whose lights, after some simulated time, are in their initial states."""
+    """Return a net with lights that, after some simulated time, are in their initial states."""
     root = etree.fromstring(net)
     for logic in root.iterfind("tlLogic"):
         logic.set("offset", f"{elapsed_s:g}")
@@ -121,7 +121,7 @@ def _plain(lanelet: "Lanelet", place: tuple[str, str], speed_mps: float, known: 
 
 
 def _lights(network: "LaneletNetwork", driven: Mapping[int, RoadLanelet]) -> tuple[TrafficLight, ...]:
-    """Return the file's lights at lanelets for vehicles, without cycles, since the file's own cycles are kept."""
+    """Return the file's lights at lanelets for vehicles, each with an empty cycle: the file keeps its own."""
     standing = {
         int(light): key
         for key, lanelet in sorted((int(one.lanelet_id), one) for one in network.lanelets)

@@ -213,12 +213,12 @@ _DECIMALS = 3
 
 
 def smooth_junction_lanes(net_path: Path) -> int:
-    """Redraw lanes over a junction, in place, if they have a hook or a corner where they meet their roads.
+    """Redraw, in place, lanes that cross a junction and have a hook or a corner where they meet their roads.
 
-    Vertices at which lanes of roads fold back are removed first.
+    Vertices at which road lanes fold back are removed first.
 
     Returns:
-        The number of redrawn road lanes and routes over junctions.
+        The number of redrawn road lanes and routes across junctions.
     """
     root = etree.parse(net_path).getroot()
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}

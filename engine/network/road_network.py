@@ -123,8 +123,8 @@ class RoadNetwork:
     """All lanelets by id, with signs, lights and intersections; ``dropped_lanes``: those without valid bounds.
 
     ``lost_connections``: the net's connections from lane to lane without a route over the lanelets. ``folded_edges``:
-    roads between junctions whose lanelets cross themselves however they are drawn. ``largest_id``: the largest id of
-    all elements in the network's source file, or 0 if there is no such file. ``walkways`` are separate from the
+    roads between junctions with lanelets that cross themselves however they are drawn. ``largest_id``: the largest id
+    of all elements in the network's source file, or 0 if there is no such file. ``walkways`` are separate from the
     lanelets, which are for vehicles.
     """
 
@@ -200,7 +200,7 @@ class LaneletLookup:
 
 
 def _heading_at(line: Points, position: Points) -> float:
-    """Return the heading of the line's segment whose midpoint is closest to the position."""
+    """Return the heading of the line's segment with the midpoint closest to the position."""
     middle = (line[:-1] + line[1:]) / 2
     index = int(np.argmin(np.linalg.norm(middle - position, axis=1)))
     step = line[index + 1] - line[index]

@@ -24,9 +24,9 @@
 ``check_on``: Describes a user-supplied planner's breaches of the contract on a scenario.
 ``PlannerCheck``: The result of ``check_on``.
 ``OwnPlanner``: The target of an entry point of the group ``plannerforge.planners``: the class and its declaration.
-``PlannerHere``: A planner that is an object of this process.
-``planners_here``: Registers objects of this process as planners while a block runs.
-``is_here``: Returns whether a planner is an object of this process.
+``PlannerObject``: A planner that is an object of this process.
+``registered_objects``: Registers objects of this process as planners while a block runs.
+``is_planner_object``: Returns whether a planner is an object of this process.
 ``programs_named``: Registers the programs in the settings as planners while a block runs, in workers too.
 ``known_planner``: Returns a planner's registered name; raises ``UnknownName`` if there is no such planner.
 ``make_planner``: Creates a planner by its name.
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from .driving.solution import steering_of, write_solution
     from .external.check import PlannerCheck, check_on
     from .external.conformance import check_planner
-    from .external.found import Found, OwnPlanner, PlannerHere, is_here, planners_here, programs_named
+    from .external.found import Found, OwnPlanner, PlannerObject, is_planner_object, programs_named, registered_objects
     from .goal import Goal, goal_with_path, progress_to_goal
     from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, predictor

@@ -178,7 +178,7 @@ def version_that_drives(name: str) -> PlannerVersion:
     """
     folded = known_planner(name)
     if folded in PLANNERS:
-        return _built_in_here(folded)
+        return _installed_version(folded)
     from .external.versions import version_in_words
 
     found = own_planner(folded)
@@ -192,10 +192,10 @@ def source_that_drives(name: str) -> str:
         UnknownName: No such planner.
     """
     folded = known_planner(name)
-    return _built_in_here(folded).source if folded in PLANNERS else own_planner(folded).version
+    return _installed_version(folded).source if folded in PLANNERS else own_planner(folded).version
 
 
-def _built_in_here(name: str) -> PlannerVersion:
+def _installed_version(name: str) -> PlannerVersion:
     from importlib.metadata import version
 
     return built_in_version(name, {package: version(package) for package in (*CORES.get(name, ()), _OURS)})

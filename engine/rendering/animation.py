@@ -69,8 +69,8 @@ class _Pace:
         for step, following in zip(self.steps, (*self.steps[1:], None), strict=True):
             real = 0.0 if following is None else 1000 * self.step_s * (following - step)
             slow = _SLOWED if self.is_slow(step) and following is not None and self.is_slow(following) else 1
-            held = _HOLD_MS if self.moment is not None and step == self.moment.step else 0
-            durations.append(_PAUSE_MS if following is None else max(round(real * slow / 10) * 10, 20) + held)
+            hold_ms = _HOLD_MS if self.moment is not None and step == self.moment.step else 0
+            durations.append(_PAUSE_MS if following is None else max(round(real * slow / 10) * 10, 20) + hold_ms)
         return durations
 
 

@@ -34,7 +34,7 @@ def shortened(text: str, length: int) -> str:
 
 @dataclass(frozen=True)
 class Inventory:
-    """The content of a picture, each entry of which gets an entry in the legend; ``runs``: label and series."""
+    """The content of a picture, with one entry per entry of the legend; ``runs``: label and series."""
 
     kinds: tuple[str, ...]
     signals: tuple[str, ...]

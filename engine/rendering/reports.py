@@ -15,7 +15,7 @@ from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.measures import MeasuredValue, RunMetrics, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
 from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
-from ...schemas.reviews import REFERENCE_DRIVERS_DO, LaidTo
+from ...schemas.reviews import REFERENCE_DRIVERS_DO, CollisionCause
 from ...schemas.runs import BatchRecord, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
 from ...schemas.text import shown_name
@@ -170,7 +170,7 @@ def _describe_causes(causes: CollisionCauses | None) -> str:
 
 def _describe_attribution(causes: CollisionCauses) -> str:
     """Return how many collisions are attributed to each cause."""
-    phrases: dict[LaidTo, str] = {
+    phrases: dict[CollisionCause, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
         "prediction": "to the prediction",

@@ -66,7 +66,7 @@ def _draw_ego(axes: "Axes", corners: Points, *, colour: str = EGO_COLOUR, faded:
 
 
 def draw_paths(axes: "Axes", paths: Sequence[DrivenPath]) -> None:
-    """Draw the driven paths in different colours and dash patterns, later ones thinner so that none is hidden."""
+    """Draw the driven paths in different colours and dash patterns, later ones thinner so that all are visible."""
     for number, path in enumerate(paths):
         colour, dashes = series_style(path.series)
         width = max(4.2 - 1.1 * number, 1.6)

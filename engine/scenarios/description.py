@@ -67,25 +67,25 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     scene = kept.scene
     ego = _describe_ego(scene)
     begin = (scene.ego.step if scene.ego else 0) + round(request.time_s / scene.step_s)
-    center, asked = _center(scene, request.focus, begin)
-    name = asked.name if asked is not None else "the ego" if scene.ego is not None else "the middle of the map"
+    center, focus = _center(scene, request.focus, begin)
+    name = focus.name if focus is not None else "the ego" if scene.ego is not None else "the middle of the map"
     tracks = scene.tracks | scene.standing
     if request.time_s:
-        tracks = _there_at(scene, tracks, begin)
+        tracks = _present_at(scene, tracks, begin)
     near = _near(tracks, begin, center, request.radius_m)
-    own = next((key for key in near if asked is not None and asked.name == f"vehicle {key}"), None)
+    own = next((key for key in near if focus is not None and focus.name == f"vehicle {key}"), None)
     shown = [key for key in near if key != own][: VEHICLES_SHOWN[request.detail]]
     roles = _roles(*kept.neighbours)
     vehicles = _vehicles(scene, center, [*shown, *([] if own is None else [own])], roles, begin)
-    if asked is not None:
-        asked = asked.model_copy(update={"vehicle": None if own is None else vehicles[own]})
+    if focus is not None:
+        focus = focus.model_copy(update={"vehicle": None if own is None else vehicles[own]})
     if request.detail == "motion":
-        asked = _with_motion(scene, asked)
+        focus = _with_motion(scene, focus)
     lanelets, total = _describe_lanelets(scene, ego, center, request.radius_m, LANELETS_SHOWN[request.detail])
     return Description(
         ego=ego,
         focus=name,
-        asked=asked,
+        asked=focus,
         vehicles=tuple(vehicles[key] for key in shown),
         vehicles_total=len(tracks) - (own is not None),
         lanelets=lanelets,
@@ -95,7 +95,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
     )
 
 
-def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
+def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
     """Return the vehicles that are present at a step.
 
     Raises:
@@ -109,14 +109,14 @@ def _there_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int,
     raise NotPossible("no vehicle is there at that time", valid=[f"time_s from 0 to {last_s:g}"])
 
 
-def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
+def _with_motion(scene: Scene, focus: DescribedFocus | None) -> DescribedFocus:
     """Return the focus with its whole motion; for the ego, the motion in its own recording.
 
     Raises:
         NotPossible: the focus is a lanelet, a vehicle without a recording, or an ego that was not recorded.
     """
     moving = [f"focus={key}" for key in list(scene.tracks)[:CHECKED_SHOWN]]
-    if asked is None:
+    if focus is None:
         own = [
             key for key, track in scene.tracks.items() if scene.ego is not None and is_own_recording(track, scene.ego)
         ]
@@ -126,14 +126,14 @@ def _with_motion(scene: Scene, asked: DescribedFocus | None) -> DescribedFocus:
                 valid=moving,
                 next_step="call run_planner, or request the motion of another vehicle",
             )
-        asked, key = DescribedFocus(name=f"vehicle {own[0]}", what="the ego's own recording"), own[0]
+        focus, key = DescribedFocus(name=f"vehicle {own[0]}", what="the ego's own recording"), own[0]
     else:
-        word = asked.name.removeprefix("vehicle ")
+        word = focus.name.removeprefix("vehicle ")
         key = int(word) if word.isdigit() else -1
     if key not in scene.tracks:
-        raise NotPossible(f"{asked.name} has no recorded motion", valid=moving)
+        raise NotPossible(f"{focus.name} has no recorded motion", valid=moving)
     begin = scene.ego.step if scene.ego else 0
-    return asked.model_copy(update={"motion": motion_of(scene, scene.tracks[key], begin)})
+    return focus.model_copy(update={"motion": motion_of(scene, scene.tracks[key], begin)})
 
 
 def _center(scene: Scene, focus: str | None, step: int) -> tuple[Points, DescribedFocus | None]:
@@ -275,7 +275,7 @@ def _describe_ego(scene: Scene) -> DescribedEgo | None:
         vehicle=vehicle_words(scene.ego.vehicle_class) + _friction_words(scene.friction),
         speed_mps=round(scene.ego.speed_mps, 4),
         lanelets=lanelets,
-        lanes=max((len(scene.lanelet_graph.beside([key])) for key in lanelets), default=0),
+        lanes=max((len(scene.lanelet_graph.parallel_lanes([key])) for key in lanelets), default=0),
         goal=_goal_words(problem, scene.step_s, point, goals),
         **_goal_figures(problem, scene.step_s, point),
         goal_lanelets=goals,
@@ -340,7 +340,7 @@ def _span(value: Any, factor: float) -> str:
 def _describe_lanelets(
     scene: Scene, ego: DescribedEgo | None, center: Points, radius_m: float, most: int
 ) -> tuple[tuple[DescribedLanelet, ...], int]:
-    """Return lanelets within the radius, first those of the ego's route, then the nearest, and the total number."""
+    """Return the lanelets within the radius (those on the ego's route, then the nearest), and the network's total."""
     distances = {
         lanelet.lanelet_id: float(np.min(np.linalg.norm(lanelet.center_vertices - center, axis=1)))
         for lanelet in scene.network.lanelets

@@ -1,4 +1,4 @@
-"""Read the facts of a CommonRoad file: the paper's four metadata layers and the computed features.
+"""Read the facts of a CommonRoad file: the PlannerForge paper's four metadata layers and computed features.
 
 Paper: Methodology, Framework Setup (location, roadside constructs, participants, ego vehicle). The facts also state how
 dense the recorded traffic is, and when it meets an ego that does not react.
@@ -217,7 +217,7 @@ def _placed_ego(
         x_m=float(point[0]),
         y_m=float(point[1]),
         heading_rad=heading,
-        lanes=max((len(recording.graph.beside([key])) for key in lanelets), default=0),
+        lanes=max((len(recording.graph.parallel_lanes([key])) for key in lanelets), default=0),
         lanelets=lanelets,
         goal_forms=_goal_forms(problem),
         goal_first_step=min(first, default=None),

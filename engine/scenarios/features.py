@@ -40,7 +40,7 @@ LEAD_M, LEAD_ASIDE_M = 50.0, 1.5
 """Largest distance of a lead vehicle ahead and to the side of the path (chosen; half a lane is 1.5 to 1.9 m)."""
 CROSSING_RAD = math.radians(25.0)
 """Lanelets that meet at a smaller angle merge or diverge (chosen)."""
-ONCOMING_RAD, ONCOMING_BESIDE_M = math.radians(135.0), 12.0
+ONCOMING_RAD, ONCOMING_LATERAL_M = math.radians(135.0), 12.0
 """Oncoming traffic is turned from the path by more than this angle, within this lateral distance (chosen)."""
 MOVING_MPS = 1.0
 """Below this speed a vehicle's direction of travel is undefined (chosen)."""
@@ -112,13 +112,13 @@ def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool
     length = arc_length(line)[-1]
     for track in tracks.values():
         sampled = track.positions[::SAMPLED_EVERY]
-        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & is_near_line(line, sampled, ONCOMING_BESIDE_M)
+        moving = (track.speeds_mps[::SAMPLED_EVERY] >= MOVING_MPS) & is_near_line(line, sampled, ONCOMING_LATERAL_M)
         if not moving.any():
             continue
         positions, facing = sampled[moving], track.headings_rad[::SAMPLED_EVERY][moving]
         stations, offsets, turn = along_line(line, positions, facing)
         against = np.abs(wrap_angles(turn)) > ONCOMING_RAD
-        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(offsets) <= ONCOMING_BESIDE_M)
+        on_path = (here_m < stations) & (stations < length - 0.1) & (np.abs(offsets) <= ONCOMING_LATERAL_M)
         if np.any(against & on_path):
             return True
     return False

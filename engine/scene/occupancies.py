@@ -1,6 +1,6 @@
 """Bounding tracks for obstacles without a trajectory: they cover where a set-based prediction says they may be.
 
-Such an obstacle cannot be driven, but blocks the road as any other does. Each part of an occupancy becomes an oriented
+These obstacles cannot be driven, but block the road as any other does. Each part of an occupancy becomes an oriented
 rectangle around it. Because these grow and turn from step to step and a track has one size, an obstacle becomes several
 tracks, one after the other or side by side.
 """

@@ -80,8 +80,8 @@ def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | 
     """Return the lanelets that a goal lists, else those under its regions' centres, else touched ones; ascending.
 
     The result is None if a goal state leaves the position free. A planner aims at these lanelets, so a region next to
-    the lanes still has a lanelet. :func:`goal_center_lanelets` is narrower; of the 195 available public planning
-    problems the two functions differ in one (ZAM_test_0-1, with a second region that only touches lanelets).
+    the lanes still has a lanelet. The function :func:`goal_center_lanelets` is narrower: of the 195 available public
+    planning problems, the two functions differ in one (ZAM_test_0-1, with a second region that only touches lanelets).
     """
     named = goal.lanelets_of_goal_position or {}
     goals: set[int] = set()
@@ -266,7 +266,7 @@ def _turns(
 ) -> tuple[float, ...]:
     """Return the total heading change inside each junction's lanelets, from the start's station to the goal's.
 
-    There is one total for each junction, so a route through a roundabout is one turn or none.
+    There is one total for each junction, so a route through a roundabout is at most one turn.
     """
     sums: list[float] = []
     since_fork_m = math.inf
@@ -323,14 +323,16 @@ def _leaves_fork(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bo
     before = graph.predecessors[key]
     if any(len(graph.successors[one]) > 1 for one in before):
         return True
-    others = {after for lane in graph.beside(before) for after in graph.successors[lane]} - graph.beside([key])
+    others = {
+        after for lane in graph.parallel_lanes(before) for after in graph.successors[lane]
+    } - graph.parallel_lanes([key])
     own = _heading_after(center_line(network, key))
     return any(abs(wrap_angle(_heading_after(center_line(network, one)) - own)) > PART_RAD for one in others)
 
 
 def _joins(network: "LaneletNetwork", graph: LaneletGraph, key: int) -> bool:
     """Return True if a lanelet's end meets a lanelet from elsewhere, such as a side street that joins a road."""
-    row = graph.beside([key])
+    row = graph.parallel_lanes([key])
     others = {before for after in graph.successors[key] for before in graph.predecessors[after]} - row
     own = _heading_after(center_line(network, key)[::-1])
     return any(abs(wrap_angle(_heading_after(center_line(network, one)[::-1]) - own)) > PART_RAD for one in others)

@@ -75,12 +75,12 @@ class _Region:
 class Scene:
     """A recorded scenario ready to be edited and simulated; it does not change while edits are applied.
 
-    :meth:`of` sets: ``loaded``, the file as commonroad-io reads it; ``layout``, its drivable lanelets as SUMO's edges,
-    lanes and paths through junctions; ``matcher``, for queries by position; ``tracks``, recorded vehicles with a
-    trajectory, by id; ``standing``, static obstacles as tracks of one pose; ``regions``, dynamic obstacles without a
-    trajectory as bounding tracks, which block all others; ``matches``, the lanelets of each moving or standing track
-    that is near any; ``last_step``, the recording's last step; ``ego``, the start of the planning problem (None if
-    there is no problem).
+    :meth:`of` sets these attributes. ``loaded``: the file as commonroad-io reads it. ``layout``: its drivable lanelets
+    as SUMO's edges, lanes and paths through junctions. ``matcher``: for queries by position. ``tracks``: recorded
+    vehicles with a trajectory, by id. ``standing``: static obstacles as tracks of one pose. ``regions``: dynamic
+    obstacles without a trajectory as bounding tracks, which block all others. ``matches``: the lanelets of each moving
+    or standing track that is near any. ``last_step``: the recording's last step. ``ego``: the start of the planning
+    problem, or None.
 
     Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
     lanes, which are posted or usual speeds raised to the recorded ones (``straight_speeds_mps``, ``lane_speeds_mps``,
@@ -152,7 +152,7 @@ class Scene:
     def graph_from_inside(self, start: int) -> LaneletGraph:
         """Return ``driven_graph`` for a vehicle inside a junction, which may change to adjacent lanelets."""
         outside, graph = self.layout.lane_of, self.lanelet_graph
-        inside = {key: graph.neighbours[key] for key in graph.beside([start]) if key not in outside}
+        inside = {key: graph.neighbours[key] for key in graph.parallel_lanes([start]) if key not in outside}
         return replace(graph, neighbours={**self.driven_graph.neighbours, **inside})
 
     @cached_property

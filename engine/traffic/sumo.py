@@ -77,7 +77,7 @@ def heading_of_angle_rad(angle_deg: float) -> float:
 
 
 def sumo_pose(x_m: float, y_m: float, heading_rad: float, length_m: float) -> tuple[float, float, float]:
-    """Return the front bumper (x, y) and SUMO's angle of a vehicle whose centre is at a position."""
+    """Return the front bumper (x, y) and SUMO's angle of a vehicle with its centre at a position."""
     ahead_m = length_m / 2
     front = x_m + ahead_m * math.cos(heading_rad), y_m + ahead_m * math.sin(heading_rad)
     return *front, sumo_angle_deg(heading_rad)
@@ -221,7 +221,7 @@ class Sumo:
         return x, y
 
     def pedestrian_angle_deg(self, key: str) -> float:
-        """Return SUMO's angle of a person."""
+        """Return the direction that a person faces, in SUMO's convention: degrees clockwise from north."""
         return float(self._person.getAngle(key))
 
     def pedestrian_edge(self, key: str) -> str:
@@ -266,7 +266,7 @@ class Sumo:
         """Have a held vehicle stand where it is until it is placed again."""
         self._vehicle.setSpeed(key, 0.0)
 
-    def let_roll(self, key: str) -> None:
+    def cancel_stop(self, key: str) -> None:
         """Undo :meth:`stop_at_once`."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
 
@@ -304,7 +304,7 @@ class Sumo:
     def _mode(self, key: str, mode: int) -> int:
         return mode & ~_LIGHTS_AND_RIGHT_OF_WAY if key in self._ignoring_lights else mode
 
-    def let_drive(self, key: str) -> None:
+    def release(self, key: str) -> None:
         """Let SUMO drive the vehicle from now on."""
         self._vehicle.setSpeed(key, _DRIVERS_CHOICE)
         self._vehicle.setSpeedMode(key, self._mode(key, _DRIVEN_SPEED_MODE))

@@ -31,7 +31,7 @@ def apply_assignments(
     kind: str = "cost weight",
     elsewhere: Mapping[str, str] | None = None,
 ) -> _ChangedValues:
-    """Return the weights (or settings) after all changes, in order; applies either all changes or none.
+    """Return the weights (or settings) after all changes, in order; apply no change if one is refused.
 
     ``jerk=lateral_jerk`` copies the other weight's value at that point. ``limits``: ranges of single names, otherwise 0
     to 1e6; ``elsewhere``: maps names that do not belong here to an explanation.

@@ -183,7 +183,10 @@ def _as_traffic(known: VehicleClass, limits: VehicleParameters) -> VehicleParame
 def _own_limits(
     known: VehicleClass, hardest_mps2: float, power_w_per_kg: float, steering_rad: float, steering_rate_radps: float
 ) -> VehicleParameters:
-    """Return a class with its own limits; power applies above the speed at which tyres cease to limit acceleration."""
+    """Return the size of a vehicle class combined with the given limits.
+
+    Above the switching speed, engine power limits the acceleration instead of the tyres.
+    """
     limits = VehicleParameters(
         maximum_acceleration_mps2=hardest_mps2,
         maximum_speed_mps=known.maximum_speed_mps,

@@ -77,7 +77,7 @@ def plan_exports(
     )
 
 
-def refuse_taken(paths: Sequence[Path]) -> None:
+def refuse_existing(paths: Sequence[Path]) -> None:
     """Raise if a file exists, before anything is written.
 
     Raises:

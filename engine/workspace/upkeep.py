@@ -140,7 +140,7 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
             kind, artifact_id = each.broken
             name = f"{kind}_{hashlib.sha256(artifact_id.encode()).hexdigest()[:12]}_{time.time_ns()}"
             kept = workspace.root / "taken_out" / name
-            workspace.take_out(cast("ArtifactKind", kind), artifact_id, kept)
+            workspace.move_out(cast("ArtifactKind", kind), artifact_id, kept)
             done.append((each, kept))
     return done
 

@@ -1,6 +1,6 @@
-"""What a scenario allows, from the lanelets of its file alone: which goals a car can reach, and where "25 m ahead" is.
+"""What a scenario allows: which goals a car can reach, and where "25 m ahead" is, according to the file's lanelets.
 
-None of this uses the editing code, so that it can judge it.
+This module does not use the editing code, so that it can judge that code's results.
 """
 
 import heapq
@@ -62,7 +62,9 @@ def distances_m(
 
     def onward(away_m: float, lanelet: "Lanelet") -> list[tuple[float, int]]:
         end_m = away_m + length_m(lanelet.center_vertices)
-        return takes([*((end_m, key) for key in lanelet.successor), *((away_m, key) for key in beside(lanelet))])
+        return takes(
+            [*((end_m, key) for key in lanelet.successor), *((away_m, key) for key in adjacent_lanelets(lanelet))]
+        )
 
     begin = []
     for key in network.find_lanelet_by_position([position])[0]:
@@ -123,7 +125,10 @@ def _costs_to(
     before: dict[int, list[tuple[float, int]]] = {}
     for lanelet in network.lanelets:
         cost = onward_cost(lanelet)
-        ways = [*((cost, key) for key in lanelet.successor), *((change_cost, key) for key in beside(lanelet))]
+        ways = [
+            *((cost, key) for key in lanelet.successor),
+            *((change_cost, key) for key in adjacent_lanelets(lanelet)),
+        ]
         for more, after in ways:
             before.setdefault(int(after), []).append((more, int(lanelet.lanelet_id)))
 
@@ -216,7 +221,7 @@ def _takes_curves(lanelet: "Lanelet", way_m: float, speed_mps: float, braking_mp
     return slowest**2 * sharpest <= lateral_mps2
 
 
-def beside(lanelet: "Lanelet") -> list[Any]:
+def adjacent_lanelets(lanelet: "Lanelet") -> list[Any]:
     """Return the adjacent lanelets of the same direction."""
     left = lanelet.adj_left if lanelet.adj_left_same_direction else None
     right = lanelet.adj_right if lanelet.adj_right_same_direction else None

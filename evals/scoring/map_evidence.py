@@ -56,7 +56,7 @@ class Mapped:
 
 @dataclass(frozen=True)
 class MapEvidence:
-    """Everything on a map with tags and a position."""
+    """Everything on a map that has tags and a position."""
 
     mapped: tuple[Mapped, ...]
 

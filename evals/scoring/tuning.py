@@ -20,9 +20,9 @@ MISSING_PLANNER = "no_such_planner"
 def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
     """Score the last configuration against the weights that the request amounts to."""
     made = last_of(attempt.calls, "configure_planner")
-    told = " ".join(call.text for call in attempt.calls if call.is_error)
+    refusals = " ".join(call.text for call in attempt.calls if call.is_error)
     planner = str(request.truth["planner"])
-    if made is None and f"'{planner}'" in told and "planner" in told:
+    if made is None and f"'{planner}'" in refusals and "planner" in refusals:
         return scored(request, {MISSING_PLANNER: True})
     if request.expect == "refuse":
         return refused(request, attempt, "configure_planner")

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from ..base import Answer, Arguments, Model, Result
-from ..measures import metric_meant, metric_words
+from ..measures import metric_of_label, metric_words
 from ..results import SIGNIFICANCE_LEVEL, ConfigWeights, MetricName, Rate, figure, with_unit
 from ..reviews import Contact, RunReview
 from ..runs import Lineage, Outcome, RunSource, ScenarioSource, ending
@@ -43,7 +43,7 @@ MetricsCode = Literal["untested", "none", "better", "worse", "mixed", "changed"]
 
 
 def _metric_name(value: object) -> object:
-    return metric_meant(value) if isinstance(value, str) else value
+    return metric_of_label(value) if isinstance(value, str) else value
 
 
 UnlistedMetric = Annotated[MetricName, BeforeValidator(_metric_name), WithJsonSchema({"type": "string"})]

@@ -147,7 +147,7 @@ class Faults:
     """The faults of a call, collected so that one error reports them all."""
 
     _MOST_VALUES: ClassVar[int] = 5
-    _MOST_TOLD: ClassVar[int] = 8
+    _MOST_LISTED: ClassVar[int] = 8
 
     def __init__(self) -> None:
         self._found: list[InvalidRequest] = []
@@ -175,9 +175,9 @@ class Faults:
         first = self._found[0]
         if len(self._found) == 1:
             raise first
-        shown = [self._fault_text(error) for error in self._found[: self._MOST_TOLD]]
+        shown = [self._fault_text(error) for error in self._found[: self._MOST_LISTED]]
         more = len(self._found) - len(shown)
-        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_TOLD])
+        steps = dict.fromkeys(error.next_step for error in self._found[: self._MOST_LISTED])
         together = type(first)(
             f"{len(self._found)} errors: {'; '.join(shown)}{f'; and {more} more' if more else ''}",
             next_step="; ".join(steps),
@@ -294,7 +294,7 @@ class UnexpectedFailure(PlannerForgeError):
         )
 
 
-def as_told(raised: Exception, what: str) -> PlannerForgeError:
+def error_to_report(raised: Exception, what: str) -> PlannerForgeError:
     """Return the error to report for an exception: the exception itself, a disk or memory failure, or a defect.
 
     From errors that tasks raised together, return the first that helps the caller.

@@ -51,7 +51,7 @@ class Remedy:
         return replace(self, changes=changes)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain values, which :meth:`of_json` reads."""
+        """Return plain values that :meth:`of_json` reads back."""
         return asdict(self)
 
     @classmethod

@@ -26,14 +26,14 @@ from .specification import USUAL_EGO as USUAL_EGO
 from .specification import USUAL_GOAL as USUAL_GOAL
 from .specification import WEATHER_WORDS as WEATHER_WORDS
 from .specification import WEATHERS as WEATHERS
-from .specification import AskedEgo as AskedEgo
-from .specification import AskedGoal as AskedGoal
-from .specification import AskedManoeuvre as AskedManoeuvre
 from .specification import Density as Density
 from .specification import GenerationRequest as GenerationRequest
 from .specification import GenerationSpec as GenerationSpec
 from .specification import LaneletGoal as LaneletGoal
 from .specification import MapChoice as MapChoice
+from .specification import RequestedEgo as RequestedEgo
+from .specification import RequestedGoal as RequestedGoal
+from .specification import RequestedManoeuvre as RequestedManoeuvre
 from .specification import RoadFlow as RoadFlow
 from .specification import ScenarioSpec as ScenarioSpec
 from .specification import ScenarioType as ScenarioType
@@ -359,7 +359,7 @@ class DensityFacts(Model):
     at_time: str = ""
 
     @property
-    def asked(self) -> str:
+    def requested(self) -> str:
         """What set the requested density: a word, or a time of day."""
         return self.at_time or f"{self.wish} density"
 
@@ -647,11 +647,11 @@ class PlanSummary(Model):
     @property
     def headline(self) -> str:
         """The number of scenarios, and the share of covered combinations."""
-        asked = f" of {self.asked:,}" if self.asked is not None else ""
+        requested = f" of {self.asked:,}" if self.asked is not None else ""
         before = f" ({self.reused:,} stored before)" if self.reused else ""
         share = self.covered / self.allowed if self.allowed else 1.0
         return (
-            f"{self.plan_id}: {self.made:,}{asked} scenarios{before}; {share:.1%} of the {self.strength}-way "
+            f"{self.plan_id}: {self.made:,}{requested} scenarios{before}; {share:.1%} of the {self.strength}-way "
             f"combinations that the maps allow ({self.covered:,} of {self.allowed:,})."
         )
 

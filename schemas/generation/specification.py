@@ -174,7 +174,7 @@ class LaneletGoal:
 
 
 @dataclass(frozen=True)
-class AskedGoal:
+class RequestedGoal:
     """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or beyond the site.
 
     ``turn`` is the ego's turn at the site if the goal is beyond it, or None for any turn. ``text`` is the original
@@ -188,7 +188,7 @@ class AskedGoal:
     turn: Turn | None = None
 
     @classmethod
-    def of(cls, text: str) -> "AskedGoal":
+    def of(cls, text: str) -> "RequestedGoal":
         """Parse ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
 
         Raises:
@@ -230,7 +230,7 @@ class AskedGoal:
 
 
 @dataclass(frozen=True)
-class AskedEgo:
+class RequestedEgo:
     """The requested ego: the car with an index (None: any), or any vehicle of ``vehicle_class``.
 
     ``other_class`` is a requested class that an ego cannot have, so a car is used instead. ``text`` is the original
@@ -243,7 +243,7 @@ class AskedEgo:
     other_class: str | None = None
 
     @classmethod
-    def of(cls, text: str) -> "AskedEgo":
+    def of(cls, text: str) -> "RequestedEgo":
         """Parse ``first``, ``index:N`` or ``type:CLASS``.
 
         Raises:
@@ -258,7 +258,7 @@ class AskedEgo:
         return cls(text, int(index) if index else None, other_class=name)
 
     @property
-    def asked_class(self) -> str | None:
+    def requested_class(self) -> str | None:
         """The requested class, whether or not an ego can have it, or None if no class is requested."""
         return self.other_class or (self.vehicle_class if self.text.startswith("type:") else None)
 
@@ -267,20 +267,20 @@ class AskedEgo:
 
 
 @dataclass(frozen=True)
-class AskedManoeuvre:
+class RequestedManoeuvre:
     """The requested manoeuvre of another road user, and the class that performs it (None: any class)."""
 
     name: str
     vehicle_class: str | None = None
 
     @classmethod
-    def of(cls, text: str) -> "AskedManoeuvre | None":
+    def of(cls, text: str) -> "RequestedManoeuvre | None":
         """Parse ``name`` or ``name:class``; return None if the text is empty."""
         name, _, vehicle_class = text.partition(":")
         return cls(name, vehicle_class or None) if name else None
 
     @property
-    def of_any_class(self) -> "AskedManoeuvre":
+    def of_any_class(self) -> "RequestedManoeuvre":
         """The same manoeuvre by any class."""
         return replace(self, vehicle_class=None)
 
@@ -294,9 +294,9 @@ def _read_by(read: Callable[[str], Any]) -> PlainValidator:
 
 
 _AS_TEXT = PlainSerializer(str, return_type=str)
-Goal = Annotated[AskedGoal, _read_by(AskedGoal.of), _AS_TEXT]
-Ego = Annotated[AskedEgo, _read_by(AskedEgo.of), _AS_TEXT]
-Manoeuvre = Annotated[AskedManoeuvre | None, _read_by(AskedManoeuvre.of), _AS_TEXT]
+Goal = Annotated[RequestedGoal, _read_by(RequestedGoal.of), _AS_TEXT]
+Ego = Annotated[RequestedEgo, _read_by(RequestedEgo.of), _AS_TEXT]
+Manoeuvre = Annotated[RequestedManoeuvre | None, _read_by(RequestedManoeuvre.of), _AS_TEXT]
 
 
 class ScenarioSpec(Model):
@@ -314,8 +314,8 @@ class ScenarioSpec(Model):
     density: Density = USUAL_DENSITY
     vehicles: tuple[VehicleDemand, ...] = ()
     duration_s: float = float(USUAL_DURATION_S)
-    ego: Ego = AskedEgo()
-    goal: Goal = AskedGoal.of(USUAL_GOAL)
+    ego: Ego = RequestedEgo()
+    goal: Goal = RequestedGoal.of(USUAL_GOAL)
     seed: int = 0
     conditions: TrafficConditions | None = Field(None, exclude_if=lambda conditions: conditions is None)
     others: Manoeuvre = Field(None, exclude_if=lambda manoeuvre: manoeuvre is None)
@@ -337,7 +337,7 @@ class ScenarioSpec(Model):
 
     @property
     def people(self) -> VehicleDemand | None:
-        """The number of pedestrians requested, or None if none are."""
+        """The number of pedestrians requested, or None."""
         requested = next((demand for demand in self.vehicles if demand.vehicle_class == "pedestrian"), None)
         return None if requested is None or requested.most == 0 else requested
 

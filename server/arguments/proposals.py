@@ -19,8 +19,8 @@ from ...schemas.errors import (
     PlannerForgeError,
     Remedy,
     UnexpectedFailure,
-    as_told,
     differences,
+    error_to_report,
     followed,
     with_values,
 )
@@ -115,10 +115,10 @@ class _Correction:
         try:
             await self.spec.load_function()(arguments.model_copy(update=dict(self.spec.trial)), self.call.trial())
         except Exception as raised:
-            told = as_told(raised, self.spec.name)
-            if isinstance(told, UnexpectedFailure):
-                logger.error("incident %s:\n%s", told.incident, told.details)  # noqa: TRY400 - it holds the traceback
-            raise told from raised
+            failure = error_to_report(raised, self.spec.name)
+            if isinstance(failure, UnexpectedFailure):
+                logger.error("incident %s:\n%s", failure.incident, failure.details)  # noqa: TRY400 - it holds the traceback
+            raise failure from raised
 
 
 def _look_up(

@@ -291,7 +291,7 @@ def _scopes(claims: dict[str, Any]) -> list[str]:
 
 
 class EitherTokens(TokenVerifier):
-    """Accepts tokens of either kind."""
+    """Accepts this server's own tokens, and tokens that an OAuth authorization server issued."""
 
     def __init__(self, own: OwnTokens, issued: IssuedTokens) -> None:
         self._own, self._issued = own, issued

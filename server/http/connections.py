@@ -238,13 +238,13 @@ class BoundedProtocol(HttpToolsProtocol):
                 timer.cancel()
         self._deadline = self._linger = None
 
-    def _refuse(self, status: int, told: str) -> None:
+    def _refuse(self, status: int, text: str) -> None:
         """Answer, unless an answer is already being sent on this connection, and close."""
         self._stop_timers()
         if self.transport.is_closing():
             return
         if self.cycle is None or self.cycle.response_complete:
-            body = f"{told}\n".encode()
+            body = f"{text}\n".encode()
             reason = {400: "Bad Request", 408: "Request Timeout", 431: "Request Header Fields Too Large"}[status]
             lines = (
                 f"HTTP/1.1 {status} {reason}",

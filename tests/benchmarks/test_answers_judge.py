@@ -113,13 +113,13 @@ async def test_a_search_that_counts_or_lists_wrongly_is_found(place: Path) -> No
     assert judge(replace(answer, asked={"obstacles": ["car>=50"]}), world).false_statements
 
 
-async def test_a_figure_of_a_text_that_no_field_holds_is_found(place: Path) -> None:
+async def test_a_figure_of_a_text_that_is_in_no_field_is_found(place: Path) -> None:
     answer, world = await answered(place)
     text = f"{answer.text}\nIt took 8,765 tries."
     assert len(judge(replace(answer, text=text), world).unknown_figures) == 1
 
 
-def test_what_an_answer_lacks_is_told() -> None:
+def test_gaps_of_an_answer_are_reported() -> None:
     fields = {"runs": [{"run_id": "run_1", "duration_s": 2.04, "reason": ""}], "next_step": ""}
     told = Told("run_planner", {}, "run_1: hit car 3 at 2.0 s.", fields, is_error=False)
     asks = ("runs.run_id", "runs.duration_s", "runs.reason|next_step", "runs.reason|runs.run_id", "batch_id")

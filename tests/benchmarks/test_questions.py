@@ -32,7 +32,7 @@ def raw() -> RawRuns:
     return RawRuns(batch, records, {}, {}, {})
 
 
-def test_every_turn_about_results_is_asked(shared_data: Path) -> None:
+def test_every_turn_about_results_is_a_question(shared_data: Path) -> None:
     corpora = shared_data / "corpora" / "dev"
     asked = {one.line_id.rsplit("-", 1)[0] for one in questions(corpora) if one.line_id.startswith("e2e")}
     lines = [json.loads(line) for line in (corpora / "e2e.jsonl").read_text(encoding="utf-8").splitlines()]
@@ -53,7 +53,7 @@ def of_run(one: RunRecord, **fields: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("ask", "name", "value"), [("criticality", "risk_score", 2.0), ("min_distance", "minimum_distance_m", 2.5)]
 )
-def test_an_answer_with_another_figure_is_none(raw: RawRuns, ask: str, name: str, value: float) -> None:
+def test_an_answer_with_another_figure_does_not_count(raw: RawRuns, ask: str, name: str, value: float) -> None:
     run = next(one for one in raw.records if one.outcome == "goal_reached")
     situation = Situations(raw).of(Question("x", "?", "goal_reached", (ask,)))[0]
     fields = of_run(run, metrics=[{"name": name, "median": value}])
@@ -63,7 +63,7 @@ def test_an_answer_with_another_figure_is_none(raw: RawRuns, ask: str, name: str
     assert not situation.holds(ask, Told(wrong, f"{run.run_id} came to {value} or {value + 1}"))
 
 
-def test_a_question_about_one_run_is_asked_of_each_way_to_end(raw: RawRuns) -> None:
+def test_a_question_about_one_run_covers_each_way_to_end(raw: RawRuns) -> None:
     asked = Situations(raw).of(Question("x", "?", "run", ("outcome",)))
     assert len(asked) == 2
     hit, reached = raw.records[:2]

@@ -88,7 +88,7 @@ def test_long_values_are_cut() -> None:
 
 
 @given(st.dictionaries(st.sampled_from([*Request.model_fields, "other", ""]), ANYTHING, max_size=4))
-def test_whatever_is_sent_is_taken_or_refused_in_one_line(given: dict[str, Any]) -> None:
+def test_any_argument_is_accepted_or_refused_in_one_line(given: dict[str, Any]) -> None:
     try:
         read_arguments(Request, given)
     except InvalidRequest as error:
@@ -116,7 +116,7 @@ def test_whatever_is_sent_is_taken_or_refused_in_one_line(given: dict[str, Any])
     ],
     ids=["text", "surrogate", "number", "list", "depth", "values"],
 )
-def test_whatever_is_too_large_is_told_with_a_way_out(
+def test_any_argument_that_is_too_large_is_reported_with_a_remedy(
     given: dict[str, Any], what: str, valid: str, next_step: str
 ) -> None:
     error = refusal(**{"place": "B", **given})

@@ -101,7 +101,7 @@ def test_no_argument_of_a_tool_is_refused_in_words_of_pydantic(value: Any) -> No
         assert len(text) < 3000
 
 
-def test_what_is_tried_differs_from_a_good_call_in_one_argument() -> None:
+def test_a_tried_call_differs_from_a_good_one_in_one_argument() -> None:
     tried = list(arguments_of_tools())
     assert ("edits", "spacing_m") in {(held_by, name) for _, held_by, name in tried}
     for spec in TOOLS:
@@ -116,7 +116,7 @@ class Anything(Model):
 
 
 @pytest.mark.parametrize("kind", list_all_errors(), ids=lambda kind: str(kind["type"]))
-def test_no_kind_of_error_is_told_in_words_of_pydantic(kind: Any) -> None:
+def test_no_error_uses_pydantic_s_text(kind: Any) -> None:
     detail = InitErrorDetails(type=kind["type"], loc=("field",), input="zz", ctx=kind["example_context"] or {})
     error = ValidationError.from_exception_data("Anything", [detail])
     ((problem, valid),) = problems_of(Anything, error)
@@ -155,11 +155,11 @@ class Sizes(Arguments):
         ({"fixed": 2}, "fixed takes 1, not 2"),
     ],
 )
-def test_a_size_is_told_with_its_bounds(given: dict[str, Any], told: str) -> None:
+def test_a_size_is_reported_with_its_bounds(given: dict[str, Any], told: str) -> None:
     assert told in refusal(Sizes, given)
 
 
-def test_a_value_that_is_no_object_at_all_is_told() -> None:
+def test_a_value_that_is_not_an_object_is_reported() -> None:
     for value, told in (("7", "it takes an object, not 7"), ("{", "it is not valid JSON")):
         with pytest.raises(ValidationError) as caught:
             Sizes.model_validate_json(value)

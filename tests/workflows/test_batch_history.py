@@ -120,7 +120,7 @@ async def test_edits_of_a_scenario_count_with_it_as_in_an_analysis(connect: Conn
         assert AnalyzeResultsResult.model_validate(answer.structured_content).success == one.success
 
 
-async def test_one_name_of_two_configurations_stands_with_their_ids(connect: Connect, settings: Settings) -> None:
+async def test_one_name_of_two_configurations_is_shown_with_their_ids(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         workspace = await _with_starter(client, settings)
         twin = SAFE.model_copy(update={"name": DEFAULT.name})
@@ -131,7 +131,7 @@ async def test_one_name_of_two_configurations_stands_with_their_ids(connect: Con
         assert f"{DEFAULT.name} cfg_a 1/1" in lines[1]
 
 
-async def test_other_lists_hold_no_rates(connect: Connect, settings: Settings) -> None:
+async def test_other_lists_have_no_rates(connect: Connect, settings: Settings) -> None:
     async with connect() as client:
         _store(Workspace(settings.workspace), "batch_a", record(ONE))
         answer = await client.call_tool("list_artifacts", {})

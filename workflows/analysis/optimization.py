@@ -64,7 +64,7 @@ _BROKEN = 1.0
 """Subtracted from the sampler's score of a candidate that breaks a constraint (chosen: as much as full success)."""
 _LOOK = 2
 """The number of configurations run on the held-out half: the base and the result."""
-_TAKEN_BACK = 1 / 3
+_REVERTING_SHARE = 1 / 3
 """The share of the remaining budget reserved for reverting changes (chosen), if there are that many weights."""
 _MOST_FRONT = 8
 """The maximum number of front members to store (chosen)."""
@@ -157,7 +157,7 @@ class _Search:
         most = self.plan.arguments.max_trials
         if most < _LOOK + 2:
             return most
-        return most - _LOOK - min(len(self.plan.space), int(_TAKEN_BACK * (most - _LOOK)))
+        return most - _LOOK - min(len(self.plan.space), int(_REVERTING_SHARE * (most - _LOOK)))
 
     async def run(self) -> StudyRecord:
         """Run the whole search and return its record."""
@@ -170,7 +170,7 @@ class _Search:
         if presets:
             await self.tried(presets, prune=not self.plan.arguments.pareto)
         enqueued, rounds = [self._evaluated(trial) for trial in self.trials], list[tuple[EvaluatedTrial, ...]]()
-        while (count := min(_ROUND, self._wanted())) > 0:
+        while (count := min(_ROUND, self._count_to_try())) > 0:
             points = await self._proposed(enqueued, rounds, count)
             made = await self.tried(
                 [(self.plan.at(point), point) for point in points], prune=not self.plan.arguments.pareto
@@ -178,7 +178,7 @@ class _Search:
             rounds.append(tuple(self._evaluated(trial) for trial in made))
         return await self._ended()
 
-    def _wanted(self) -> int:
+    def _count_to_try(self) -> int:
         """Return how many more candidates to try, including the reserve for reverting while no candidate is better."""
         wanted = self.candidates - len(self.trials)
         return max(wanted, self.left - _LOOK) if self.best().number == 0 else wanted
@@ -707,7 +707,7 @@ def _grouped(
 
 
 def _recipe(plan: _Plan) -> Recipe:
-    """Return the recipe of a study, which does not include how long a call waits."""
+    """Return the recipe of a study; it leaves out how long a call waits."""
     arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed", "world"})
     arguments |= {} if plan.world.is_perfect else {"world": plan.world.stated}
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]

@@ -24,12 +24,12 @@ from ...schemas.generation import (
     THROUGH,
     TURNS_AT,
     USUAL_GOAL,
-    AskedGoal,
     Combination,
     Density,
     GenerateScenariosArguments,
     GenerationSpec,
     PlanFactor,
+    RequestedGoal,
     SiteType,
     Turn,
 )
@@ -170,7 +170,7 @@ class RequestedPlan:
             raise InvalidRequest(
                 "a goal on a lanelet refers to one site, but a plan has many", valid=[THROUGH, "steps:50"]
             )
-        if "turn" in names and spec.goal not in (AskedGoal.of(THROUGH), AskedGoal.of(USUAL_GOAL)):
+        if "turn" in names and spec.goal not in (RequestedGoal.of(THROUGH), RequestedGoal.of(USUAL_GOAL)):
             raise InvalidRequest(f"cover varies the turn, but goal {quoted(spec.goal)} has no turn", valid=[THROUGH])
         bbox = None if spec.bbox is None else list(spec.bbox)
         left = {"place": spec.place, "country": spec.country, "bbox": bbox}
@@ -276,7 +276,7 @@ class RequestedPlan:
             yield dict(zip(saying, levels, strict=True))
 
     def words(self, levels: Mapping[int, int]) -> str:
-        """Return levels as written in a call, joined by a plus."""
+        """Return the levels as a call states them, joined with plus signs."""
         return " + ".join(self.factors[factor].text(level) for factor, level in levels.items())
 
     def _all_matches(self) -> Iterator[MapMatch]:
@@ -341,7 +341,7 @@ class ExistingLevels:
         self._everywhere = {spot for group in plan.of_spot() for spot in self._spots(group)}
 
     def of(self, shape: Mapping[str, Any]) -> Levels | None:
-        """Return a level per factor (None if not in the plan), or None if the request belongs to another plan."""
+        """Return the request's level per factor (None if not in the plan), or None if it belongs to another plan."""
         determined = {field for name in self._names for field in _OWN[name]} | set(_WHERE)
         fields = (set(self._common) | set(shape)) - determined
         if any(self._common.get(field) != shape.get(field) for field in fields):

@@ -46,7 +46,7 @@ show which maps to skip."""
 _ROUNDS_BEYOND = 2
 """Rounds of traffic for a row beyond full coverage (chosen; a faultless one ends them). Three more rounds, and other
 sites for them, cost more than another row."""
-_TAKEN = 64
+_ROWS_READ = 64
 """How many rows are read from the database together (chosen)."""
 _MOST_PASSED = 2
 """How many sites per map of a group one row may skip, on average and at most (chosen)."""
@@ -256,7 +256,7 @@ class _PlanWork:
             if self._has_enough(len(begun)):
                 return None
             if not taken:
-                taken.extend(row for row in self._rows.waiting(_TAKEN + len(begun)) if row.number not in begun)
+                taken.extend(row for row in self._rows.waiting(_ROWS_READ + len(begun)) if row.number not in begun)
             return taken.popleft() if taken else None
 
         async def work() -> None:

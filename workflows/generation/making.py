@@ -76,7 +76,7 @@ async def _made(
             net=net,
             recipe=recipe,
             origin="generated",
-            beside={REPORT: report_path},
+            extra_files={REPORT: report_path},
             circumstances=circumstances_of(request.conditions),
         )
     return summarise(scenario, request, artifact.artifact_id, reused=False)
@@ -152,9 +152,9 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
             yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"
 
 
-def _other_type_note(realised: str, asked: str) -> str:
+def _other_type_note(realised: str, requested: str) -> str:
     """Return the requested type of site, if the realised one differs."""
-    return "" if asked in ("any", realised) else f" (instead of the requested {asked})"
+    return "" if requested in ("any", realised) else f" (instead of the requested {requested})"
 
 
 def _density(density: DensityFacts) -> str:

@@ -166,7 +166,7 @@ async def widen_empty(spec: GenerationSpec, context: WorkflowContext, plan: Gene
     notes = list(plan.notes)
     for match in plan.matches:
         wide = match.widened
-        if wide is None or await _holds_site(spec, context, match) or not await _holds_site(spec, context, wide):
+        if wide is None or await _has_site(spec, context, match) or not await _has_site(spec, context, wide):
             matches.append(match)
             continue
         matches.append(wide)
@@ -209,10 +209,10 @@ async def _is_available(
         match = plan_maps(other, entries).matches[0]
     except (UnknownName, NotPossible):
         return False
-    return await _holds_site(other, context, match)
+    return await _has_site(other, context, match)
 
 
-async def _holds_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
+async def _has_site(spec: GenerationSpec, context: WorkflowContext, match: MapMatch) -> bool:
     try:
         await context.run(COUNT_SITES, request_for(spec, AssignedSite(match), 0), share=(0.0, 0.0))
     except NotPossible as refusal:
@@ -571,7 +571,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _stored(context: WorkflowContext, cut: CutOfExtract, facts: MapFacts) -> MapEntry:
-    """Return the part as a map with an id from its content; if it is cut out again, the id is the same."""
+    """Store the cut part of an extract as a map; its id is derived from its content, so a repeated cut keeps it."""
     path = Path(cut.path)
     arguments = {"content": content_digest(path), "extract": facts.cut_of, "place": facts.place}
     recipe = Recipe(tool="cut_extract", arguments=arguments | {"country": facts.country})

@@ -44,11 +44,11 @@ from ...schemas.generation import (
     USUAL_GOAL,
     WEATHER_WORDS,
     WEATHERS,
-    AskedEgo,
-    AskedGoal,
-    AskedManoeuvre,
     GenerateScenariosArguments,
     GenerationSpec,
+    RequestedEgo,
+    RequestedGoal,
+    RequestedManoeuvre,
     RoadFlow,
     TrafficConditions,
     TripKind,
@@ -89,14 +89,14 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
     """
     faults = Faults()
     read = _ReadConditions()
-    goal, ego, bbox = AskedGoal.of(USUAL_GOAL), AskedEgo(), None
+    goal, ego, bbox = RequestedGoal.of(USUAL_GOAL), RequestedEgo(), None
     road_classes: tuple[str, ...] = ()
     vehicles: tuple[VehicleDemand, ...] = ()
     taken: list[str] = []
     with faults.collecting():
         read = read_conditions(arguments)
     with faults.collecting():
-        goal = AskedGoal.of(arguments.goal)
+        goal = RequestedGoal.of(arguments.goal)
     with faults.collecting():
         ego = _ego(arguments.ego)
     with faults.collecting():
@@ -139,7 +139,7 @@ class _ReadConditions:
 
     conditions: TrafficConditions | None = None
     notes: tuple[str, ...] = ()
-    others: AskedManoeuvre | None = None
+    others: RequestedManoeuvre | None = None
 
 
 def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
@@ -158,7 +158,7 @@ def read_conditions(arguments: GenerateScenariosArguments) -> _ReadConditions:
             read[key], note = _READERS[key](value)
             notes += [note] if note else []
     faults.raise_all()
-    others = AskedManoeuvre.of(str(read.pop("others", "")))
+    others = RequestedManoeuvre.of(str(read.pop("others", "")))
     if not read:
         return _ReadConditions(others=others)
     flows = tuple(flow for key in NAMING for flow in _flows_in(read.pop(key, ())))
@@ -356,7 +356,7 @@ def _flow(text: str, key: str, example: str) -> RoadFlow:
 
 
 def read_vehicles(
-    texts: list[str], ego: AskedEgo, others: AskedManoeuvre | None
+    texts: list[str], ego: RequestedEgo, others: RequestedManoeuvre | None
 ) -> tuple[tuple[VehicleDemand, ...], list[str]]:
     """Parse the vehicles of a call, including the classes of its ego and actor, with notes on their words.
 
@@ -492,21 +492,23 @@ def _shared_demand(text: str, name: str, share: float) -> VehicleDemand:
     return VehicleDemand(vehicle_class=name, share=share)
 
 
-def _ego(text: str) -> AskedEgo:
+def _ego(text: str) -> RequestedEgo:
     """Return the requested ego with our word for its class: ``type:lorry`` and ``lorry`` become ``type:truck``."""
     known = vehicle_class_of(text.strip().removeprefix("type:"))
-    return AskedEgo.of(text if known is None else f"type:{known}")
+    return RequestedEgo.of(text if known is None else f"type:{known}")
 
 
-def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: AskedEgo) -> tuple[VehicleDemand, ...]:
+def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: RequestedEgo) -> tuple[VehicleDemand, ...]:
     """Return the demands with the ego's class, if it is not a car, because other vehicles have it too."""
-    name = ego.asked_class
+    name = ego.requested_class
     if name in (None, "car") or any(demand.vehicle_class == name for demand in demands):
         return demands
     return *demands, _bare_demand(name)
 
 
-def _with_actor_class(demands: tuple[VehicleDemand, ...], others: AskedManoeuvre | None) -> tuple[VehicleDemand, ...]:
+def _with_actor_class(
+    demands: tuple[VehicleDemand, ...], others: RequestedManoeuvre | None
+) -> tuple[VehicleDemand, ...]:
     """Return the demands with the class of a manoeuvre's actor, if it is given and missing from them.
 
     Raises:

@@ -3,7 +3,7 @@
 Keys:
 
 - ``tags_right``: share of drawn crossings (``osm_tags.tsv``) with a west arm that matches OpenStreetMap's documentation
-  of its tags, or for which the answer reports that it does not; ``tags_held_right``: the same for the held-out ones;
+  of its tags, or for which the answer reports that it does not. ``tags_held_right``: the same for the held-out ones.
   ``tags_drawn``, ``tags_told`` (not as documented, but reported), ``tags_wrong`` (the first ones).
 - ``limits_right``: share of countries and kinds of road (town street, road outside, motorway, all without a signed
   limit) that get the country's legal limit; ``limits_wrong`` lists the others.

@@ -39,7 +39,7 @@ from .bench import StreetBench
 _SERVICE_SHARE = 0.75
 _RAW_SHARE = 0.1
 """Share of answers that are hardly JSON (chosen): after those the product retries with a pause of a second."""
-_MOST_TOLD = 30
+_MOST_LISTED = 30
 _LIMIT_S = 100.0
 _LONGEST = 10_000
 """Most characters of a text in a map: a key or value of OpenStreetMap has 255, and an outline is no text."""
@@ -71,7 +71,7 @@ def measure(bench: StreetBench) -> Figures:
     chance = random.Random(bench.seed)  # noqa: S311 - forged content, no secret
     anyio.run(_services, folder / "services", services, chance, seen)
     anyio.run(_planners, folder / "planners", bench.answers - services, chance, seen)
-    for text in seen.told[:_MOST_TOLD]:
+    for text in seen.told[:_MOST_LISTED]:
         sys.stderr.write(f"{text}\n")
     return {
         "forged_answers": seen.services + seen.planners,

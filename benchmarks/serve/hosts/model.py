@@ -26,7 +26,7 @@ _CREATED, _DATE = 1_700_000_000, "2026-11-02T08:00:00.000000Z"
 _PIECE = 24
 """Characters of a streamed piece (chosen)."""
 _USAGE = (1200, 40)
-"""Claimed input and output tokens: clients require figures, and this server counts none."""
+"""Claimed input and output tokens: clients require figures, and this server does not count."""
 _STOP_S = 10.0
 _ADDRESSED = ("image", "image_url", "input_image", "file", "input_file", "document")
 Json = Mapping[str, Any]

@@ -403,7 +403,7 @@ class TileStore:
 
 
 def _tiles_along(places: Sequence[tuple[int, int]]) -> set[int]:
-    """Return the tiles on a line of (latitude, longitude) in units, and those whose corners it cuts."""
+    """Return the tiles on a line of (latitude, longitude) in units, and those that it cuts at a corner."""
     tiles = [tile_of(y / _UNITS_PER_DEG, x / _UNITS_PER_DEG) for y, x in places]
     found = set(tiles)
     for number, (one, other) in enumerate(pairwise(tiles)):

@@ -90,7 +90,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
     search = _Area(request, client)
     fetched: list[FetchedMap] = []
     troubles: list[str] = []
-    held: set[SiteType] = set()
+    available: set[SiteType] = set()
     sites, has_roads = 0, False
     for number, core in enumerate(islice(search.cores(), MOST_TRIES + 2 * min(request.count, MOST_MAPS) - 2)):
         query = map_query(request, core)
@@ -103,7 +103,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
         path = Path(request.folder) / f"{_file_stem(search.name)}_{number}.osm"
         write_osm(answered.answer["elements"], widened(core, margin_m(request.scenario_type)), path)
         found = _sites_inside(path, core, request)
-        held |= set(found)
+        available |= set(found)
         here = sum(found.values()) if request.scenario_type == "any" else found.get(request.scenario_type, 0)
         if here:
             sites += here
@@ -111,7 +111,7 @@ def fetch_maps(request: FetchMapRequest, report: ProgressReporter) -> FetchedMap
         if sites >= request.count:
             break
     if not fetched:
-        raise _no_site_error(request, search.name, sorted(held), has_roads=has_roads)
+        raise _no_site_error(request, search.name, sorted(available), has_roads=has_roads)
     return FetchedMaps(maps=tuple(fetched), notes=tuple(dict.fromkeys((*troubles, *search.notes))))
 
 
@@ -377,9 +377,9 @@ def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[Si
     finder = SiteFinder(read_map_file(path), request.road_classes)
     kinds: tuple[SiteType, ...] = get_args(SiteType)
     found = {kind: sum(_is_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
-    held: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
-    longest = finder.longest_road() if not held and request.scenario_type == "any" else None
-    return {longest.kind: 1} if longest is not None and _is_in(longest.position, core) else held
+    inside: dict[SiteType, int] = {kind: count for kind, count in found.items() if count}
+    longest = finder.longest_road() if not inside and request.scenario_type == "any" else None
+    return {longest.kind: 1} if longest is not None and _is_in(longest.position, core) else inside
 
 
 def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answered: Answered[MapData]) -> FetchedMap:

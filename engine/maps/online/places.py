@@ -283,8 +283,8 @@ def _crossing(one: NamedPlace, other: NamedPlace) -> NamedPlace | None:
         )
 
     here, there = (point for point in nearest_points(drawn(one), drawn(other)))
-    spot, beside = (here.y, here.x / narrow), (there.y, there.x / narrow)
-    if ground_distance_m(spot, beside) > CROSSING_M:
+    spot, other_spot = (here.y, here.x / narrow), (there.y, there.x / narrow)
+    if ground_distance_m(spot, other_spot) > CROSSING_M:
         return None
     name = f"{one.name} / {other.name}"
     return one.model_copy(

@@ -130,8 +130,8 @@ def _is_placed(tags: Tags, oneway: int, count: int) -> bool:
     keys = [key for key in tags if key.partition(":")[0] == "placement"]
     if not keys:
         return True
-    said = re.fullmatch(r"(?:left_of|middle_of|right_of):(\d{1,2})", tags.get("placement", ""))
-    return oneway == 1 and keys == ["placement"] and said is not None and 1 <= int(said[1]) <= count
+    placement = re.fullmatch(r"(?:left_of|middle_of|right_of):(\d{1,2})", tags.get("placement", ""))
+    return oneway == 1 and keys == ["placement"] and placement is not None and 1 <= int(placement[1]) <= count
 
 
 def _trimmed(side: Side) -> Side:

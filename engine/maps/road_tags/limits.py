@@ -122,7 +122,7 @@ def class_limits(tags: Tags) -> dict[str, float]:
     return limits
 
 
-def says_urban(tags: Tags) -> bool | None:
+def is_tagged_urban(tags: Tags) -> bool | None:
     """Return whether a road's own tags place it in a built-up area, or None if they do not decide this."""
     for key in _IMPLICIT_KEYS:
         found = _code(tags.get(key, ""))

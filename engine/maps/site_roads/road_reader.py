@@ -26,7 +26,7 @@ from ..road_tags.access import (
     users_of,
 )
 from ..road_tags.lanes import SHARED_LANE_M, Lanes, Side, arrows, lanes_of, mirrored, oneway_of
-from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_limits, limit_of, says_urban
+from ..road_tags.limits import Jurisdiction, Limit, class_limits, conditional_limits, is_tagged_urban, limit_of
 from ..site_search.built_up import BuiltUp
 
 _REPLACED = ("lanes", "turn", "width", "est_width", "maxspeed", "source:maxspeed", "zone", "oneway", "busway")
@@ -134,7 +134,7 @@ class RoadReader:
         self._reported.add("barrier", tag)
 
     def _oneway(self, way: OsmWay, name: str) -> int:
-        """Return the direction of a road according to its tags, including access in one direction only."""
+        """Return the direction of a road, as :func:`oneway_of` does; access tags may also limit it to one direction."""
         oneway = oneway_of(way.tags)
         forward, backward = users_of(way.tags, "forward"), users_of(way.tags, "backward")
         if oneway == 0 and bool(forward) != bool(backward):
@@ -165,9 +165,9 @@ class RoadReader:
 
     def is_urban(self, way: OsmWay, nodes: Sequence[OsmNode]) -> bool:
         """Return whether a road is in a built-up area: by its own tags, else by its surroundings."""
-        said = says_urban(way.tags)
-        if said is not None:
-            return said
+        tagged = is_tagged_urban(way.tags)
+        if tagged is not None:
+            return tagged
         if way.road_class in _TOWN_ROADS or way.tags.get("lit") == "yes":
             return True
         if any(way.tags.get(key) in _SIDES for key in ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")):

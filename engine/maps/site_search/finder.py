@@ -160,9 +160,9 @@ class SiteFinder:
 
     def __init__(self, osm: OsmMap, classes: Iterable[str] = ()) -> None:
         self.osm = osm
-        asked = frozenset(classes)
-        self._classes = asked or ALL_ROADS
-        self._without_links = asked or frozenset(ROADS)
+        requested = frozenset(classes)
+        self._classes = requested or ALL_ROADS
+        self._without_links = requested or frozenset(ROADS)
         self._met: dict[int, tuple[OsmWay, ...]] = {}
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
@@ -178,9 +178,9 @@ class SiteFinder:
     def find_by_links(self, kind: SiteType) -> list[Site]:
         """Return sites of a kind that ``find`` leaves out because links belong to them.
 
-        At such a junction, a street reaches a second street over a link with its name; if it is signalised, the network
-        decides whether it gets lights. At such a roundabout, the ring is made of links, or links with a street's name
-        enter it.
+        At these junctions, a street reaches a second street over a link with its name; if a junction is signalised, the
+        network decides whether it gets lights. At these roundabouts, the ring consists of links, or links with a
+        street's name enter it.
         """
         if kind == "roundabout" and self._road_m > LEAST_ROAD_M:
             return [replace(site, by_links=True) for site in _merged(self._rings(with_links=True))]
@@ -391,7 +391,7 @@ class SiteFinder:
         return self._met[way.way_id]
 
     def _passing(self, node: OsmNode) -> list[OsmWay]:
-        """Return the roads that pass near a ramp, since an exit may also be named after such a road."""
+        """Return the roads that pass near a ramp, since an exit may also be named after one of them."""
         return [self._roads[index] for index in self._lines.lines_within(self._metres(node), NEAR_RAMP_M)]
 
     @cached_property
@@ -575,7 +575,7 @@ def _where_ways_meet(roads: Iterable[OsmWay]) -> frozenset[int]:
 
 
 def _nodes_at_signals(osm: OsmMap, roads: Iterable[OsmWay]) -> frozenset[int]:
-    """Return the nodes with a traffic signal, and those within ``AHEAD_M`` after such a node along roads.
+    """Return the nodes with a traffic signal, and those within ``AHEAD_M`` after a signal along roads.
 
     Maps show signals at the junction or at the stop line, and netconvert gives lights to what is ahead in the direction
     of travel. A signal that drivers reach after a junction belongs to another junction.

@@ -15,7 +15,7 @@ _PIECE_NODES = 32
 
 
 class Gathering:
-    """A set of positions, no two of which are closer together than ``reach_m``.
+    """A set of positions at least ``reach_m`` apart.
 
     Positions are sorted into cubes with an edge length of ``reach_m``, in Earth-centred coordinates. A chord is never
     longer than the distance on the ground, so a position within reach is in the same cube or in an adjacent one.

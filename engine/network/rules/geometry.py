@@ -1,4 +1,4 @@
-"""Rules on the shape of single lanelets."""
+"""Rules on the shape of individual lanelets."""
 
 from collections.abc import Iterator
 

@@ -148,7 +148,7 @@ class NetLayout:
 
     @cached_property
     def lanelets_of_lane(self) -> dict[str, tuple[int, ...]]:
-        """Map each SUMO lane id to its lanelets (several only inside junctions; none for a mere joint)."""
+        """Map each SUMO lane id to its lanelets (several only inside junctions; empty for a mere joint)."""
         normal = {f"{edge}_{lane}": (key,) for key, (edge, lane) in self.lane_of.items()}
         internal = {f"{edge}_0": self.paths[path].through for path, edge in self.internal_edge_of_path.items()}
         return normal | internal

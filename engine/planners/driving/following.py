@@ -1,11 +1,11 @@
 """The ego as a vehicle: it follows a plan by steering and accelerating within its limits.
 
 A plan is a sequence of states, and possibly no steering leads from one state to the next. Here the rear axle moves as
-in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020): with
-speed v, steering angle δ and wheelbase L, the heading turns by v · tan δ / L, and the inputs of a time step are a
-constant acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the
-front axle as near as possible to the whole plan, which is a least-squares problem with bounds. If a corner is too
-abrupt for the rate at which the wheels turn, the vehicle starts to steer before it.
+in the kinematic single-track model of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle Models", 2020). With
+speed v, steering angle δ and wheelbase L, the heading turns by v · tan δ / L. The inputs of a time step are a constant
+acceleration and a constant steering rate. The speeds are the plan's. The steering rates keep the rear and the front
+axle as near as possible to the whole plan, which is a least-squares problem with bounds. If a corner is too abrupt for
+the rate at which the wheels turn, the vehicle starts to steer before it.
 
 The driven motion is the result of this integration, so the wheels always roll and the steering rate never exceeds its
 limit. The vehicle follows a drivable plan to within millimetres.

@@ -1,4 +1,4 @@
-"""Runs a planner of another package in the loop: exceptions and invalid answers become named errors of that planner."""
+"""Runs a planner from another package in the loop; its exceptions and invalid answers become named errors."""
 
 import inspect
 import traceback

@@ -49,7 +49,7 @@ _HARDEST_MPS2, BRISKEST_MPS2 = 8.0, 4.0
 """Limits in the core authors' plans: 8 m/s² for braking and lateral acceleration (0.8 g), and 4 m/s² for acceleration;
 the vehicle's own limits may be lower.
 """
-_BEHIND_M, _BESIDE_M = 80.0, 60.0
+_BEHIND_M, _BEYOND_REACH_M = 80.0, 60.0
 """The core considers obstacles from 80 m behind the ego to 60 m beyond its reach."""
 _LINE_SPACING_M = 2.0
 """The core's own spacing, at which it looks for the curve that limits the speed."""
@@ -198,7 +198,7 @@ def core_obstacles(
 
     ``until_s``: the duration for which their predictions count.
     """
-    made, farthest_m = [], max(_BEHIND_M, reach_m + _BESIDE_M)
+    made, farthest_m = [], max(_BEHIND_M, reach_m + _BEYOND_REACH_M)
     for obstacle in obstacles:
         count = min(len(obstacle.positions), 1 + math.floor(until_s / step_s + 1e-9)) if until_s < math.inf else None
         positions = obstacle.positions[:count]

@@ -61,7 +61,7 @@ CONSTRAINTS = {
     "Curvature Rate Constraint": "curvature_rate",
 }
 """Maps the core's feasibility checks to the names in plans."""
-BESIDE_REACH_M = 15.0
+BEYOND_REACH_M = 15.0
 """√50 m of the core plus the largest lateral offset, with a margin; the ego's own length is added to it."""
 
 
@@ -395,7 +395,7 @@ def _last_within_reach(obstacle: PredictedObstacle, step: PlanningStep, vehicle:
     """
     away = np.linalg.norm(obstacle.positions - step.ego.position, axis=1)
     times = np.arange(len(away)) * step.step_s
-    within = np.flatnonzero(away <= times / step.settings.horizon_s * step.reach_m + BESIDE_REACH_M + vehicle.length_m)
+    within = np.flatnonzero(away <= times / step.settings.horizon_s * step.reach_m + BEYOND_REACH_M + vehicle.length_m)
     return int(within[-1]) if len(within) else 0
 
 

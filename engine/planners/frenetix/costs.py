@@ -5,7 +5,7 @@ have the meaning of the Frenetix reference's Python terms; responsibility is our
 
 **Responsibility** measures proximity to others for which the ego would be to blame. The idea is that of Geisslinger,
 Poszler and Lienkamp, "An ethical trajectory planning algorithm for autonomous vehicles" (Nature Machine Intelligence,
-2023): a risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
+2023). A risk counts against the ego only if the ego enters the area that the other road user may legally reach. A road
 user that leaves its own lane or ignores the right of way is itself to blame. The rules and formulas below are ours.
 
 For every candidate and obstacle, the conflict is the step with the smallest gap between their rectangles; it costs
@@ -183,8 +183,8 @@ class _Conflict:
             return np.full(len(self.near), (there - self.here) @ _direction(self.heading_rad) > 0.0) | self._in_front()
         if in_own_lane and before_ego > 0.0:
             return np.full(len(self.near), abs(turn) < math.pi / 2)
-        ego_in_theirs, before_other = _inside(legal, self.here)
-        if ego_in_theirs and before_other > 0.0 and abs(turn) < math.pi / 2:
+        ego_is_inside, before_other = _inside(legal, self.here)
+        if ego_is_inside and before_other > 0.0 and abs(turn) < math.pi / 2:
             return np.zeros(len(self.near), dtype=np.bool_)
         if legal is None:
             return self._in_front()

@@ -122,7 +122,7 @@ class _Motions:
         # the longitudinal motion depends on only two end values, the lateral motion on two others
         durations, final_speeds, of_pair = _pairs(matrix[:, 1], matrix[:, FINAL_SPEED])
         quartic = _quartic(matrix[0, 2:5], durations, final_speeds)
-        path, goes_so_far = _along(quartic, _Steps.of(durations, step_s, count), step)
+        path, is_driven = _along(quartic, _Steps.of(durations, step_s, count), step)
         durations, offsets, of_side = _pairs(matrix[:, 1], matrix[:, FINAL_OFFSET])
         quintic = _quintic(matrix[0, 7:10], durations, offsets)
         side = _across(quintic, _Steps.of(durations, step_s, count))
@@ -151,7 +151,7 @@ class _Motions:
             heading=np.arctan(slope) + direction,
             is_checked=steps.is_checked,
             is_slow=is_slow,
-            is_regular=goes_so_far[of_pair] & (steps.ends <= count) & (scale > _LEAST_SCALE).all(axis=1),
+            is_regular=is_driven[of_pair] & (steps.ends <= count) & (scale > _LEAST_SCALE).all(axis=1),
             jerk_along=_jerk(quartic, step_s)[of_pair],
             jerk_across=_jerk(quintic, step_s)[of_side],
         )

@@ -171,14 +171,14 @@ class Samples:
 class Candidates:
     """Motions of n candidates over m steps in world coordinates, and their last positions relative to the path.
 
-    ``known``: whether the network knows the primitive. ``primitive_steps`` (n,): its number of steps. ``goes_on``:
+    ``known``: whether the network knows the primitive. ``primitive_steps`` (n,): its number of steps. ``can_continue``:
     whether it ends along the path or standing. ``gentleness`` (n,): mean change of speed in m/s² over the ramp.
     ``stops_s`` (n,): the time of its standstill, otherwise infinite.
     """
 
     motions: Motions
     known: NDArray[np.bool_]
-    goes_on: NDArray[np.bool_]
+    can_continue: NDArray[np.bool_]
     primitive_steps: NDArray[np.intp]
     gentleness: Values
     stops_s: Values
@@ -326,7 +326,7 @@ class Driven:
     def rest(self, path: PathTable, step: int, step_s: float) -> Candidates | None:
         """Return the rest at a later step, continued along the path at its last speed; None if it ends at an angle."""
         gone, before = step - self.first_step, self.chosen
-        if not before.goes_on[0]:
+        if not before.can_continue[0]:
             return None
         last = [values[:, -1] for values in _arrays(before.motions)]
         x, y, heading, speed, _ = last
@@ -353,7 +353,7 @@ class Driven:
         return Candidates(
             Motions(*joined),
             before.known,
-            before.goes_on,
+            before.can_continue,
             np.maximum(before.primitive_steps - gone, 0),
             before.gentleness,
             np.maximum(before.stops_s - gone * step_s, 0.0),

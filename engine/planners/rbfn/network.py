@@ -16,7 +16,7 @@ and ``k`` the curvature (tangent of the steering angle by the wheelbase), ``V = 
 **Network.** One linear layer (the standardised inputs), Gaussian radial units, one linear layer. Its outputs are the
 differences of V and K from the straight line between their ends, at 29 inner nodes; between nodes both are linear, as
 in the samples. Integrating them gives the pose, so every primitive satisfies the model, however well the network is
-trained; a training error only makes it miss the end. A smooth shift along the primitive closes this miss.
+trained; a training error only makes it miss the end, and a smooth shift along the primitive corrects that.
 """
 
 from dataclasses import dataclass

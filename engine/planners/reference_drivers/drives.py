@@ -126,12 +126,12 @@ class DriverScene:
 
     @cached_property
     def _met(self) -> OnPath:
-        return self._on_way(self.met)
+        return self._on_path(self.met)
 
     @cached_property
     def _watched(self) -> list[OnPath]:
         """The others to which the driver reacts, or that may hide ``met`` from it."""
-        rows = [self._on_way(track) for track in self._near_the_path]
+        rows = [self._on_path(track) for track in self._near_the_path]
         if not self.nominal.was_driven:
             return rows
         return [row for row in rows if row.hides and bool((row.aside_m < self.body[1] / 2).any())]
@@ -151,7 +151,7 @@ class DriverScene:
                 near.append(part)
         return near
 
-    def _on_way(self, track: Track) -> OnPath:
+    def _on_path(self, track: Track) -> OnPath:
         index = min(max(track.first_step - self.first_step, 0), self.count - 1)
         return OnPath.of(self.nominal.path, track, self.step_s, float(self.nominal.stations_m[index]))
 

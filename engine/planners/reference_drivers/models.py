@@ -50,9 +50,9 @@ class Brakes:
         full = self.full_mps2 if friction is None else min(self.full_mps2, friction * GRAVITY_MPS2)
         return self if full == self.full_mps2 else Brakes(full, full / self.jerk_mps3)
 
-    def after(self, braking_mps2: float, wanted_mps2: float, step_s: float) -> float:
+    def after(self, braking_mps2: float, target_mps2: float, step_s: float) -> float:
         """Return the deceleration one step later for a wanted one; releasing the pedal takes no time."""
-        return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, wanted_mps2)
+        return min(braking_mps2 + self.jerk_mps3 * step_s, self.full_mps2, target_mps2)
 
 
 CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
@@ -300,12 +300,12 @@ class _RespondingDriver(ABC):
 
     def react(self, memory: _Alertness, moment: Moment) -> tuple[_Alertness, float | None]:
         """Brake according to the danger, after the response time."""
-        wanted = max((self.wanted_mps2(seen, moment) for seen in moment.visible), default=0.0)
+        wanted = max((self.target_mps2(seen, moment) for seen in moment.visible), default=0.0)
         memory = memory.after(wanted > 0, moment.time_s, self.response_s)
         return memory, wanted if wanted > 0 and memory.responds(moment.time_s, self.response_s) else None
 
     @abstractmethod
-    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+    def target_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return the deceleration that one road user requires of the driver; 0 if it is safe."""
 
 
@@ -330,7 +330,7 @@ class FuzzyDriver(_RespondingDriver):
         """The name of this driver."""
         return "fsm"
 
-    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+    def target_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return the deceleration that one road user requires of the driver; 0 if it is safe."""
         if seen.is_passed:
             return 0.0
@@ -392,7 +392,7 @@ class RssDriver(_RespondingDriver):
         """The name of this driver."""
         return "rss"
 
-    def wanted_mps2(self, seen: Seen, moment: Moment) -> float:
+    def target_mps2(self, seen: Seen, moment: Moment) -> float:
         """Return full braking if the distances to a road user are unsafe; 0 if they are safe."""
         return math.inf if self.is_unsafe(seen, moment.own_mps) else 0.0
 

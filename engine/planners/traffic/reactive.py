@@ -40,7 +40,7 @@ _MOST_OBLIQUE_RAD = 0.8
 """An ego that is turned farther across its lane is shown in its own heading, since no box along the lane
 fits (chosen).
 """
-_BESIDE_EGO_M = 0.3
+_EGO_MARGIN_M = 0.3
 """Space that the others leave at the sides of the ego. SUMO models neither a vehicle's turn during lateral motion nor
 an overlap with the next lane of less than a sublane.
 """
@@ -194,7 +194,7 @@ class _ReactiveTraffic:
             direction, turned = ego.heading_rad, 0.0
         width_m = self._ego_vehicle.width_m * math.cos(turned) + self._ego_vehicle.length_m * math.sin(turned)
         pose = sumo_pose(float(ego.position[0]), float(ego.position[1]), direction, self._ego_vehicle.length_m)
-        self._ego.place(pose, hint, width_m + 2 * _BESIDE_EGO_M)
+        self._ego.place(pose, hint, width_m + 2 * _EGO_MARGIN_M)
 
     def _place_shown(self, step: int) -> None:
         for actor in (*self._roles.shown, *self._lost):
@@ -299,7 +299,7 @@ class _ReactiveTraffic:
             grown.add(*state)
             if actor.key in there:
                 self._sumo.show_speed(actor.key, state[3])
-                self._sumo.let_drive(actor.key)
+                self._sumo.release(actor.key)
                 self._under_way.append(actor)
             else:
                 self._lost.append(actor)
@@ -318,7 +318,7 @@ def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> f
     half_widths_m = (track.width_m + vehicle.width_m) / 2
     if ahead_m <= 0.0 or behind_m >= 0.0 or abs(wrap_angle(ego.heading_rad - heading)) > _MOST_OBLIQUE_RAD:
         return None
-    if abs(left_m) > half_widths_m + _BESIDE_EGO_M or abs(aside_m) > half_widths_m + _NEXT_LANE_M:
+    if abs(left_m) > half_widths_m + _EGO_MARGIN_M or abs(aside_m) > half_widths_m + _NEXT_LANE_M:
         return None
     return max(ahead_m - (track.length_m + vehicle.length_m) / 2, 0.0)
 
@@ -329,9 +329,9 @@ def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:
-    """Return True if a pose keeps a metre from all others, and comfortable braking avoids slower ones straight ahead.
+    """Return True if a vehicle at this pose is clear of all others and can brake comfortably for those ahead.
 
-    The others count at the step before the ego's, the last one known.
+    The other road users are at their positions one step before the ego's, the last ones known.
     """
     bodies = [(ego.position, ego.heading_rad, (vehicle.length_m, vehicle.width_m), ego.speed_mps)]
     places = [(other, other.index_at(ego.step - 1)) for other in traffic.moving]

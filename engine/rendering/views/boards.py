@@ -78,7 +78,7 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         _board_run(run.record, problems, sides.index(side), first, contacts.get(run.record.run_id))
         for side, run in placed
     )
-    held = _included_data(request, runs, report) if request.whole else _IncludedData((), {}, ())
+    included = _included_data(request, runs, report) if request.whole else _IncludedData((), {}, ())
     lost = (f"{cell.scenario_id} under {cell.config_id}: {cell.error}" for one in request.batches for cell in one.lost)
     return BoardView(
         title=one_line(request.title),
@@ -90,9 +90,9 @@ def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
         metrics=tuple(BoardMetric(words=metric_words(one.name), unit=one.unit, better=one.better) for one in METRICS),
         runs=runs,
         lost=tuple(one_line(text, LONGEST_SENTENCE) for text in lost),
-        scenes=held.scenes,
-        drives=held.drives,
-        notes=held.notes,
+        scenes=included.scenes,
+        drives=included.drives,
+        notes=included.notes,
     )
 
 
@@ -118,7 +118,7 @@ def _problem(record: RunRecord) -> tuple[str, int]:
 
 
 def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
-    """Return a column titled by its configuration and by what distinguishes it from the other columns."""
+    """Return a column with its configuration and its difference from the other columns as the title."""
     parts = [runs.records[0].config_name]
     for name, words in (
         ("prediction", side.prediction.replace("_", " ")),

@@ -100,7 +100,7 @@ class SceneView(Model):
 
 
 class MomentView(Model):
-    """A moment of a run that a player offers: its step and a description."""
+    """A moment of a run that you can jump to in the player: its step and a description."""
 
     step: int
     words: str

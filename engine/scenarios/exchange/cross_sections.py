@@ -211,7 +211,7 @@ def _tried(pieces: Sequence[CurvePiece]) -> list[float]:
 
 
 def _feet(line: Points, stations: Values, positions: Points, normals: Points, reach_m: float) -> list[float]:
-    """Return, for each vertex of a line, the nearest station whose normal passes through it."""
+    """Return, for each vertex of a line, the nearest station with a normal through the vertex."""
     feet = []
     along = np.column_stack([normals[:, 1], -normals[:, 0]])
     for vertex in line:

@@ -55,8 +55,8 @@ class Joint:
 class RoadPlan:
     """The roads of a lanelet network: their lanes, and how they join.
 
-    ``roads``: road → lanelets from left to right, with the id of the first; ``strips``: their shapes; ``following``:
-    lanelet → those that follow it, drawn ones only; ``left_out``: lanelets without an area; ``apart``: links between
+    ``roads``: road → lanelets from left to right, with the id of the first. ``strips``: their shapes. ``following``:
+    lanelet → those that follow it, drawn ones only. ``left_out``: lanelets without an area. ``apart``: links between
     lanelets that do not meet, which are not written to the file.
     """
 
@@ -129,7 +129,7 @@ class RoadPlan:
 
     @cached_property
     def start_joint(self) -> dict[int, Joint]:
-        """Road → the joint at its start."""
+        """The joint at the start of each road, by road id."""
         return {road: joint for joint in self.joints for road in joint.starts}
 
     @cached_property

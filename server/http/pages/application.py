@@ -104,8 +104,8 @@ class Pages:
 
     async def scenario(self, request: Request) -> Response:
         """Return a scenario as text and in motion."""
-        shown, told = await self._read.scenario(request.path_params["artifact_id"])
-        return self._page("scenario.html.j2", shown=shown, told=told)
+        shown, text = await self._read.scenario(request.path_params["artifact_id"])
+        return self._page("scenario.html.j2", shown=shown, told=text)
 
     async def run(self, request: Request) -> Response:
         """Return a run in motion."""
@@ -127,8 +127,8 @@ class Pages:
     async def comparison(self, request: Request) -> Response:
         """Return the comparison of two batches."""
         results = [one for one in request.query_params.getlist("of") if one]
-        told = await self._read.comparison(results)
-        return self._page("comparison.html.j2", results=results, told=told)
+        text = await self._read.comparison(results)
+        return self._page("comparison.html.j2", results=results, told=text)
 
     async def calls(self, request: Request) -> Response:
         """Return the journal of calls."""

@@ -107,8 +107,8 @@ class Content:
         Raises:
             Refused: there is no such kind.
         """
-        asked = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
-        return await self._answer(ListArtifactsResult, "list_artifacts", asked)
+        arguments = {"kind": kind, "limit": PAGE_SIZE, "offset": offset}
+        return await self._answer(ListArtifactsResult, "list_artifacts", arguments)
 
     async def analysis(self, batch_id: str) -> ToolText:
         """Return the analysis of a batch.
@@ -139,7 +139,7 @@ class Content:
         raise Refused(f"the picture of {artifact_id} is too large for an answer: {links}")
 
     async def view(self, kind: str, ids: Sequence[str]) -> str:
-        """Return the player or the board of some artifacts as a whole page.
+        """Return a complete HTML page with the player or the board for some artifacts.
 
         Raises:
             Refused: there is nothing to show.

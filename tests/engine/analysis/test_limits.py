@@ -65,11 +65,11 @@ def paired(only_before: int, only_after: int, p: float, low: float, difference: 
         ("success >= 0", "ii", False),
     ],
 )
-def test_a_limit_on_shares_and_counts_holds_by_its_figure(text: str, outcomes: str, holds: bool) -> None:
+def test_a_limit_on_shares_and_counts_is_judged_by_its_figure(text: str, outcomes: str, holds: bool) -> None:
     assert parse_limit(text).judge(judged(outcomes)).holds is holds
 
 
-def test_a_limit_on_a_metric_holds_in_every_run_in_a_share_or_by_a_statistic() -> None:
+def test_a_limit_on_a_metric_is_judged_in_every_run_in_a_share_or_by_a_statistic() -> None:
     values = [0.4, 0.6, 0.8, 1.0]
     records = [named(f"run_{i}", record(figures=metrics(minimum_distance_m=value))) for i, value in enumerate(values)]
     alone = metrics(minimum_distance_m=None, minimum_time_headway_s=None)
@@ -87,7 +87,7 @@ def test_a_limit_on_a_metric_holds_in_every_run_in_a_share_or_by_a_statistic() -
     assert parse_limit("minimum_time_headway_s >= 99").judge(only_alone).observed == "no run has it"
 
 
-def test_a_baseline_holds_by_the_test_by_a_margin_or_by_every_scenario() -> None:
+def test_a_baseline_is_judged_by_the_test_by_a_margin_or_by_every_scenario() -> None:
     lost = ("run_3 on A",)
     worse = judged("gg", {"base.json": (paired(7, 0, 0.016, -0.55, -0.35), lost)})
     unclear = judged("gg", {"base.json": (paired(2, 1, 1.0, -0.21, -0.05), lost)})
@@ -100,7 +100,7 @@ def test_a_baseline_holds_by_the_test_by_a_margin_or_by_every_scenario() -> None
     assert "1 gained, 2 lost of 20 pairs: run_3 on A" in verdict.observed
 
 
-def test_what_a_limit_is_for_is_read_off_its_end() -> None:
+def test_a_limit_s_end_decides_its_quantity() -> None:
     assert parse_limit("success >= 0.9 for the careful one").only == "the careful one"
     assert parse_limit("not  worse than a/b.json by 5 % for careful").baseline == "a/b.json"
 
@@ -121,7 +121,7 @@ def test_what_a_limit_is_for_is_read_off_its_end() -> None:
         ("", "not a limit"),
     ],
 )
-def test_what_says_nothing_is_refused_with_what_is_meant(text: str, said: str) -> None:
+def test_a_limit_without_meaning_is_refused_with_the_intended_one(text: str, said: str) -> None:
     with pytest.raises((InvalidRequest, UnknownName)) as refusal:
         parse_limit(text)
     assert said in refusal.value.text

@@ -101,7 +101,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
 
 
 @pytest.mark.parametrize(("edit", "wrong", "valid"), WRONG, ids=[wrong for _, wrong, _ in WRONG])
-def test_a_refusal_names_the_value_what_is_valid_and_the_next_step(
+def test_a_refusal_names_the_value_the_valid_ones_and_the_next_step(
     apply: Apply, edit: dict[str, Any], wrong: str, valid: str
 ) -> None:
     with pytest.raises(InvalidRequest) as caught:

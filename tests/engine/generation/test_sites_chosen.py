@@ -15,7 +15,7 @@ from plannerforge.engine.traffic.motions import GeneratedVehicle
 from plannerforge.engine.vehicles.classes import vehicle_classes
 from plannerforge.engine.vehicles.motion import Motion
 from plannerforge.schemas.errors import NotPossible
-from plannerforge.schemas.generation import AskedGoal, GenerationRequest
+from plannerforge.schemas.generation import GenerationRequest, RequestedGoal
 
 
 def drawn(folder: Path, sketch: Sketch) -> OsmMap:
@@ -71,7 +71,7 @@ def test_a_type_that_cannot_have_the_goal_is_proposed_without_it(tmp_path: Path)
     sketch = Sketch("Town", 50.0, 8.0)
     sketch.road([(-800, 0), (0, 0), (800, 0)], "motorway", "", ref="A 1", oneway="yes")
     osm = drawn(tmp_path, sketch)
-    goal = AskedGoal.of("through:exit")
+    goal = RequestedGoal.of("through:exit")
     with pytest.raises(NotPossible) as refusal:
         fitting_sites(osm, request(tmp_path, scenario_type="ramp", streets=(("A 1",),), goal=goal))
     assert refusal.value.remedies[0].changes[0].values == {"scenario_type": "highway", "goal": None}

@@ -27,7 +27,7 @@ def country_of(bounds: tuple[float, float, float, float]) -> str | None:
         (53.80, -1.55, "GBR"),
     ],
 )
-def test_a_place_inside_a_country_lies_in_it(latitude: float, longitude: float, country: str) -> None:
+def test_a_place_inside_a_country_belongs_to_it(latitude: float, longitude: float, country: str) -> None:
     assert country_of(around(latitude, longitude)) == country
 
 
@@ -36,22 +36,20 @@ def test_a_place_inside_a_country_lies_in_it(latitude: float, longitude: float, 
     [(54.6, 5.2), (47.56, 7.59), (43.94, 12.45), (47.14, 9.52), (42.66, 21.16), (-80.0, 20.0)],
     ids=["sea", "Basel", "San Marino", "Vaduz", "Kosovo", "Antarctica"],
 )
-def test_at_sea_near_a_border_and_where_countries_disagree_nothing_is_guessed(
-    latitude: float, longitude: float
-) -> None:
+def test_at_sea_near_a_border_and_in_disputed_areas_no_country_is_assumed(latitude: float, longitude: float) -> None:
     assert country_of(around(latitude, longitude)) in (None, "ATA")
 
 
-def test_near_a_border_the_countries_there_are_named() -> None:
+def test_near_a_border_its_countries_are_named() -> None:
     assert countries_near(around(47.56, 7.59)) == ("CHE", "DEU", "FRA")
     assert countries_near(around(54.6, 5.2)) == ()
 
 
-def test_a_box_over_two_countries_lies_in_neither() -> None:
+def test_a_box_over_two_countries_belongs_to_neither() -> None:
     assert country_of((45.0, 5.0, 50.0, 12.0)) is None
 
 
-def test_no_real_extract_is_given_a_wrong_country(shared_data: Path) -> None:
+def test_no_real_extract_gets_a_wrong_country(shared_data: Path) -> None:
     places = json.loads((shared_data / "data" / "osm" / "places.json").read_text(encoding="utf-8"))
     found = {name: (country_of(tuple(entry["bbox"])), entry["country"]) for name, entry in places.items()}
     unknown = [name for name, (country, _) in found.items() if country is None]

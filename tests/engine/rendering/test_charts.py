@@ -34,7 +34,7 @@ def words(kind: PictureKind, runs: tuple[RunSource, ...], *scenarios: ScenarioSo
     return CHARTS[kind](RunSet(runs, (DEFAULT, SAFE), scenarios)).alt_text
 
 
-def test_causes_say_kinds_and_how_many_no_driver_prevents(hit: RunSource, town: ScenarioSource) -> None:
+def test_causes_state_kinds_and_the_number_of_unpreventable_collisions(hit: RunSource, town: ScenarioSource) -> None:
     text = words("causes", (hit, source(record(TOWN, config=SAFE))), town)
     assert "rear end by ego under Default 1 (1 preventable)" in text
     assert "no reference driver prevents 0 of 1" in text
@@ -45,7 +45,7 @@ def test_causes_without_a_collision_are_refused() -> None:
         words("causes", (source(record()),))
 
 
-def test_strata_hold_every_valid_run_once_a_factor() -> None:
+def test_strata_contain_every_valid_run_once_for_each_factor() -> None:
     names = [f"ZAM_T-{number}_1_T-1" for number in range(6)]
     known = [
         ScenarioSource(scenario_id=name, path="", road="highway" if number < 2 else "", density_per_km=10.0 * number)
@@ -136,7 +136,7 @@ def test_charts_of_runs_without_steps_are_refused() -> None:
             CHARTS[kind](RunSet((source(record()),)))
 
 
-def test_animation_is_slower_around_the_collision_and_says_so(
+def test_an_animation_is_slower_around_the_collision_and_says_so(
     tmp_path: Path, hit: RunSource, town: ScenarioSource
 ) -> None:
     request = RenderRequest(kind="animation", runs=(hit,), scenarios=(town,), folder=str(tmp_path))
@@ -152,7 +152,9 @@ def test_animation_is_slower_around_the_collision_and_says_so(
     assert durations[-1] == 1500
 
 
-def test_animation_slows_at_the_closest_encounter_of_a_run_that_hit_none(tmp_path: Path, town: ScenarioSource) -> None:
+def test_an_animation_slows_at_the_closest_encounter_of_a_run_without_a_collision(
+    tmp_path: Path, town: ScenarioSource
+) -> None:
     run = source(record(TOWN, figures=metrics(minimum_distance_m=0.0)), tmp_path)
     image = render(RenderRequest(kind="animation", runs=(run,), scenarios=(town,), folder=str(tmp_path)), silent)
     assert "times slower around" in image.images[0].alt_text

@@ -16,7 +16,7 @@ def a_map(*tags: dict[str, str], relations: tuple[OsmRelation, ...] = ()) -> Osm
     return OsmMap(ends | places, (ROAD,), relations, None)
 
 
-def test_the_most_important_place_comes_first_whatever_its_order_or_other_names() -> None:
+def test_the_most_important_place_comes_first_in_any_order() -> None:
     village = {"place": "village", "name": "Neustift", "population": "257"}
     town = {"place": "town", "name": "Krems an der Donau", "name:en": "Krems an der Donau", "population": "24,000"}
     assert places_shown(a_map(village, town))[0] == "Krems an der Donau"
@@ -43,7 +43,7 @@ def test_districts_of_addresses_and_of_borders_are_shown() -> None:
     assert shown == ["Krems", "Stein", "Lerchenfeld"]
 
 
-def test_a_place_that_is_a_point_and_an_address_is_one_area() -> None:
+def test_a_place_given_as_a_point_and_an_address_is_one_area() -> None:
     areas = areas_shown(
         a_map({"place": "suburb", "name": "Stein"}, {"place": "suburb", "name": "Stein", "alt_name": "X"})
     )
