@@ -69,6 +69,11 @@ class World(Model):
         return self.localisation_m > 0 or self.localisation_deg > 0
 
     @property
+    def reports_true_states(self) -> bool:
+        """Return whether the road users that the planner gets have their true present states."""
+        return not any(getattr(self, name) for name in _DISTORTING)
+
+    @property
     def stated(self) -> dict[str, float]:
         """The fields that differ from a perfect world, for recipes; empty if the world is perfect.
 
@@ -102,6 +107,17 @@ _SENSING = (
     "dropped",
 )
 """The fields that change what is reported; the others only qualify these, or locate the ego."""
+_DISTORTING = (
+    "position_m",
+    "speed_mps",
+    "heading_deg",
+    "kept_s",
+    "latency_s",
+    "dropped",
+    "localisation_m",
+    "localisation_deg",
+)
+"""The fields with which a reported state differs from the true one."""
 PERFECT = World()
 """The default: the planner gets the truth."""
 PERFECT_NAME = "perfect"
@@ -167,8 +183,8 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
             world=_LIDAR,
             intent="a lidar on the roof with a tracker",
             source=(
-                "errors of cars on nuScenes by TransFusion-L as published with BEVFusion (translation 0.175 m, velocity "
-                "0.272 m/s, orientation 0.083 rad); tracker of AB3DMOT (Weng et al. 2020: three hits, two frames of "
+                "errors of cars on nuScenes by TransFusion-L as published with BEVFusion (translation 0.175 m, "
+                "velocity 0.272 m/s, orientation 0.083 rad); tracker of AB3DMOT (Weng et al. 2020: three hits, two frames of "
                 "memory at 10 Hz); latency: Lin et al. 2018 (100 ms); localisation: Reid et al. 2019, local streets "
                 "(95 % within 0.10 m and 0.17°); share in view, misses and time constants are chosen"
             ),
@@ -336,3 +352,8 @@ class Perceived(Model):
     ego_x_m: tuple[float, ...] = ()
     ego_y_m: tuple[float, ...] = ()
     ego_heading_rad: tuple[float, ...] = ()
+
+
+def sightings_of(perceived: Perceived, obstacle_id: int) -> tuple[Sighting, ...]:
+    """Return what the planner got of one road user, in order of time."""
+    return tuple(one for one in perceived.sightings if one.obstacle_id == obstacle_id)

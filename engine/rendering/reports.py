@@ -173,6 +173,7 @@ def _describe_attribution(causes: CollisionCauses) -> str:
     phrases: dict[CollisionCause, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
+        "perception": "to the sensors",
         "prediction": "to the prediction",
         "planning": "to the plan",
         "neither": "to neither side",
