@@ -154,7 +154,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
             next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
     incomparable = before.config_id != after.config_id or any(
-        name.startswith("prediction") for name in pairing.differing
+        name.startswith(("prediction", "world")) for name in pairing.differing
     )
     specs = [spec for spec in METRICS if _is_requested(spec, request, incomparable=incomparable)]
     metrics = tuple(_metric(spec, pairing.pairs, runs) for spec in specs)
@@ -247,6 +247,8 @@ def _cost(
         why = "another version of the planner may weigh the terms differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
         why = "the predictions differ"
+    elif any(name.startswith("world") for name in pairing.differing):
+        why = "the costs count the road users that the sensors report, and the worlds differ"
     else:
         why = "no pair reaches the goal on both sides"
     return UncomparedCost(before=median(first), after=median(second), why=why)

@@ -236,7 +236,7 @@ class Comparison(Model):
     to_failure_count: int = Field(description="number of these")
     weights: tuple[WeightChange, ...] = Field(description="cost weights that differ")
     conditions: tuple[str, ...] = Field(description="other differences between the sides")
-    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions or traffic modes")
+    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions, traffic modes or worlds")
     unpaired: int = Field(description="runs of either side without a partner")
     invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
     headline_code: HeadlineCode = Field(description="stable code of what the pairs show about success")
