@@ -184,8 +184,8 @@ PRESETS: Mapping[str, Preset] = MappingProxyType(
             intent="a lidar on the roof with a tracker",
             source=(
                 "errors of cars on nuScenes by TransFusion-L as published with BEVFusion (translation 0.175 m, "
-                "velocity 0.272 m/s, orientation 0.083 rad); tracker of AB3DMOT (Weng et al. 2020: three hits, two frames of "
-                "memory at 10 Hz); latency: Lin et al. 2018 (100 ms); localisation: Reid et al. 2019, local streets "
+                "velocity 0.272 m/s, orientation 0.083 rad); tracker of AB3DMOT (Weng et al. 2020: three hits, two "
+                "frames of memory at 10 Hz); latency: Lin et al. 2018 (100 ms); localisation: Reid et al. 2019, local streets "
                 "(95 % within 0.10 m and 0.17°); share in view, misses and time constants are chosen"
             ),
         ),
