@@ -16,7 +16,7 @@ _SHOWN_RESULTS = 5
 
 
 class GetJobArguments(Arguments):
-    """State, progress, estimate and partial results of a job; waits for its end."""
+    """State, progress, partial results of a job; waits for its end."""
 
     job_id: str = "latest"
     """The job."""

@@ -180,7 +180,7 @@ def _as_written(value: object) -> str:
 class ModifyScenarioArguments(Arguments):
     """Change the traffic or the ego's goal: edits in the given order, all or none, one new scenario.
 
-    Untouched vehicles stay exactly as recorded. The ego's own driving is configure_planner's.
+    Untouched vehicles stay as recorded. The ego's own driving is configure_planner's.
     """
 
     scenario_id: str = "latest"

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from .base import Model
 from .text import REFERENCE_DRIVERS_DO, measured
+from .worlds import SightCode
 
 ContactKind = Literal[
     "rear_end_by_other",
@@ -252,11 +253,12 @@ class PaceMoment(Model):
         return texts[self.code]
 
 
-CollisionCause = Literal["ego", "recording", "prediction", "planning", "neither"]
+CollisionCause = Literal["ego", "recording", "perception", "prediction", "planning", "neither"]
 """What a collision is attributed to.
 
 - ``ego``: something that the ego did earlier without a reason
 - ``recording``: another road user that follows its recording, and would otherwise have braked
+- ``perception``: in an imperfect world, the planner did not get the other road user when it could last have braked
 - ``prediction``: the prediction placed the other road user elsewhere
 - ``planning``: the prediction placed the other road user correctly, and the collision is attributable
 - ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
@@ -296,6 +298,37 @@ class EgoFault(Model):
         return f"{texts[self.code]} at {self.time_s:.1f} s"
 
 
+class Sight(Model):
+    """Since when a planner in an imperfect world had got the road user that it hit, and why it had not got it before.
+
+    ``code``, ``by``, ``by_class``: why it last did not get it, and the road user that hid the largest part of it.
+    ``first_s`` is when it first got it in the run, and ``since_s`` since when it got it without a gap up to the
+    contact. Both are None if it did not.
+    """
+
+    code: SightCode = Field(description="stable code: why the planner did not get it")
+    by: int | None = Field(None, description="the road user that hid it; null without one")
+    by_class: str = ""
+    first_s: float | None = Field(description="when the planner first got it; null if never")
+    since_s: float | None = Field(description="since when it got it up to the contact; null if it did not")
+
+    def in_words(self, other: str, time_s: float) -> str:
+        """Return text such as ``bicycle 3074 was hidden by truck 12 until 1.2 s before; first seen at 4.3 s``."""
+        hider = "other bodies" if self.by is None else f"{self.by_class} {self.by}".strip()
+        texts: dict[SightCode, str] = {
+            "seen": f"{other} was reported",
+            "kept": f"{other} was reported as extrapolated",
+            "out_of_range": f"{other} was out of the sensors' range",
+            "out_of_view": f"{other} was outside the field of view",
+            "occluded": f"{other} was hidden by {hider}",
+            "missed": f"{other} was in view but not detected",
+            "unconfirmed": f"{other} was detected too recently to be reported",
+        }
+        until = "up to the contact" if self.since_s is None else f"until {time_s - self.since_s:.1f} s before"
+        first = "never seen" if self.first_s is None else f"first seen at {self.first_s:.1f} s"
+        return f"{texts[self.code]} {until} ({self.code}); {first}"
+
+
 class Contact(Model):
     """How the collision of a run happened: speeds at its time step, positions at the last step before it.
 
@@ -311,6 +344,7 @@ class Contact(Model):
       present then, or if it is not known whether it was predicted
     - ``laid_to``: the cause; None if that gap or the prevention is needed and not known
     - ``fault``: what the ego did, if the cause is the ego
+    - ``sight``: in an imperfect world, since when the planner had got the other; None if it always did
     """
 
     kind: ContactKind = Field(description="how the two met")
@@ -330,6 +364,9 @@ class Contact(Model):
     predicted_gap_m: float | None = None
     laid_to: CollisionCause | None = None
     fault: EgoFault | None = Field(None, description="what the ego did, if the collision is attributed to it")
+    sight: Sight | None = Field(
+        None, exclude_if=lambda sight: sight is None, description="why and until when the planner did not get the other"
+    )
 
     @property
     def is_unpreventable(self) -> bool:
@@ -344,9 +381,9 @@ class Contact(Model):
     def in_words(self) -> str:
         """Return who hit whom, from where, when, at which speeds, and whether the ego had braked."""
         if self.other_speed_mps is None:
-            event = "left the road" if self.obstacle_id is None else f"collided with {self._other}"
+            event = "left the road" if self.obstacle_id is None else f"collided with {self.other}"
             return f"{event} at {self.time_s:.1f} s, at {self.ego_speed_mps:.1f} m/s{self._braked}"
-        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self._other} {self.other_speed_mps:.1f} m/s"
+        speeds = f"ego {self.ego_speed_mps:.1f} m/s{self._braked}; {self.other} {self.other_speed_mps:.1f} m/s"
         also = f"; also touched: {', '.join(map(str, self.also_touched))}" if self.also_touched else ""
         # If the ego caused it by driving along its path as it did, drivers on that path say nothing.
         prevention = self.prevention if self.laid_to != "ego" else None
@@ -355,6 +392,8 @@ class Contact(Model):
             judged += (
                 f"; unforeseen: as predicted 1 s earlier, they would have stayed {self.predicted_gap_m:.1f} m apart"
             )
+        if self.sight is not None:
+            judged += f"; {self.sight.in_words(self.other, self.time_s)}"
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
@@ -362,7 +401,8 @@ class Contact(Model):
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
-    def _other(self) -> str:
+    def other(self) -> str:
+        """The class and id of the other road user."""
         return f"{self.obstacle_class} {self.obstacle_id}"
 
     @property
@@ -379,7 +419,7 @@ class Contact(Model):
 
     @property
     def _what(self) -> str:
-        other, came = self._other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
+        other, came = self.other, "" if self.came_in_s is None else f" at {self.came_in_s:.1f} s"
         directions = {"front": "ahead", "rear": "behind", "left": "the left", "right": "the right", None: "nowhere"}
         texts: dict[ContactKind, str] = {
             "rear_end_by_other": f"hit from behind by {other}",

@@ -215,8 +215,7 @@ Detail = Literal["brief", "vehicles", "motion", "lanelets", "checks", "recipe"]
 
 
 class DescribeScenarioArguments(Arguments):
-    """Ego, goal, vehicles (id, class, place, speed, gap), their motion, lanelets and successors,
-    validity, recipe: the basis of edits."""
+    """Ego, goal, vehicles (id, class, place, speed, gap), motion, lanelets, validity, recipe: the basis of edits."""
 
     scenario_id: str = "latest"
     """The scenario."""

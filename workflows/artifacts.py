@@ -114,6 +114,7 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
         BatchSummary(
             prediction=batch.prediction,
             traffic=batch.traffic,
+            world=batch.world.in_words(),
             scenarios=len({run.scenario_id for run in runs_of_batch} | {cell.scenario_id for cell in batch.lost}),
             configs=tuple(
                 ConfigSuccess(

@@ -182,6 +182,34 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     )
 
 
+def _unseen(evidence: Evidence) -> Iterator[Finding]:
+    """Yield collisions in which the sensors of an imperfect world reported the other road user too late to brake.
+
+    Too late is after the latest time at which full braking prevents the collision.
+    """
+    hits = [one for one in evidence.hits() if not evidence.is_others_fault(one) and not one.world.is_perfect]
+    known = [(one, contact) for one in hits if (contact := evidence.contact(one)) and contact.laid_to is not None]
+    unseen = [(one, contact) for one, contact in known if contact.laid_to == "perception" and contact.sight]
+    if not unseen:
+        return
+    codes = Counter(str(contact.sight.code) for _, contact in unseen if contact.sight is not None)
+    record, example = unseen[0]
+    sight = "" if example.sight is None else example.sight.in_words(example.other, example.time_s)
+    yield Finding(
+        name="unseen",
+        subject=_most(codes),
+        statement=(
+            f"In {len(unseen)} of {len(known)} collisions that the ego could have prevented, the sensors reported the "
+            f"other road user too late to brake; in {record.run_id}, {sight}{evidence.among_hits}."
+        ),
+        figures={"runs": len(unseen), "of": len(known), **codes, **evidence.sampled_hits},
+        run_ids=_ids(one for one, _ in unseen),
+        moments=_hits_of(evidence, (one for one, _ in unseen)),
+        alternatives="a planner that slows down where it cannot see would have had time",
+        next_step="run_planner with world=perfect on the same scenarios, then compare_results",
+    )
+
+
 _GUARDS: Mapping[str, tuple[str, ...]] = {
     "collision": ("prediction", "distance_to_obstacles", "responsibility"),
     "off_road": ("lane_center_offset", "distance_to_reference_path"),
@@ -777,11 +805,12 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
 
 
 _Find = Callable[[Evidence], Iterable[Finding]]
-_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unforeseen, _late, _rejecting_constraint)
+_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unseen, _unforeseen, _late, _rejecting_constraint)
 """Findings that count runs of any configuration: with several, each is stated for one configuration at a time."""
 FINDINGS: tuple[_Find, ...] = (
     _main_failure,
     _weight_off,
+    _unseen,
     _unforeseen,
     _harder_group,
     _late,

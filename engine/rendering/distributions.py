@@ -157,7 +157,7 @@ def _draw_pairs(
 def _pairs(spec: MetricSpec, before: Sequence[RunRecord], after: Sequence[RunRecord]) -> list[_Pair]:
     def by_problem(records: Sequence[RunRecord]) -> dict[tuple[object, ...], float]:
         return {
-            (one.scenario_id, one.problem_id, one.prediction, one.traffic, one.seed): value
+            (one.scenario_id, one.problem_id, one.prediction, one.traffic, one.seed, one.world): value
             for one in records
             if (spec.basis == "valid" or one.outcome == "goal_reached") and (value := spec.value(one)) is not None
         }

@@ -65,7 +65,8 @@ def overview_section(
     configurations = f"{len(names)} configuration{'' if len(names) == 1 else 's'} ({'; '.join(names.values())})"
     tested = (
         f"{configurations} on {count} scenario{'' if count == 1 else 's'}, {result.runs} runs; "
-        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction."
+        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction"
+        f"{'' if batch.world.is_perfect else f'; world {batch.world.in_words()}'}."
     )
     rows = [
         ("What was tested", tested),
@@ -172,6 +173,7 @@ def _describe_attribution(causes: CollisionCauses) -> str:
     phrases: dict[CollisionCause, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
+        "perception": "to the sensors",
         "prediction": "to the prediction",
         "planning": "to the plan",
         "neither": "to neither side",

@@ -78,7 +78,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report
     words, notes = await _scenarios(suite, folder, context)
     choice = choose_scenarios(words, context)
     cells = [
-        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed)
+        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed, suite.world)
         for configuration in configurations.values()
         for one in choice.scenarios
     ]

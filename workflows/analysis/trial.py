@@ -47,7 +47,7 @@ class _Change:
     def cells(self) -> list[Cell]:
         """Return the cells to run."""
         return [
-            Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed)
+            Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed, run.world)
             for run in (*self.failing, *self.passing)
         ]
 
