@@ -326,7 +326,7 @@ class TrivialGoals(Model):
     success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
-        """Return the number of goals of each kind, and the rate of goals without these runs."""
+        """Return the number of goals of each kind, and the rate of goals without the runs with such goals."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         if self.looked_at < self.goals:
             kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"

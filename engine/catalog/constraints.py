@@ -402,7 +402,7 @@ class _Places:
 
 
 def known_places(connection: sqlite3.Connection, among: Container[int] | None = None) -> _Places:
-    """Return all countries and places of the catalogue, or of these entries."""
+    """Return all countries and places of the catalogue, or of the given entries."""
     if among is None:
         rows = connection.execute("SELECT DISTINCT place, country FROM catalog_scenarios").fetchall()
     else:

@@ -948,7 +948,7 @@ def _read_road(
 
 
 def _as_roads(part: str, roads: tuple[str, ...]) -> _Reading:
-    """Return a reading of the text as these roads."""
+    """Return a reading of the text as the given roads."""
     exact = {fold(name) for name in roads} == {fold(part)}
     more = f" and {len(roads) - _SHOWN_ROADS} more" * (len(roads) > _SHOWN_ROADS)
     taken = f"{part!r} is read as {cited_all(roads[:_SHOWN_ROADS], ' or ')}{more}"
