@@ -117,7 +117,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     factor = units.get(match[2].lower())
     if factor is None:
         raise InvalidRequest(
-            f"'{text}' has the unit '{match[2]}'",
+            f"'{text}' has the unit '{match[2]}', which is not valid here",
             valid=list(units) or ["a number without a unit"],
             next_step="write it in one of these units" if units else "leave the unit out",
             remedies=[
@@ -159,7 +159,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
         low, high = (parse_quantity(part, unit, step_s=step_s) for part in (first, between[2]))
         if low > high:
             raise InvalidRequest(
-                f"'{text}' starts above its end",
+                f"'{text}' is reversed: its start is above its end",
                 valid=[f"{between[2]}..{first}"],
                 next_step="swap its ends",
                 given=text,
@@ -218,6 +218,12 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
         return Condition(name, Interval(None, None), right, negated, scope)
     interval = _compared(text, operator, right, unit, whole)
     return Condition(name, interval, None, negated, scope)
+
+
+def as_exclusion(text: str) -> str:
+    """Return ``!trucks`` for ``no trucks`` or ``without trucks``; any other condition stays as it is."""
+    denied = re.fullmatch(rf"\s*(?:no|without)\s+({_NAME})\s*", text, re.IGNORECASE)
+    return text if denied is None else f"!{denied[1]}"
 
 
 def parse_assignment(text: str) -> Assignment:
@@ -281,7 +287,9 @@ def parse_selector(text: str) -> Selector:
             )
         return Selector(kind, argument, negated)
     nearest = [SELECTORS[0], *closest(kind, SELECTORS[1:])]
-    raise UnknownName(f"'{text}' selects no vehicles", valid=nearest, next_step="use one of these forms")
+    raise UnknownName(
+        f"'{text}' selects no vehicles", valid=nearest, next_step="select vehicles in one of the valid forms"
+    )
 
 
 def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool) -> Interval:

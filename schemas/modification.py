@@ -9,7 +9,7 @@ from typing import Final, Literal, NamedTuple, TypeVar
 from pydantic import Field
 
 from .base import DRIVEN_OTHERWISE, Answer, Arguments, Model, Result, first_of
-from .text import counted
+from .text import RISK_SCALE, counted
 
 EditOperation = Literal[
     "reroute",
@@ -180,7 +180,7 @@ def _as_written(value: object) -> str:
 class ModifyScenarioArguments(Arguments):
     """Change the traffic or the ego's goal: edits in the given order, all or none, one new scenario.
 
-    Untouched vehicles stay exactly as recorded. The ego's own driving is configure_planner's.
+    Untouched vehicles stay as recorded. The ego's own driving is configure_planner's.
     """
 
     scenario_id: str = "latest"
@@ -244,13 +244,13 @@ class EditReport(Model):
     def verdict(self) -> str:
         """The verdict: ``done``, ``without effect``, or how many vehicles reach what the edit requests."""
         if not self.done:
-            return "not reached" if any(one.failed for one in self.achieved) else "without effect"
+            return "off target" if any(one.failed for one in self.achieved) else "without effect"
         missing = {route.vehicle_id for route in self.routes if route.arrives is False}
         missing |= {one.vehicle_id for one in self.achieved if not one.reached}
         targeted = {route.vehicle_id for route in self.routes if route.arrives is not None}
         targeted |= {one.vehicle_id for one in self.achieved}
         missed, sent = len(missing), len(targeted)
-        return "done" if not missed else "not reached" if missed == sent else f"reached by {sent - missed} of {sent}"
+        return "done" if not missed else "off target" if missed == sent else f"on target for {sent - missed} of {sent}"
 
 
 class EditCollision(Model):
@@ -380,9 +380,11 @@ class ModifyScenarioResult(Result):
         stored = f"{self.scenario_id} (from {self.base_id}{', already stored' if self.reused else ''})"
         head = stored if self.scenario_id else f"Dry run on {self.base_id}, nothing stored"
         hits = [f"{hit.vehicles[0]} hits {hit.vehicles[1]} at {hit.time_s:.1f} s" for hit in self.collisions]
-        collisions = [f"new collision: {'; '.join(first_of(hits, *self._most(_MOST_COLLISIONS)))}"] if hits else []
+        shown = "; ".join(first_of(hits, *self._most(_MOST_COLLISIONS)))
+        collisions = [f"new collision of road users: {shown}"] if hits else []
         infeasible = [
-            f"a car cannot follow {1 - share:.1%} of the motion of {_ids(keys)}{', as in the recording' * is_recorded}"
+            f"{1 - share:.1%} of the motion of vehicle{'s' * (len(keys) > 1)} {_ids(keys)} is infeasible"
+            f"{', as in the recording' * is_recorded}"
             for (share, is_recorded), keys in _grouped(
                 (vehicle.vehicle_id, (vehicle.feasible_share, _is_recording(vehicle)))
                 for vehicle in self.touched
@@ -428,14 +430,15 @@ class ModifyScenarioResult(Result):
             yield from first_of(lines, max(shown // len(self.edits), _MOST_ROUTES), others)
         undone = [edit.index for edit in self.edits[most:] if edit.verdict != "done"]
         if self.edits[most:]:
-            yield f"… {len(self.edits) - most} more edits (not done or not reached: {_ids(undone)}): {rest}"
+            yield f"… {len(self.edits) - most} more edits (not done or off target: {_ids(undone)}): {rest}"
 
     def _others(self) -> list[str]:
         """Return lines on which other vehicles react, with the reason, and on how many keep their recording."""
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
-            lines.append(f"All traffic reacts: {counted(len(reacting), 'more vehicle')} simulated.")
+            others = counted(len(reacting), "unedited vehicle") if reacting else "no unedited vehicle"
+            lines.append(f"All traffic reacts: {others} simulated.")
         elif reacting:
             labels = [f"{vehicle.vehicle_id}{f' ({vehicle.reason})' * bool(vehicle.reason)}" for vehicle in reacting]
             most, _ = self._most(_MOST_TOUCHED)
@@ -444,7 +447,10 @@ class ModifyScenarioResult(Result):
         lines += [*self._moved(), *self._previously_standing()]
         if self.detail == "checks":
             lines += first_of([_touched_text(vehicle) for vehicle in self.touched], *self._most(0))
-        return [*lines, f"{counted(self.untouched, 'vehicle')} exactly as recorded."]
+        return [
+            *lines,
+            f"{counted(self.untouched, 'vehicle') if self.untouched else 'No vehicles'} exactly as recorded.",
+        ]
 
     def _moved(self) -> list[str]:
         """Return the largest displacements of the edited vehicles, largest first."""
@@ -453,15 +459,15 @@ class ModifyScenarioResult(Result):
             key=lambda vehicle: (-(vehicle.moved_m or 0.0), vehicle.vehicle_id),
         )
         most, _ = self._most(_MOST_TOUCHED)
-        distances = ", ".join(f"{vehicle.vehicle_id}: {vehicle.moved_m:.3g} m" for vehicle in moved[:most])
-        least = f" and {len(moved) - most} more by less" if len(moved) > most else ""
-        return [f"Largest deviation from the recording: {distances}{least}."] if moved else []
+        distances = ", ".join(f"{vehicle.vehicle_id} ({vehicle.moved_m:.3g} m)" for vehicle in moved[:most])
+        least = f" and {len(moved) - most} less far" if len(moved) > most else ""
+        return [f"Farthest from the recording: vehicle{'s' * (len(moved) > 1)} {distances}{least}."] if moved else []
 
     def _previously_standing(self) -> list[str]:
         """Return the vehicles that stood in the recording, perhaps at a light missing in the file, and move now."""
         stood = [(one.vehicle_id, one.stood_until_s) for one in self.touched if one.stood_until_s is not None]
         most, _ = self._most(_MOST_TOUCHED)
-        vehicles = ", ".join(f"{key} (until {until_s:.1f} s)" for key, until_s in stood[:most])
+        vehicles = ", ".join(f"vehicle {key} (stood until {until_s:.1f} s)" for key, until_s in stood[:most])
         more = f" and {len(stood) - most} more" if len(stood) > most else ""
         drive = "drives" if len(stood) == 1 else "drive"
         return [f"Stood in the recording, now {drive}: {vehicles}{more}."] if stood else []
@@ -470,7 +476,7 @@ class ModifyScenarioResult(Result):
         if self.checkers_agree is None:
             return []
         alike = f"{self.checkers_agree} of {len(self.touched)}"
-        return [f"Judged by the drivability checker; the closed form agrees on {alike}."]
+        return [f"Judged by the drivability checker; the closed-form check agrees on {alike} motions."]
 
 
 _MOST_EDITS, _MOST_TOUCHED, _MOST_COLLISIONS, _MOST_NOTES, _MOST_IDS, _MOST_INFEASIBLE = 6, 4, 3, 3, 8, 2
@@ -501,7 +507,7 @@ def _route_text(route: VehicleRoute) -> str:
     lanelets: list[object] = [*route.lanelets]
     if len(lanelets) > _MOST_LANELETS:
         lanelets[_MOST_LANELETS - 1 : -1] = "…"
-    driven = f"lanelets {' → '.join(map(str, lanelets))}"
+    driven = f"lanelet{'s' * (len(lanelets) > 1)} {' → '.join(map(str, lanelets))}"
     if route.arrives is False:
         return f"target not reached: {route.reason} ({driven})"
     return f"target reached, {driven}" if route.arrives else driven
@@ -526,11 +532,11 @@ def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bo
     new = [f"{word} {was.get(word, 'none')} → {now[word]}" for word in now if was.get(word) != now[word]]
     if not new:
         return [f"No change for the ego: {_RISK} {now[_RISK]}."]
-    ego = "an ordinary ego that cannot see the edited traffic" if blind else "the ego"
+    ego = "an ordinary ego that drives as before the edits" if blind else "the ego"
     return [f"Change for {ego}: {', '.join(new)}."]
 
 
-_RISK = "risk score (0 = collision, 5 = negligible)"
+_RISK = f"risk score ({RISK_SCALE})"
 
 
 def _danger_figures(risk: EgoDanger) -> dict[str, str]:
@@ -543,7 +549,8 @@ def _danger_figures(risk: EgoDanger) -> dict[str, str]:
     if risk.most_critical_id is None:
         return figures
     met = f"{risk.most_critical_id} at {risk.most_critical_time_s:.1f} s"
-    return figures | ({"collision": f"with {met}"} if risk.risk_score == 0 else {"most critical": met})
+    critical = {"collision": f"with road user {met}"} if risk.risk_score == 0 else {"most critical road user": met}
+    return figures | critical
 
 
 def _figure(value: float | None, unit: str) -> str:
@@ -557,11 +564,19 @@ def _is_recording(vehicle: TouchedVehicle) -> bool:
     return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
 
 
+_CAUSES: Final = {
+    "edited": "edited",
+    "added": "added",
+    "shifted": "shifted in time",
+    "handed_over": "simulated, not edited,",
+}
+
+
 def _touched_text(vehicle: TouchedVehicle) -> str:
     verdict = "feasible" if vehicle.feasible else f"{vehicle.feasible_share:.1%} of the steps feasible"
     verdict += ", as in its recording" if _is_recording(vehicle) else ""
     is_driven = vehicle.cause == "shifted" and not _is_recording(vehicle)
-    cause = f"{vehicle.cause.replace('_', ' ')}{' and driven' if is_driven else ''}"
+    cause = f"{_CAUSES[vehicle.cause]}{' and driven' if is_driven else ''}"
     times = f"from {vehicle.from_time_s:.1f} to {vehicle.until_time_s:.1f} s"
     end = " when it leaves the map" if vehicle.leaves_network else ""
     return f"{vehicle.vehicle_id} {cause} {times}{end}, {verdict}"

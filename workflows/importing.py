@@ -253,7 +253,7 @@ def _kind(path: Path, wanted: str) -> _ImportKind:
     known = _kind_of(path, wanted)
     if known is None:
         raise InvalidRequest(
-            f"{shown_name(path.name)} is not of a supported kind", valid=[f"*{end}" for end in _SUFFIXES]
+            f"{shown_name(path.name)} is of no type that can be imported", valid=[f"*{end}" for end in _SUFFIXES]
         )
     if wanted not in ("auto", known):
         raise InvalidRequest(

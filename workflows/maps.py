@@ -109,7 +109,7 @@ def _whole_inventory(context: WorkflowContext, notes: list[str]) -> MapInventory
         if not entry.facts.cut_of:
             imported.append(entry)
     more = len(notes) - _SHOWN_NOTES
-    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were skipped"]
+    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{counted(more, 'more map file')} skipped"]
     return MapInventory((*imported, *built_in_maps()), tuple(shown))
 
 

@@ -313,6 +313,7 @@ async def _replayed(
         traffic=record.traffic,
         seed=record.seed,
         planner_version=driven_by,
+        world=record.world,
     )
     return await context.run(REPLAY_PLANS, ReplayRequest(run=run, steps_path=steps_path, path=str(path)))
 

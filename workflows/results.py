@@ -116,13 +116,13 @@ def result_named(word: str, context: WorkflowContext) -> Artifact:
         known = (*context.newest("batch", count=4), *context.newest("run", count=4))
         there = [artifact.artifact_id for artifact in known]
         raise UnknownName(f"there is no {word.replace('_', ' ')}", valid=there, next_step="call run_planner")
-    kind = context.workspace.kind_of(word)
+    kind = context.workspace.kind_of(word, "run", "batch")
     if kind not in ("run", "batch"):
         made = [one for made in ("run", "batch") for one in context.workspace.newest(kind=made, parent=word, limit=1)]
         raise InvalidRequest(
             f"'{word}' is a {kind}, not a run or batch",
             valid=[*(one.artifact_id for one in made), *WORDS],
-            next_step="use the run or batch id that run_planner returned",
+            next_step="render it with kind search" if kind == "study" else "use the run or batch id of run_planner",
             remedies=[
                 *(instead(word, one.artifact_id, "results") for one in made),
                 *([calling("run_planner", scenarios=[word])] if kind == "scenario" else []),

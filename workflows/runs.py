@@ -7,7 +7,7 @@ runs, so that overlapping batches and servers do not run it twice.
 import logging
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -43,6 +43,7 @@ from ..schemas.runs import (
 )
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import counted, shown_name
+from ..schemas.worlds import PERFECT, World
 from .configurations import resolve_configuration
 from .context import Question, WorkflowContext
 from .operations import REVIEW_RUNS, RUN_PLANNER
@@ -69,6 +70,7 @@ class Cell:
     prediction: Prediction = "constant_velocity"
     traffic: Traffic = "recorded"
     seed: int = 0
+    world: World = PERFECT
 
     @property
     def scenario(self) -> str:
@@ -87,6 +89,7 @@ class Cell:
                 "config": self.configuration.config_id,
                 "prediction": self.prediction,
                 "traffic": self.traffic,
+                **_world_argument(self.world),
             },
             parents=(self.scenario_id, self.configuration.config_id),
             seed=self.seed,
@@ -98,6 +101,11 @@ class Cell:
     def own_planner(self) -> str:
         """The planner's name in recipes if it is external."""
         return version_key(self.configuration.planner)
+
+
+def _world_argument(world: World) -> dict[str, dict[str, float]]:
+    """Return the recipe's argument for a world; empty for a perfect one, so that ids from before worlds stay valid."""
+    return {} if world.is_perfect else {"world": world.stated}
 
 
 @dataclass(frozen=True)
@@ -186,6 +194,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_
         traffic=cell.traffic,
         seed=cell.seed,
         planner_version=recipe.versions.get(cell.own_planner, ""),
+        world=cell.world,
     )
     run = context.run if notify_client else context.services.workers.run
     response = await run(RUN_PLANNER, request)
@@ -246,6 +255,7 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         configuration=resolve_configuration(planner, context),
         prediction=record.prediction,
         seed=record.seed,
+        world=record.world,
         begins_at=RunMoment(
             step=steps.first_step + index,
             x_m=steps.x_m[index],
@@ -336,6 +346,7 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
         "configs": configs,
         "prediction": cells[0].prediction,
         "traffic": cells[0].traffic,
+        **_world_argument(cells[0].world),
     }
     return Recipe(
         tool="run_planner",
@@ -374,6 +385,7 @@ def store_batch(context: WorkflowContext, cells: Sequence[Cell], results: Sequen
         configs=tuple(recipe.arguments["configs"]),
         prediction=cells[0].prediction,
         traffic=cells[0].traffic,
+        world=cells[0].world,
         runs=tuple(result.record.run_id for result in results if result.record is not None),
         lost=lost,
     )
@@ -432,6 +444,7 @@ def answer(
         reused=sum(result.reused for result in results),
         prediction=cells[0].prediction,
         traffic=cells[0].traffic,
+        world=cells[0].world.in_words(),
         batch_id=batch_id,
         job_id=job_id,
         summary=_summary(records),
@@ -459,7 +472,7 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         eased = "" if len(records) == 1 else f" in {counted(len(lengths_m), 'run')}"
-        yield f"the ego starts off its lane's centre{eased} and joins it within {span}"
+        yield f"the ego does not start on its lane's centre line{eased}, but reaches it within {span}"
     for name in sorted({record.ego_class for record in records} - {"car"}):
         count = sum(record.ego_class == name for record in records)
         known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"
@@ -509,13 +522,19 @@ def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
     )
 
 
+def after_batch(batch_id: str, config_ids: Collection[str]) -> str:
+    """Return the next step after a batch; only several configurations can be compared."""
+    compare = " or compare_results" if len(config_ids) > 1 else ""
+    return f"analyze_results{compare} with results ['{batch_id}']"
+
+
 def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: JobState) -> str:
     if state == "running":
         return f"get_job with job_id '{job_id}'"
     if state != "done":
         return "repeat run_planner: finished runs are reused"
     if batch_id:
-        return f"analyze_results or compare_results with results ['{batch_id}']"
+        return after_batch(batch_id, {record.config_id for record in records})
     if not records:
         return "correct the error, then repeat run_planner"
     run = records[0]

@@ -21,7 +21,7 @@ from ..schemas.scenarios import (
     ScenarioFacts,
     ScenarioRecord,
 )
-from ..schemas.text import shown_name
+from ..schemas.text import counted, shown_name
 from .context import WorkflowContext
 from .generation.record import described_generation, kept_report, with_classes
 from .operations import DESCRIBE_SCENARIO
@@ -168,13 +168,15 @@ def _preset(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], 
     number = word.removeprefix("preset:")
     if not re.fullmatch(r"\d+", number) or not 1 <= int(number) <= _LARGEST_PRESET:
         raise InvalidRequest(
-            f"'{word}' has no valid size", valid=[f"preset:{size}" for size in _PRESET_SIZES], given=word
+            f"'{word}' is not preset:N with N from 1 to {_LARGEST_PRESET}",
+            valid=[f"preset:{size}" for size in _PRESET_SIZES],
+            given=word,
         )
     stored = context.workspace.newest(kind="scenario", limit=100_000)
     runnable = [artifact.artifact_id for artifact in stored if artifact.read(ScenarioRecord).facts.egos]
     ordered = sorted(runnable, key=lambda key: hashlib.sha256(key.encode()).hexdigest())
     chosen = [ChosenScenario(key) for key in ordered[: int(number)]]
-    notes = [f"{word}: only {len(chosen)} scenarios with a planning problem exist"]
+    notes = [f"{word}: only {counted(len(chosen), 'scenario')} with a planning problem"]
     return chosen, notes if len(chosen) < int(number) else []
 
 
@@ -185,7 +187,9 @@ def _hits(word: str, context: WorkflowContext) -> tuple[list[ChosenScenario], li
     ids, notes = _stage_hits(search, stage, context) if mark else (_all_hits(search, context), [])
     if not ids:
         left = [f"{name}:{count.stage}" for count in search.read(SearchRecord).stages if count.left]
-        raise NotPossible(f"{word} has no hits", valid=left, next_step="relax the search with find_scenarios")
+        raise NotPossible(
+            f"{search.artifact_id} has no hits", valid=left, next_step="relax the search with find_scenarios"
+        )
     return [_entry(key) for key in ids], notes
 
 

@@ -19,6 +19,7 @@ _WORDS: dict[str, Callable[[RunRecord], Sequence[str]]] = {
     "city": lambda record: [parse_benchmark_id(record.scenario_id)[1]],
     "prediction": lambda record: [record.prediction],
     "traffic": lambda record: [record.traffic],
+    "world": lambda record: [record.world.in_words()],
 }
 
 

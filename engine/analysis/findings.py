@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.results import Finding, FindingMoment, Suggestion
 from ...schemas.reviews import Contact, Encounter, PaceCode, PaceMoment, RunReview
 from ...schemas.runs import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, RunRecord, is_close
-from ...schemas.text import p_figure
+from ...schemas.text import counted, p_figure
 from ..geometry import wrap_angles
 from .causes import sample_of
 from .moments import FROM_BEHIND, contact_of, review
@@ -182,6 +182,34 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
     )
 
 
+def _unseen(evidence: Evidence) -> Iterator[Finding]:
+    """Yield collisions in which the sensors of an imperfect world reported the other road user too late to brake.
+
+    Too late is after the latest time at which full braking prevents the collision.
+    """
+    hits = [one for one in evidence.hits() if not evidence.is_others_fault(one) and not one.world.is_perfect]
+    known = [(one, contact) for one in hits if (contact := evidence.contact(one)) and contact.laid_to is not None]
+    unseen = [(one, contact) for one, contact in known if contact.laid_to == "perception" and contact.sight]
+    if not unseen:
+        return
+    codes = Counter(str(contact.sight.code) for _, contact in unseen if contact.sight is not None)
+    record, example = unseen[0]
+    sight = "" if example.sight is None else example.sight.in_words(example.other, example.time_s)
+    yield Finding(
+        name="unseen",
+        subject=_most(codes),
+        statement=(
+            f"In {len(unseen)} of {len(known)} collisions that the ego could have prevented, the sensors reported the "
+            f"other road user too late to brake; in {record.run_id}, {sight}{evidence.among_hits}."
+        ),
+        figures={"runs": len(unseen), "of": len(known), **codes, **evidence.sampled_hits},
+        run_ids=_ids(one for one, _ in unseen),
+        moments=_hits_of(evidence, (one for one, _ in unseen)),
+        alternatives="a planner that slows down where it cannot see would have had time",
+        next_step="run_planner with world=perfect on the same scenarios, then compare_results",
+    )
+
+
 _GUARDS: Mapping[str, tuple[str, ...]] = {
     "collision": ("prediction", "distance_to_obstacles", "responsibility"),
     "off_road": ("lane_center_offset", "distance_to_reference_path"),
@@ -239,7 +267,7 @@ _WEAK_SHARE = 0.10
 
 
 def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, collisions in which obstacles made up under 10 % of the cost in the last second.
+    """Yield, per configuration, collisions in which obstacles made up under 10% of the cost in the last second.
 
     The chosen candidate passed the collision check against the prediction; a small share means that only that check
     kept the ego away from other road users. The finding needs at least half of the collisions that the ego could have
@@ -258,8 +286,8 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             name="weak_obstacle_cost",
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that the ego could have "
-                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the plan's cost in the last second "
-                f"(median {100 * middle:.1f} %){evidence.among_hits}."
+                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f}% of the plan's cost in the last second "
+                f"(median {100 * middle:.1f}%){evidence.among_hits}."
             ),
             figures={
                 "runs": len(weak),
@@ -317,7 +345,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what egos waited for, and what delayed the remaining runs.
 
     Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
-    the drive, if it took at least 40 %. The remaining runs are reported per configuration with the median run's largest
+    the drive, if it took at least 40%. The remaining runs are reported per configuration with the median run's largest
     cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too small. Any
     other term holds the ego back.
     """
@@ -347,7 +375,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
         if members:
             yield Finding(
                 name=name,
-                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % or more of the drive.",
+                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f}% or more of the drive.",
                 figures={"runs": len(members), **all_late, "least_share": _HELD_UP_SHARE},
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
@@ -360,7 +388,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """Return the cause that took most of a late drive and at least 40 % of it, else an empty string."""
+    """Return the cause that took most of a late drive and at least 40% of it, else an empty string."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -457,8 +485,8 @@ def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord
         name="held_back",
         subject=largest,
         statement=(
-            f"{len(records)} runs of {records[0].config_name} ran out of time or arrived too late; {largest} made up "
-            f"{100 * terms[largest]:.0f} % of the cost in the median run."
+            f"{counted(len(records), 'run')} of {records[0].config_name} ran out of time or arrived too late; "
+            f"{largest} made up {100 * terms[largest]:.0f}% of the cost in the median run."
         ),
         figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
@@ -492,7 +520,7 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
         subject=name,
         statement=(
             f"In {count} of {len(stuck)} infeasible runs, {name} rejected most candidates: "
-            f"{100 * median(shares):.0f} % of the rejected ones in the median run."
+            f"{100 * median(shares):.0f}% of the rejected ones in the median run."
         ),
         figures={"runs": count, "of": len(stuck), "median_share": median(shares)},
         run_ids=run_ids,
@@ -531,7 +559,8 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
             name="near_misses",
             statement=(
                 f"In {len(own)} of {of} of {records[0].config_name}, the ego came within "
-                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another road user ahead or crossing"
+                f"{others}."
             ),
             figures={
                 "runs": len(own),
@@ -622,7 +651,7 @@ _DOMINATING_SHARE = 0.8
 
 
 def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, a term with over 80 % of the chosen candidates' cost in the median run."""
+    """Yield, per configuration, a term with over 80% of the chosen candidates' cost in the median run."""
     runs = evidence.runs
     for records in runs.by_config(runs.valid).values():
         for term, share in _median_shares(runs, records).items():
@@ -631,7 +660,7 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
                     name="dominating_cost",
                     subject=term,
                     statement=(
-                        f"{term} is {100 * share:.0f} % of the cost in the median run of {records[0].config_name}."
+                        f"{term} is {100 * share:.0f}% of the cost in the median run of {records[0].config_name}."
                     ),
                     figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),
@@ -776,11 +805,12 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
 
 
 _Find = Callable[[Evidence], Iterable[Finding]]
-_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unforeseen, _late, _rejecting_constraint)
+_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unseen, _unforeseen, _late, _rejecting_constraint)
 """Findings that count runs of any configuration: with several, each is stated for one configuration at a time."""
 FINDINGS: tuple[_Find, ...] = (
     _main_failure,
     _weight_off,
+    _unseen,
     _unforeseen,
     _harder_group,
     _late,

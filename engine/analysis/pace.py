@@ -36,7 +36,7 @@ FOLLOWS_S = 3.0
 seventh edition says 2.5 s).
 """
 QUEUE_GAP_M = 12.5
-"""Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5 % keep a
+"""Measured: of 343 vehicles that stand behind a standing one in the recordings of 195 public scenarios, 97.5% keep a
 gap of at most 12.4 m (median 2.5 m).
 """
 START_UP_S = 2.0

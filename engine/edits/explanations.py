@@ -125,7 +125,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
         if later is None and not len(speeds):
             continue
         if later is not None:
-            reason = f"another edit limits it to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
+            reason = f"another edit sets its speed to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
         else:
             reason = _reason_speed_missed(edited.scene, track, speeds, wanted)
         closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else 0.0
@@ -140,7 +140,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())
-        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed, {best} m/s at best: {reason}")
+        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s): {reason}")
     return sentences, achieved
 
 

@@ -187,7 +187,8 @@ def advance_along_lane(scene: Scene, place: Place, distance_m: float, targets: f
         onward = [other for other in (table.successors if forward else table.predecessors)[key] if other not in seen]
         if not onward:
             raise NotPossible(
-                f"the road ends before {distance_m:+.6g} m from lanelet {place.lanelet_id} at {place.station_m:.1f} m",
+                f"from lanelet {place.lanelet_id} at {place.station_m:.1f} m, the road does not extend "
+                f"{abs(distance_m):.6g} m {'ahead' if forward else 'back'}",
                 valid=[f"up to {room_m:+.1f} m, where lanelet {key} {'ends' if forward else 'begins'}"],
                 next_step="choose a place within the road",
                 remedies=[with_values(offset_m=round(share * room_m, 1)) for share in _SHARES_OF_ROOM],
@@ -305,7 +306,7 @@ def _adjacent_lane(reference: _Reference, side: str, scene: Scene) -> int:
     there = {key: value for key, value in sides.items() if value is not None and value in scene.layout.table.lanes}
     if side not in there:
         raise NotPossible(
-            f"{reference.name} has no lane in its direction on its {side}",
+            f"{reference.name} has no lane in its direction to its {side}",
             valid=["same", *there],
             next_step="choose another lane",
             remedies=[with_values(lane=word) for word in (*there, "same")],

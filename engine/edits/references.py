@@ -143,7 +143,7 @@ def _selector(text: str, scene: Scene) -> Selector:
     body = text.strip().removeprefix("!").lower()
     if body in EGO_WORDS or (scene.ego is not None and body == str(scene.ego.problem_id)):
         raise NotPossible(
-            f"'{text}' is the ego: the planner drives it, and edits of the traffic cannot change it",
+            f"'{text}' is the ego, which the planner drives; edits of the traffic cannot change it",
             next_step="use op set_goal to move the ego's goal, or configure_planner to change how it drives",
         )
     return parse_selector(text)
@@ -193,7 +193,7 @@ def _gone(scene: Scene, changes: Changes) -> set[int]:
 def _new(edit: int, changes: Changes) -> tuple[int, ...]:
     if edit >= len(changes.added_by_edit) or not changes.added_by_edit[edit]:
         raise UnknownName(
-            "new:K refers to what edit K of the same call adds, and that edit adds nothing before this one",
+            "new:K selects what edit K of this call adds, so edit K must come earlier and add something",
             valid=[key for added in changes.added_by_edit for key in added],
             next_step="give a vehicle by its id",
         )

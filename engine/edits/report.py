@@ -115,7 +115,10 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
         requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
         words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
-    return [f"{listed(tuple(keys))} {words}" for words, keys in vehicles.items()]
+    by_vehicles: dict[tuple[int, ...], list[str]] = {}
+    for words, keys in vehicles.items():
+        by_vehicles.setdefault(tuple(keys), []).append(words)
+    return [f"{listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:

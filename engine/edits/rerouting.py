@@ -205,7 +205,7 @@ class _Branch:
         """Return a description of the branch, for an error that lists it."""
         side = "left" if self.turn_rad > 0 else "right"
         how = self.turn or f"slightly {side}"
-        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
+        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}°) on lanelet {self.lanelets[0]}"
 
 
 def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
@@ -238,15 +238,13 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
         )
     fitting = [branch for branch in branches if branch.turn == turn]
     if not fitting:
-        possible = dict.fromkeys(branch.turn for branch in branches if branch.turn)
+        side = {"left": 1.0, "right": -1.0}.get(turn, 0.0)
+        alike = sorted((one for one in branches if one.turn_rad * side > 0), key=lambda one: -abs(one.turn_rad))
         raise NotPossible(
             f"{who} cannot go {turn} at the next fork",
             valid=branches,
             next_step="choose one of these",
-            remedies=[
-                *(with_values(turn=word) for word in possible),
-                *(with_values(turn=None, to=[str(branch.lanelets[-1])]) for branch in branches),
-            ],
+            remedies=[with_values(turn=None, to=[str(one.lanelets[-1])]) for one in alike],  # not the opposite turn
         )
     sign = {"left": -1.0, "right": 1.0}.get(turn)
     rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)

@@ -135,15 +135,12 @@ def _no_such_lane(edit: Edit, scene: Scene, plan: DrivePlan, here: int) -> NotPo
     other = {"left": "right", "right": "left"}[str(edit.lane)]
     there = [f"lane={other}"] if _adjacent_lanes(scene, [here], other) else []
     later = [f"on lanelet {key}" for key in plan.lanelets if _adjacent_lanes(scene, [key], str(edit.lane))]
-    times = {lane: _first_time_with_lane(scene, plan.start.obstacle_id, lane) for lane in (str(edit.lane), other)}
+    time_s = _first_time_with_lane(scene, plan.start.obstacle_id, str(edit.lane))
     return NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no lane in its direction on its {edit.lane} on lanelet {here}",
+        f"on lanelet {here}, vehicle {plan.start.obstacle_id} has no lane in its direction to its {edit.lane}",
         valid=[*there, *later],
         next_step="choose another time or another lane",
-        remedies=[
-            *([with_values(lane=other)] if there else []),
-            *(with_values(lane=lane, time_s=time_s) for lane, time_s in times.items() if time_s is not None),
-        ],
+        remedies=[] if time_s is None else [with_values(time_s=time_s)],  # the other side is not what was requested
     )
 
 
@@ -181,7 +178,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         kind = plan.start.kind
         largest_mps = class_of(kind).maximum_speed_mps
         wanted = parse_speed(edit.speed, largest_mps)
-        check_speed(wanted, largest_mps, f"a {kind} cannot drive {edit.speed}", "choose another speed")
+        check_speed(wanted, largest_mps, f"a {kind} cannot drive at {edit.speed}", "choose another speed")
         changes = changes.with_plan(_with_manoeuvre(plan, Manoeuvre(step, speed_mps=wanted)))
         speeds[vehicle_id] = (wanted, step)
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
@@ -241,9 +238,9 @@ def _relative_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: tuple[
 
     when = "" if edit.time_s is None else f" from {edit.time_s:g} s"
     what = (
-        f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
-        if "%" in text
-        else (f"{named_vehicles(vehicles)} driven {text} relative to the previous speed{when}")
+        f"{named_vehicles(vehicles)} driven with the previous speed changed by {text}{when}"
+        if text[:1] in ("+", "-")
+        else f"{named_vehicles(vehicles)} driven at {text} of the previous speed{when}"
     )
     return EditStep(changes, vehicles, what, since=since, measure=measured)
 
@@ -288,7 +285,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
             raise _nothing_left(recording, total, scene)
         changes = changes.with_replay(Replay(track, scene.matcher.match(track), recording, total))
     how = f"{abs(steps) * scene.step_s:g} s {'later' if steps > 0 else 'earlier'}"
-    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} {how} than recorded")
+    return EditStep(changes, vehicles, f"{named_vehicles(vehicles)} moved to {how} than recorded")
 
 
 def _check(scene: Scene, changes: Changes, vehicle_id: int) -> None:

@@ -17,7 +17,7 @@ from ...schemas.errors import LANELETS_LISTED, InvalidRequest, NotPossible, Reme
 from ...schemas.generation import WEATHER_WORDS, WEATHERS, Weather
 from ...schemas.grammar import parse_assignment
 from ...schemas.modification import Edit, EditOperation
-from ...schemas.text import quoted
+from ...schemas.text import counted, quoted
 from ...schemas.vocabulary import LEAST_FRICTION, MOST_FRICTION, ROAD_FRICTIONS, WEATHER_ROADS
 from ..commonroad import Track, set_friction, without_scripts
 from ..geometry import oriented_rectangle, point_at
@@ -89,7 +89,7 @@ def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track 
     _invert_left_of(root)
     for place in root.iter("geoTransformation"):
         place.getparent().remove(place)  # type: ignore[union-attr]
-    return "mirrored: left is now right, and traffic drives on the other side; the geographic location was removed"
+    return "left is now right, and traffic drives on the other side; the geographic location was removed"
 
 
 def _negate(element: _Element | None) -> None:
@@ -183,7 +183,7 @@ def _crop_time(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
         _shift_light(light, begin)
     moved = _shift_problems(root, scene, drive, begin)
     seconds = f"{begin * scene.step_s:g} to {end * scene.step_s:g} s"
-    return f"cut to {seconds}, now counted from 0; removed {gone} road users outside that time{moved}"
+    return f"cut to {seconds}, now counted from 0; {counted(gone, 'road user')} outside that time removed{moved}"
 
 
 def _keeps_states(obstacle: _Element, begin: int, end: int) -> bool:
@@ -328,8 +328,8 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
         inside = [box.contains(shapely.Point(float(s.findtext("x", "0")), float(s.findtext("y", "0")))) for s in spots]
         if goals or not all(inside):
             raise NotPossible(
-                f"the start or the goal of planning problem {problem.get('id')} is outside the {sizes[0]:g} m by "
-                f"{sizes[1]:g} m",
+                f"the start or the goal of planning problem {problem.get('id')} is outside the rectangle of "
+                f"{sizes[0]:g} m by {sizes[1]:g} m",
                 valid=["a larger rectangle_m", "set_goal first"],
                 next_step="choose a larger rectangle_m, or move the goal first",
                 remedies=_larger_rectangles(sizes),
@@ -341,7 +341,7 @@ def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
     gone = 0
     for obstacle in [one for one in root if one.tag in (*_MOVING, "staticObstacle")]:
         gone += not _keeps_inside(obstacle, box, shapely.Point)
-    counts = f"{len(kept)} lanelets kept, {len(lanelets)} removed, {gone} road users removed"
+    counts = f"{counted(len(kept), 'lanelet')} kept, {len(lanelets)} removed, {counted(gone, 'road user')} removed"
     return f"cut to {sizes[0]:g} m by {sizes[1]:g} m: {counts}"
 
 
@@ -410,7 +410,7 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
     if not lanelets or not phases:
         raise InvalidRequest(
             "set_light needs lanelets in 'to' and phases in 'params'",
-            valid=["to=['595'] params=['red=10', 'green=20']"],
+            valid=["to=[LANELET] params=['red=10', 'green=20']"],
             next_step="give both",
             remedies=[with_values(params=["red=10", "green=20"])] if lanelets else [LANELETS_LISTED],
         )
@@ -433,7 +433,9 @@ def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Tra
                 changed.append(int(ref or 0))
     cycle = ", ".join(f"{colour} {steps * scene.step_s:g} s" for steps, colour in phases)
     new = f"; added a light to lanelet {', '.join(map(str, lit_now))}" if lit_now else ""
-    return f"lights {', '.join(map(str, sorted(set(changed))))} show {cycle} in turn from 0 s{new}"
+    shown = sorted(set(changed))
+    who = f"light {shown[0]} repeats" if len(shown) == 1 else f"lights {', '.join(map(str, shown))} repeat"
+    return f"{who} the cycle {cycle} from 0 s on{new}"
 
 
 def _phase(text: str, step_s: float) -> tuple[int, str]:
@@ -582,14 +584,14 @@ def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], T
     notes = []
     if conditions.weather is not None:
         _write_weather(root, conditions.weather)
-        notes.append(f"the file now states {conditions.weather}{conditions.taken}, and searches find it by that")
+        notes.append(f"the file now states {conditions.weather}{conditions.taken}, so searches can find it")
     if conditions.friction is None:
         return (
             f"{'; '.join(notes)}; friction stays unchanged, because this weather has no known value, and traffic "
             "drives as before"
         )
     set_friction(root, conditions.friction)
-    of_road = f" (a road that is {conditions.road.replace('_', ' ')})" if conditions.road else ""
+    of_road = f" (road surface: {conditions.road.replace('_', ' ')})" if conditions.road else ""
     before = "" if scene.friction is None else f", {scene.friction:g} before"
     notes.append(
         f"friction {conditions.friction:g}{of_road}{before}: tyres hold at most "

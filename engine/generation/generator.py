@@ -263,12 +263,16 @@ class _Attempts:
         )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
-        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once."""
+        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once.
+
+        A reason that the best attempt has, too, is already among its notes.
+        """
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
         passed_over = [f"skipped: {self._lost_sites()}"] if self.lost else []
-        return [*passed_over, *(f"an earlier attempt failed: {reason}" for reason in reasons)]
+        noted = {*best.faults, *best.scenario.notes}
+        return [*passed_over, *(f"another attempt was dropped: {reason}" for reason in reasons if reason not in noted)]
 
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]

@@ -76,10 +76,9 @@ def footways_of(net_path: Path, net: SumoNet, pavements: Pavements | None) -> Fo
     source = guessed if pavements.guessed_km else "as the map has them"
     built = counted(len(walks.crossings) - in_block, "crossing")
     between = f"; {in_block} between junctions, as the map marks them" if in_block else ""
-    rule = "vehicles give way there" + (f"; {lit} have lights" if lit else "")
-    note = (
-        f"pavements: {source}; {built} at junctions, {marked} of them from the map, the others guessed{between}; {rule}"
-    )
+    rule = "vehicles give way at them" + (f"; {lit} have lights" if lit else "")
+    origin = f"{marked} of them from the map, the others guessed" if marked else "all guessed"
+    note = f"pavements: {source}; {built} at junctions, {origin}{between}; {rule}"
     return Footways(walks, (note,))
 
 

@@ -147,7 +147,7 @@ def choose_task(
         return replace(task, stands_in=True)
     raise NotPossible(
         f"no candidate ego ({counted(len(choice) + len(others), name)} tried) has a goal {goal.in_words()} on its "
-        f"route (at least {spec.shortest_path_m:g} m away within the recording, not around its start)",
+        f"route (at least {spec.shortest_path_m:g} m away, reached within the recording, and clear of its start)",
         valid=_driven_lanelets([*choice, *others], lookup) if goal.lanelet else [],
         next_step="choose another goal, a longer duration_s, another ego or another seed",
         reason=NO_TURN if goal.turn is not None else "",
@@ -221,7 +221,7 @@ def _check_lanelet(goal: RequestedGoal, network: RoadNetwork) -> None:
     key = goal.lanelet.lanelet_id
     if key not in network.lanelets:
         raise UnknownName(
-            f"the site has no lanelet {key}: its ids are known after a scenario of it exists",
+            f"the site has no lanelet {key}; describe_scenario lists the ids once a scenario has been generated there",
             valid=closest(str(key), [str(known) for known in sorted(network.lanelets)]),
             next_step="generate with another goal, then see describe_scenario, or set it with modify_scenario",
             remedies=[with_values(goal=None)],

@@ -218,7 +218,7 @@ def _nothing_fits(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -
         return _never_meet(osm, finder, request)
     everywhere = site_finder(osm)
     if request.road_classes and (wanted == "any" or _fitting(everywhere, everywhere.find(wanted), request)):
-        where += f" made of {' or '.join(request.road_classes[:SHOWN_NAMES])} only"
+        where += f" with only roads of class {' or '.join(request.road_classes[:SHOWN_NAMES])}"
         next_step = "leave road_classes out" + (", or choose one of these scenario types" if available else "")
     turn = request.goal.turn
     suited = [kind for kind in available if turn is None or turn in TURNS_AT[kind]]

@@ -329,7 +329,7 @@ def _in_box(matches: list[MapMatch], bbox: Box) -> list[MapMatch]:
         raise UnknownName(
             f"no map covers any part of the box {list(bbox)}",
             valid=[f"{_box_text(f)}, {_km_between(_box_of(f), bbox):,.0f} km away" for f in nearest[:_NEAREST_SHOWN]],
-            next_step="choose a box inside one of these maps, the nearest",
+            next_step="choose a box inside one of these maps, which are the nearest",
             reason=NOT_SHOWN,
             remedies=[with_values(bbox=list(_box_of(facts))) for facts in nearest[:1]],
         )

@@ -16,6 +16,7 @@ from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName, close
 from ...schemas.reviews import DriverModelName
 from ...schemas.runs import Prediction
 from ...schemas.runs import Traffic as TrafficMode
+from ...schemas.worlds import PERFECT, World
 from .external.found import Found, found_planners
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def known_planner(name: str) -> str:
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
-        own_planner(folded)
+        own_planner(name)
     return folded
 
 
@@ -108,7 +109,7 @@ def own_planner(name: str) -> Found:
     if found is None:
         names = planner_names()
         raise UnknownName(
-            f"there is no planner '{name}'",
+            f"there is no planner '{name.strip()}'",
             valid=closest(name, names) or list(names),
             next_step="choose one of these, or install your own in the same environment",
         )
@@ -209,18 +210,43 @@ def uses_prediction(name: str) -> bool:
     return (found.command or found.own().declaration).uses_prediction
 
 
-def check_modes(traffic: TrafficMode, prediction: Prediction) -> None:
-    """Refuse to give a planner the future of vehicles that have no future yet.
+def check_modes(traffic: TrafficMode, prediction: Prediction, world: World = PERFECT) -> None:
+    """Refuse to give a planner the future of vehicles that have no future yet, or that its sensors cannot know.
 
     Raises:
-        InvalidRequest: The prediction is ``ground_truth`` and the traffic is reactive.
+        InvalidRequest: The prediction is ``ground_truth``, and the traffic is reactive or the world is imperfect.
     """
+    others = [name for name in get_args(Prediction) if name != "ground_truth"]
+    if not world.is_perfect and prediction == "ground_truth":
+        raise InvalidRequest(
+            "prediction ground_truth is the recording itself, which sensors of an imperfect world cannot know",
+            valid=others,
+            next_step="use one of these predictions, or leave out world",
+        )
     if traffic == "reactive" and prediction == "ground_truth":
-        others = [name for name in get_args(Prediction) if name != "ground_truth"]
         raise InvalidRequest(
             "prediction ground_truth is the recording, which reactive traffic does not follow",
             valid=others,
             next_step="use one of these predictions, or traffic recorded",
+        )
+
+
+def check_world(planner: str, world: World) -> None:
+    """Refuse an imperfect world to a program that reads the whole recording before it plans.
+
+    Raises:
+        InvalidRequest: The planner is a program with the protocol one_shot.
+        UnknownName: No such planner.
+    """
+    folded = known_planner(planner)
+    if world.is_perfect or folded in PLANNERS:
+        return
+    declared = own_planner(folded).command
+    if declared is not None and declared.protocol == "one_shot":
+        raise InvalidRequest(
+            f"planner {folded} reads the scenario's file, which contains what its sensors would miss",
+            valid=["a planner that is called at every step: protocol stepwise, or a Python class"],
+            next_step="leave out world, or use such a planner",
         )
 
 

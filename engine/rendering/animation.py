@@ -93,7 +93,7 @@ def animate(
     begin, end = steps[0] * view.content.step_s, steps[-1] * view.content.step_s
     text = f"Animation of {view.content.scenario_id} from {begin:.1f} to {end:.1f} s"
     runs = "; ".join(run.label for run in view.paths)
-    kinds = f", with {', '.join(shown.kinds)}" if shown.kinds else ""
+    kinds = f"; classes of road users: {', '.join(shown.kinds)}" if shown.kinds else ""
     slow = ""
     if moment is not None:
         slow = f" {_SLOWED} times slower around {moment.step * view.content.step_s:.1f} s: {moment.words}."

@@ -15,10 +15,10 @@ from ...schemas.errors import ResourceFailure, UnsafeInput
 from ...schemas.measures import MeasuredValue, RunMetrics, measure_named, metric_words
 from ...schemas.rendering import RenderedImage, ReportImage, ReportRequest, ReportSection, ReportTable, ReportWritten
 from ...schemas.results import AnalyzeResultsResult, CollisionCauses, Group, Rate, figure, measured_figure
-from ...schemas.reviews import REFERENCE_DRIVERS_DO, CollisionCause
+from ...schemas.reviews import CollisionCause
 from ...schemas.runs import BatchRecord, RunRecord, ending, excesses_in_words
 from ...schemas.scenarios import ScenarioFacts, ScenarioRecord
-from ...schemas.text import shown_name
+from ...schemas.text import REFERENCE_DRIVERS_DO, shown_name
 from ..execution import ProgressReporter
 from ..workspace import Recipe, write_whole
 from .words import words_used
@@ -65,7 +65,8 @@ def overview_section(
     configurations = f"{len(names)} configuration{'' if len(names) == 1 else 's'} ({'; '.join(names.values())})"
     tested = (
         f"{configurations} on {count} scenario{'' if count == 1 else 's'}, {result.runs} runs; "
-        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction."
+        f"{_BEHAVIOUR[batch.traffic]}; {batch.prediction.replace('_', ' ')} prediction"
+        f"{'' if batch.world.is_perfect else f'; world {batch.world.in_words()}'}."
     )
     rows = [
         ("What was tested", tested),
@@ -122,8 +123,8 @@ def _describe_other_outcomes(group: Group) -> str:
 def _reached(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "0 runs (all problems are invalid)"
-    interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
-    return f"{rate.count} of {rate.of} valid runs ({100 * rate.share:.0f} %, {interval})"
+    interval = f"95% interval {100 * rate.low:.0f} to {100 * rate.high:.0f}%"
+    return f"{rate.count} of {rate.of} valid runs ({100 * rate.share:.0f}%, {interval})"
 
 
 def _describe_failures(result: AnalyzeResultsResult) -> str:
@@ -172,6 +173,7 @@ def _describe_attribution(causes: CollisionCauses) -> str:
     phrases: dict[CollisionCause, str] = {
         "ego": "to the ego itself",
         "recording": "to recorded traffic that does not react",
+        "perception": "to the sensors",
         "prediction": "to the prediction",
         "planning": "to the plan",
         "neither": "to neither side",
@@ -202,8 +204,8 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
         return (
             group.name,
             str(rate.of),
-            f"{rate.count} ({100 * (rate.share or 0):.0f} %)" if known else "–",
-            f"{100 * (rate.low or 0):.0f} to {100 * (rate.high or 0):.0f} %" if known else "–",
+            f"{rate.count} ({100 * (rate.share or 0):.0f}%)" if known else "–",
+            f"{100 * (rate.low or 0):.0f} to {100 * (rate.high or 0):.0f}%" if known else "–",
             ", ".join(
                 f"{key.replace('_', ' ')} {count}" for key, count in group.outcomes.items() if key != "goal_reached"
             )
@@ -213,7 +215,7 @@ def _by_configuration(result: AnalyzeResultsResult) -> ReportTable:
 
     return ReportTable(
         caption="By configuration",
-        columns=("configuration", "valid runs", "goal reached", "95 % interval", "failures", "invalid"),
+        columns=("configuration", "valid runs", "goal reached", "95% interval", "failures", "invalid"),
         rows=tuple(row(group) for group in result.groups),
     )
 
@@ -230,13 +232,13 @@ def rules_section(result: AnalyzeResultsResult) -> ReportSection:
         absent.pop(f"{one.rule} {one.name}", None)
     table = ReportTable(
         caption="Runs that broke a rule, out of the runs to which it applies",
-        columns=("rule", *(["configuration"] if several else []), "broken in", "95 % interval", "worst excess", "run"),
+        columns=("rule", *(["configuration"] if several else []), "broken in", "95% interval", "worst excess", "run"),
         rows=tuple(
             (
                 f"{one.rule} {one.name}",
                 *([one.config_name] if several else []),
                 f"{one.violated.count} of {one.violated.of}",
-                f"{100 * (one.violated.low or 0):.0f} to {100 * (one.violated.high or 0):.0f} %",
+                f"{100 * (one.violated.low or 0):.0f} to {100 * (one.violated.high or 0):.0f}%",
                 "–" if one.worst is None else f"{figure(one.worst)} {one.unit}",
                 one.run_ids[0] if one.run_ids else "–",
             )
@@ -402,7 +404,7 @@ def _comparison_tables(comparison: Comparison) -> Iterable[ReportTable]:
             ),
         )
     yield ReportTable(
-        caption="Paired by scenario: median before and after, shift with its 95 % interval, Wilcoxon's p. A side is "
+        caption="Paired by scenario: median before and after, shift with its 95% interval, Wilcoxon's p. A side is "
         "better only if p after Holm's adjustment is below 0.05 and the shift exceeds the resolution.",
         columns=("metric", "pairs", "before", "after", "shift", "p", "p after Holm", "better"),
         rows=tuple(

@@ -106,7 +106,7 @@ def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[in
         return there
     begin = scene.ego.step if scene.ego else 0
     last_s = (max(track.last_step for track in tracks.values()) - begin) * scene.step_s
-    raise NotPossible("no vehicle is there at that time", valid=[f"time_s from 0 to {last_s:g}"])
+    raise NotPossible("the scenario has no vehicle at that time", valid=[f"time_s from 0 to {last_s:g}"])
 
 
 def _with_motion(scene: Scene, focus: DescribedFocus | None) -> DescribedFocus:
@@ -227,7 +227,7 @@ def _is_undrivable(scene: Scene, track: Track) -> bool:
 
 
 def _roles(lead: int | None, follow: int | None) -> dict[int, str]:
-    roles = {lead: "nearest ahead along lanelets: 'lead'", follow: "nearest behind along lanelets: 'follow'"}
+    roles = {lead: "nearest ahead along lanelets (selector lead)", follow: "nearest behind (selector follow)"}
     return {key: role for key, role in roles.items() if key is not None}
 
 
@@ -318,7 +318,7 @@ def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets:
     if lanelets and problem.goal.lanelets_of_goal_position:
         parts.append(f"lanelet {', '.join(map(str, lanelets[:6]))}{' …' if len(lanelets) > 6 else ''}")
     elif centers := goal_centers(problem):
-        on = f" on lanelet {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
+        on = f" on lanelet{'s' * (len(lanelets) > 1)} {', '.join(map(str, lanelets[:3]))}" if lanelets else ""
         parts.append(f"region {float(np.linalg.norm(centers[0] - start)):.0f} m away{on}")
     first = states[0]
     if getattr(first, "time_step", None) is not None:

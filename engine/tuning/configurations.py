@@ -61,7 +61,7 @@ def changed_configuration(
                 taken.append(f"{preset.strip()!r} is read as the preset {chosen.name}")
             start = base.model_copy(update={"weights": dict(chosen.weights), "preset": chosen.name})
     with faults.collecting():
-        values, elsewhere = start.weights | start.external_weights, _names_elsewhere(base.planner)
+        values, elsewhere = start.weights | start.external_weights, _names_elsewhere()
         changed = apply_assignments(values, changes, limits=tuning.limits, elsewhere=elsewhere)
     with faults.collecting():
         after, setting_notes = changed_settings(base.settings, settings)
@@ -99,13 +99,14 @@ def differences(before: PlannerConfiguration, after: PlannerConfiguration) -> tu
     return tuple(WeightChange(name=name, before=old[name], after=new[name]) for name in old if old[name] != new[name])
 
 
-def _names_elsewhere(planner: str) -> dict[str, str]:
-    """Return explanations of names that are not weights of this planner, such as weights of other planners."""
-    names: dict[str, str] = {}
+def _names_elsewhere() -> dict[str, str]:
+    """Map names to the explanation why a planner has no such weight, such as that it belongs to other planners."""
+    owners: dict[str, list[str]] = {}
     for other in PLANNERS:
         tuning = tuning_of(other)
-        of_other = dict.fromkeys((*tuning.weights, *tuning.external), f"it is a weight of {other}, not of {planner}")
-        names = of_other | names  # the first planner that has it wins
+        for name in dict.fromkeys((*tuning.weights, *tuning.external)):
+            owners.setdefault(name, []).append(other)
+    names = {name: f"it is a weight of {', '.join(planners)}" for name, planners in owners.items()}
     return names | dict.fromkeys(known_settings(), "it is a setting; pass it in settings")
 
 

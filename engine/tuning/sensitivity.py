@@ -72,7 +72,7 @@ def sensitivity_effects(request: EffectsRequest, report: ProgressReporter) -> Ef
 
 
 def _analysed(design: DesignRequest, points: Any, values: "NDArray[np.float64]") -> tuple[list[float], list[float]]:
-    """Return the effect of each weight and its 95 % interval's half-width; all are 0 if the objective never changes."""
+    """Return the effect of each weight and its 95% interval's half-width; all are 0 if the objective never changes."""
     if values.std() == 0:
         return [0.0] * len(design.names), [0.0] * len(design.names)
     problem, seed = _problem(design), legacy_seed(design.seed)

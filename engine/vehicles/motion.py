@@ -1,6 +1,6 @@
 """Convert SUMO's front-bumper tracks to drivable motions of the vehicle's centre; check whether motions are drivable.
 
-SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39 % of raw tracks pass the
+SUMO moves vehicles along lane centre lines with kinks, and steps in acceleration: 39% of raw tracks pass the
 drivability checker's kinematic single-track model. The path is smoothed over arc length, the progress over time, and
 the heading follows as a tractrix: the rear axle is dragged behind the front bumper as a real one is.
 
@@ -39,7 +39,7 @@ _HEADING_TOLERANCE_RAD = 3e-2
 """The checker's default tolerances for a step."""
 _FRICTION_EXCESS = 1.1
 """Factor by which accelerations may exceed what a road of stated friction allows: smoothing raises the constant braking
-of SUMO's drivers by 7 % in ``tests/engine/edits/test_friction.py``.
+of SUMO's drivers by 7% in ``tests/engine/edits/test_friction.py``.
 """
 _STEERING_FROM_MPS = 0.05
 """Below this speed a turn gives no steering angle (chosen)."""

@@ -25,7 +25,7 @@ _CACHES = ("recordings", "pictures", "views", "index", "answers", "scratch")
 _MB = 1024**2
 _SHOWN_RUNS = 3
 _LOOK_S, _LOOKS_SHARE = 60.0, 50
-"""Age up to which a measured size is reused, in seconds and relative to its duration (chosen: measuring takes 2 % of
+"""Age up to which a measured size is reused, in seconds and relative to its duration (chosen: measuring takes 2% of
 the time).
 """
 MAIN_FILES = {"scenario": "scenario.xml", "run": "steps.json", "config": "config.yaml"}

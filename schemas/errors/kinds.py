@@ -105,8 +105,9 @@ class PlannerForgeError(Exception):
         reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
         parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
-            shown = ", ".join(self.valid[: self.shown_values])
-            more = len(self.valid) - self.shown_values
+            rest = len(self.valid) - self.shown_values
+            shown = ", ".join(self.valid if rest == 1 else self.valid[: self.shown_values])
+            more = 0 if rest == 1 else rest
             parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
         step = self.next_step.rstrip(".")
         if following is not None:

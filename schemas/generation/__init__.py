@@ -633,9 +633,9 @@ class PlanSummary(Model):
         """Return what was generated and where, what is impossible, and what is left, one line each."""
         tried = [f"{counted(self.refused, 'try')} refused"] if self.refused else []
         lost = [f"{self.failed} failed"] if self.failed else []
-        where = [f"{shown_name(place)} {count}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
+        where = [f"{count} in {shown_name(place)}" for place, count in list(self.places.items())[:_SHOWN_PLACES]]
         more = len(self.places) - len(where)
-        there = [f"at {', '.join(where)}{f' and {more} more places' if more > 0 else ''}"] if where else []
+        there = [f"{', '.join(where)}{f' and {more} more at other places' if more > 0 else ''}"] if where else []
         made = "; ".join([*there, *tried, *lost])
         cannot = [f"{one.combination} ({one.reason})" for one in self.cannot[:_SHOWN_CANNOT]]
         return [
@@ -703,5 +703,5 @@ class GenerateScenariosResult(Result):
     def _following(self) -> str:
         """Return the next call: a run of the scenarios that the built-in planners can drive."""
         driven = [made.scenario_id for made in self.scenarios if not made.planners_refuse]
-        more = " and so on" if len(driven) > 2 else ""
+        more = f" and {len(driven) - 2} more" if len(driven) > 2 else ""
         return f"run_planner with scenarios {driven[:2]}{more}" if driven else DRIVEN_OTHERWISE

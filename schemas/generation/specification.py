@@ -44,7 +44,7 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
 """Shares of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses,
 compared with 242.7 million cars (:data:`SHARES_SOURCE`). No count is known here for the other classes."""
-SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
+SHARES_SOURCE = "carmakers' association ACEA, Vehicles in use in Europe, 2019"
 
 
 class VehicleDemand(Model):
@@ -173,6 +173,16 @@ class LaneletGoal:
     size_m: tuple[float, float] | None
 
 
+def _nearest_goals(text: str) -> list[str]:
+    """Return the goal that an invalid one probably means: a turn without its form, or the nearest number."""
+    if (turn := text.strip().lower().replace(" ", "_")) in get_args(Turn):
+        return [f"{THROUGH}:{turn}"]
+    for form, least, most in (("steps", 10, 1000), ("distance_m", 5, 2000)):
+        if (match := re.fullmatch(rf"{form}:(\d{{1,9}})(?:\.\d+)?", text)) is not None:
+            return [f"{form}:{min(max(int(match[1]), least), most)}"]
+    return []
+
+
 @dataclass(frozen=True)
 class RequestedGoal:
     """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or beyond the site.
@@ -211,7 +221,11 @@ class RequestedGoal:
                 size = (0.0, 0.0)
             if size is None or all(0.5 <= side <= 500 for side in size):
                 return cls(text, lanelet=LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-        raise InvalidRequest(f"goal {text!r} cannot be parsed", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
+        raise InvalidRequest(
+            f"goal {text!r} is not in a valid form or range",
+            valid=GOAL_FORMS,
+            remedies=[*(with_values(goal=near) for near in _nearest_goals(text)), with_values(goal=None)],
+        )
 
     @property
     def is_through(self) -> bool:

@@ -107,7 +107,7 @@ def _sides_of(
     if len(sides) < 2:
         labels = ", ".join(side.label for side in sides)
         raise InvalidRequest(
-            f"there is only one side: {labels}",
+            f"there is only one side to compare: {labels}",
             valid=["two runs or batches", "one batch with several configurations"],
             next_step="run another configuration on the same scenarios with run_planner",
         )

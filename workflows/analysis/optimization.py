@@ -12,7 +12,7 @@ from statistics import fmean
 from typing import Literal
 
 from ...engine.execution import JobProgress
-from ...engine.planners import check_modes
+from ...engine.planners import check_modes, check_world
 from ...engine.tuning import (
     Constraint,
     Dimension,
@@ -43,11 +43,12 @@ from ...schemas.analysis.optimization import (
     StudyRecord,
     TrialLine,
 )
-from ...schemas.errors import Faults, InvalidRequest, NotPossible
+from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import RunRecord
 from ...schemas.text import counted, shown_name
-from ..configurations import resolve_configuration, store_configuration
+from ...schemas.worlds import PERFECT, World, world_of
+from ..configurations import BY_SEARCH, resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
 from ..results import lineages
@@ -100,6 +101,7 @@ class _Plan:
     places: tuple[tuple[str, ...], tuple[str, ...]]
     roots: Mapping[str, str]
     notes: tuple[str, ...]
+    world: World = PERFECT
 
     def values(self, runs: Sequence[RunRecord]) -> tuple[float, ...]:
         """Return the mean objectives over runs: their sum, or each objective separately for a front."""
@@ -128,7 +130,7 @@ class _Plan:
     def cell(self, scenario: ChosenScenario, configuration: PlannerConfiguration) -> Cell:
         """Return the run of a scenario under a configuration."""
         modes = (self.arguments.prediction, self.arguments.traffic)
-        return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes)
+        return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes, world=self.world)
 
 
 @dataclass
@@ -273,9 +275,16 @@ class _Search:
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
-            store_configuration(self.context, configuration)
+            self._store(configuration)
         results = await run_grid(self.context, cells, lambda _: None)
         return [result.record for result in results]
+
+    def _store(self, configuration: PlannerConfiguration) -> None:
+        """Store a configuration; the recipe of a candidate names the search, and its base as the parent."""
+        base_id = self.plan.base.config_id
+        arguments = {"base": base_id, "id": configuration.config_id}
+        searched = Recipe(tool=BY_SEARCH, arguments=arguments, parents=(base_id,))
+        store_configuration(self.context, configuration, None if configuration.config_id == base_id else searched)
 
     def is_within(self, trial: _Trial) -> bool:
         """Return whether a trial keeps the constraints, relative to the base on the same scenarios."""
@@ -373,7 +382,7 @@ class _Search:
             else:
                 shares.append(ChangeShare(change=change, gain=round(gain, 6)))
         untried = len(changes) - len(tried)
-        note = f"{untried} of {len(changes)} changes of the found configuration were not reverted because of max_trials"
+        note = f"max_trials left no run to test {untried} of {counted(len(changes), 'found change')} alone"
         return best, tuple(shares), (note,) if untried else ()
 
     def _gain(self, trial: _Trial, other: _Trial) -> float:
@@ -407,7 +416,7 @@ class _Search:
             for one in self.plan.held_out
         ]
         for configuration in (self.plan.base, found):
-            store_configuration(self.context, configuration)
+            self._store(configuration)
         self.driven += _LOOK
         results = await run_grid(self.context, cells, lambda _: None)
         batch = store_batch(self.context, cells, results)
@@ -470,6 +479,7 @@ def _study_record(
         constraints=tuple(plan.arguments.constraints),
         prediction=plan.arguments.prediction,
         traffic=plan.arguments.traffic,
+        world=plan.world,
         base_id=plan.base.config_id,
         base_name=shown_name(plan.base.name),
         best_id=best.config_id,
@@ -501,7 +511,7 @@ async def optimize_planner(arguments: OptimizePlannerArguments, context: Workflo
         study = await (_effects(search) if arguments.method in _SENSITIVITY else search.run())
         context.workspace.put("study", study.study_id, recipe=recipe, record=study, name=_study_name(study))
         progress.add_result(study.study_id)
-        progress.report(1.0, f"{len(study.trials)} candidates; repeat optimize_planner to get the study")
+        progress.report(1.0, f"{counted(len(study.trials), 'candidate')}; repeat optimize_planner to get the study")
 
     job = context.start_job("study", recipe, work)
     context.made("job", job.job_id)
@@ -528,15 +538,16 @@ def _finished(study: StudyRecord, context: WorkflowContext) -> OptimizePlannerRe
     context.made("study", study.study_id)
     if better:
         context.made("config", study.best_id)
+    or_more_trials = " or a larger max_trials" if study.driven >= study.max_trials else ""
     following = (
         f"export_artifacts of {study.best_id} as yaml"
         if better
-        else "use more scenarios or a larger max_trials, or vary settings too"
+        else f"use more scenarios{or_more_trials}, or vary settings too"
     )
     if study.headline_code == "effects_shown":
         following = "optimize_planner with vary limited to the weights that matter"
     elif study.effects:
-        following = "use more scenarios or a larger max_trials: the effects are too uncertain"
+        following = f"use more scenarios{or_more_trials}: the effects are too uncertain"
     return OptimizePlannerResult(state="done", study=study, headline_code=study.headline_code, next_step=following)
 
 
@@ -587,8 +598,11 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     """
     faults = Faults()
     objectives, constraints = list[Objective](), list[Constraint]()
+    world = PERFECT
     with faults.collecting():
-        check_modes(arguments.traffic, arguments.prediction)
+        world = world_of(arguments.world)
+    with faults.collecting():
+        check_modes(arguments.traffic, arguments.prediction, world)
     for text in arguments.objective:
         with faults.collecting():
             objectives.append(parse_objective(text))
@@ -598,11 +612,16 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     with faults.collecting():
         base = resolve_configuration(arguments.base, context)
         space = dimensions(base.planner, arguments.vary)
+        check_world(base.planner, world)
     with faults.collecting():
         choice = choose_scenarios(arguments.scenarios, context)
     with faults.collecting():
         if arguments.pareto and (arguments.method not in ("tpe", "random") or len(arguments.objective) < 2):
-            raise InvalidRequest("a front needs two objectives and the method tpe or random", valid=["pareto=false"])
+            raise InvalidRequest(
+                "pareto needs at least two objectives and the method tpe or random",
+                valid=["method=tpe", "method=random", "pareto=false"],
+                remedies=[with_values(method="tpe") if len(arguments.objective) > 1 else with_values(pareto=None)],
+            )
     faults.raise_all()
     if arguments.method == "morris" or arguments.method == "sobol":
         _check_design(arguments.method, len(space), arguments.max_trials)
@@ -625,6 +644,7 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         places=places,
         roots=roots,
         notes=(*choice.notes, *notes),
+        world=world,
     )
 
 
@@ -670,7 +690,7 @@ def _divided(scenarios: Sequence[ChosenScenario], roots: Mapping[str, str], seed
         notes = ("all scenarios are in one place, so its maps were split; they may be alike",)
     if len(groups) < 2:
         raise NotPossible(
-            f"all {len(scenarios)} scenarios are on one map, so no scenario can be held out",
+            f"all scenarios ({len(scenarios)}) are on one map, so none can be held out",
             next_step="use scenarios of several places, for instance preset:100",
         )
     choice = random.Random(seed)  # noqa: S311 - not a secret
@@ -701,7 +721,8 @@ def _grouped(
 
 def _recipe(plan: _Plan) -> Recipe:
     """Return the recipe of a study; it leaves out how long a call waits."""
-    arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed"})
+    arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed", "world"})
+    arguments |= {} if plan.world.is_perfect else {"world": plan.world.stated}
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]
     packages = ("optuna", "cmaes", "SALib", "frenetix", "commonroad-io", "commonroad-drivability-checker")
     return Recipe(

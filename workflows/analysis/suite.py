@@ -78,7 +78,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report
     words, notes = await _scenarios(suite, folder, context)
     choice = choose_scenarios(words, context)
     cells = [
-        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed)
+        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed, suite.world)
         for configuration in configurations.values()
         for one in choice.scenarios
     ]
@@ -209,7 +209,7 @@ async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], li
                 raise
             refused.append(f"{shown_name(file.name)} was refused: {refusal.message}")
     if not ids:
-        raise NotPossible(f"all {len(files)} files at {path} were refused: {refused[0]}")
+        raise NotPossible(f"all files at {path} ({len(files)}) were refused: {refused[0]}")
     return ids, refused
 
 

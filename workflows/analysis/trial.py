@@ -17,6 +17,7 @@ from ...schemas.errors import InvalidRequest, PlannerFailure, UnknownName
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.results import AnalyzeResultsResult, Finding, Suggestion, TriedChange
 from ...schemas.runs import RunRecord, RunSource
+from ...schemas.text import counted
 from ..configurations import resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..runs import Cell, CellResult, own_versions, run_grid
@@ -46,7 +47,7 @@ class _Change:
     def cells(self) -> list[Cell]:
         """Return the cells to run."""
         return [
-            Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed)
+            Cell(run.scenario_id, run.problem_id, self.configuration, run.prediction, run.traffic, run.seed, run.world)
             for run in (*self.failing, *self.passing)
         ]
 
@@ -76,7 +77,8 @@ async def with_trials(
         context.made("job", job.job_id)
         job = await context.wait_for(job.job_id, _WAIT_S)
         if job.state == "running":
-            return _noted(result, f"the trial of {len(suggestions)} suggestions is running: {job.message}", job.job_id)
+            count = counted(len(suggestions), "suggestion")
+            return _noted(result, f"the trial of {count} is running: {job.message}", job.job_id)
         if job.error:
             return _noted(result, f"the trial ended early: {job.error}", job.job_id)
     outcomes = {id(change): _outcome(change, context) for change in changes}

@@ -66,7 +66,7 @@ async def generate_scenarios(
     context.made("scenario", *(summary.scenario_id for summary in made))
     notes = [*spec.notes, *plan.notes, *messages, *failures]
     if len(sites.planned) < spec.count:
-        found = counted(len(sites.planned), "different site")
+        found = counted(len(sites.planned), "distinct site")
         notes.append(f"{counted(spec.count, 'scenario')} requested, but only {found} found")
     if notice := context.services.workers.notice:
         notes.append(notice)

@@ -20,7 +20,7 @@ from ...schemas.generation import (
     GenerationRequest,
     ScenarioSummary,
 )
-from ...schemas.runs import NO_TRAJECTORY
+from ...schemas.runs import NO_TRAJECTORY, ending
 from ...schemas.text import cited_all, counted
 from ..configurations import resolve_configuration, store_configuration
 from ..context import WorkflowContext
@@ -144,9 +144,9 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
         if share is None or (name == PEDESTRIAN.name and not share):  # the density sets the number of pedestrians
             continue
         if share == NATURAL_SHARES.get(name):
-            yield f"{name}: {100 * share:g} % of all vehicles, its share of traffic ({SHARES_SOURCE}), but at least one"
+            yield f"{name}: {100 * share:g}% of all vehicles, as in the EU ({SHARES_SOURCE}), but at least one"
         elif share == 0:
-            yield f"{name}: at least one; its share of traffic is unknown, {name}=30% sets it"
+            yield f"{name}: at least one, because its share of traffic is unknown; {name}=30% sets one"
         else:
             realised = scenario.classes_realised.get(name, 0) / max(scenario.vehicles_realised, 1)
             yield f"{name}: {share:.0%} of all vehicles requested, {realised:.0%} realised"
@@ -201,7 +201,8 @@ async def with_trial_run(context: WorkflowContext, summary: ScenarioSummary) -> 
     store_configuration(context, configuration)
     (result,) = await run_grid(context, [Cell(summary.scenario_id, None, configuration)], lambda _: None)
     if result.record is not None:
-        outcome = f"{result.record.outcome} ({DEFAULT_CONFIGURATION}, {result.record.run_id}): {result.record.reason}"
+        record = result.record
+        outcome = f"{record.run_id} ({DEFAULT_CONFIGURATION}): {ending(record.outcome, record.reason)}"
     else:
         outcome = result.lost.error if result.lost is not None else "no result"
     if result.record is not None and result.record.outcome not in NO_TRAJECTORY:

@@ -407,15 +407,15 @@ def _failure_with(failure: PlannerForgeError, refusal: UnknownName, unlocated: s
         )
     if unlocated is not None and not any(settlements_called(part) for part in place_parts(unlocated)):
         message = (
-            f"{refusal.message.rstrip('.')}, GeoNames has no settlement of 5,000 inhabitants with that name, "
-            f"and a smaller one could not be looked up: {failure.message}"
+            f"{refusal.message.rstrip('.')}. GeoNames lists no settlement called {unlocated!r} with 5,000 or more "
+            f"inhabitants, and smaller ones could not be looked up, because {failure.message}"
         )
         return UnknownName(
             message, valid=refusal.valid, next_step=refusal.next_step, reason=refusal.reason, remedies=refusal.remedies
         )
     message = (
         f"{refusal.message.rstrip('.')}, and {failure.message.rstrip('.')}; "
-        "while this lasts, only local maps are searched; these are their nearest names"
+        "until it can be reached, only local maps are searched; the valid names are the nearest of theirs"
     )
     return ServiceFailure(
         message,

@@ -16,7 +16,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..osm import ground_distance_m
+from ..ground import ground_distance_m
 from .places import place_keys
 
 _FILE = Path(__file__).parent / "settlements.json.gz"

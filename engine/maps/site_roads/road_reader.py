@@ -52,9 +52,9 @@ _HOUSES_WITHIN_M, _LOOKED_EVERY_M, _BUILT_UP_SHARE = 100.0, 50.0, 0.2
 of its length.
 
 Measured on roads with a posted limit and no tag of a town, each judged without its own limit, on 68 maps that nothing
-was tuned on: of 1,556 with at most 60 km/h, 81 % count as roads of a town; of 468 with 70 km/h or more, 78 % do not.
-Without other roads' posted limits it is 40 % and 82 %. On the maps that the rule was tuned on, it is 97 % of 599 and
-40 % of 186.
+was tuned on: of 1,556 with at most 60 km/h, 81% count as roads of a town; of 468 with 70 km/h or more, 78% do not.
+Without other roads' posted limits it is 40% and 82%. On the maps that the rule was tuned on, it is 97% of 599 and
+40% of 186.
 """
 _TOWN_KMH, _OPEN_KMH = 60.0, 80.0
 """Posted limits of other roads up to the first speak of a town, and from the second on of open country."""

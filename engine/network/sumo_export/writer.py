@@ -1,6 +1,6 @@
 """Writes a SUMO network directly from a lanelet network; the lanelets' centre lines are the shapes of the lanes.
 
-netconvert is not involved: it would move 99.9 % of the lanes by more than half a metre and reject loops. Format: SUMO
+netconvert is not involved: it would move 99.9% of the lanes by more than half a metre and reject loops. Format: SUMO
 network file, version 1.20 (https://sumo.dlr.de/docs/Networks/SUMO_Road_Networks.html). The same input gives the same
 bytes. Lengths are in metres, speeds in m/s.
 

@@ -60,7 +60,7 @@ CAR_BRAKES = Brakes(0.774 * GRAVITY_MPS2, 0.6)
 HEAVY_BRAKES = Brakes(5.0, 0.6 / 0.75)
 """Trucks and buses: 5 m/s² is the least performance of the service brakes of categories M2, M3, N2 and N3 (UN R13,
 Annex 4; adopted by UN R157 in its Supplement 3, ECE/TRANS/WP.29/2021/143/Rev.1; UN R79, annex 3, requires the same).
-The build-up is that of UN R13, Annex 6, 0.6 s until the pressure reaches 75 %, not checked against its text.
+The build-up is that of UN R13, Annex 6, 0.6 s until the pressure reaches 75%, not checked against its text.
 """
 _HEAVY = ("truck", "bus")
 
