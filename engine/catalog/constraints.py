@@ -452,7 +452,7 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
-    """Return the keys of a city's name as spelled or, if none is in the catalogue, of its names in other languages."""
+    """Return the keys of a city's name as spelled or, if these are not in the catalogue, in other languages."""
     own = tuple(sorted(place_keys(city)))
     if has_place(connection, own):
         return own

@@ -208,7 +208,7 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """The box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+        """The box to search: around ``area``, and within the part of a fetched map with complete roads.
 
         The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
         """

@@ -93,7 +93,7 @@ def settlement_around(position: tuple[float, float], *, beyond_m: float = 0.0) -
 
 
 def country_of_nearest(position: tuple[float, float], countries: Iterable[str]) -> str | None:
-    """Return the country, of those given (ISO 3166-1 alpha-3), whose settlements are by far nearest to a position.
+    """Return the country, of those given (ISO 3166-1 alpha-3), with settlements by far nearest to a position.
 
     The nearest settlements of the others must be more than ``_DOUBT`` times as far away. The result is None if they
     are not, or if no country has a settlement within ``_MOST_REACH_DEG``.

@@ -120,7 +120,7 @@ def places_shown(osm: OsmMap) -> list[str]:
 def _rank_of_addressed(near: Sequence[Settlement], middle: Position, bounds: Box) -> float:
     """Return the rank in ``PLACE_KINDS`` of a town in addresses, from GeoNames entries of its name near the map.
 
-    A town whose outskirts alone are on the map comes after the map's own towns, and a town farther away comes after its
+    A town with only its outskirts on the map comes after the map's own towns, and a town farther away comes after its
     villages: addresses also name post towns, municipalities and provinces.
     """
     people = max((one.population for one in near), default=0)
