@@ -70,7 +70,7 @@ class Rate(Model):
     scenarios: int | None = None
 
     def in_words(self) -> str:
-        """Return text such as ``6/8 = 75% (95% interval 41–93%)``, with the original scenarios if not ``of``."""
+        """Return text such as ``6/8 = 75% (95% interval 41–93%)``, with the scenario count if it differs."""
         if self.share is None or self.low is None or self.high is None:
             return f"{self.count}/{self.of}"
         span = f"95% interval {100 * self.low:.0f}–{100 * self.high:.0f}%"
