@@ -96,7 +96,7 @@ class _Timed:
             timer.spent_s += process_time() - began
             return percept
 
-        Sensors.perceive = perceive  # type: ignore[method-assign]
+        Sensors.perceive = perceive  # type: ignore[assignment,method-assign]
         return self
 
     def __exit__(self, *_: object) -> None:

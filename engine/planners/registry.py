@@ -246,7 +246,7 @@ def check_world(planner: str, world: World) -> None:
         raise InvalidRequest(
             f"planner {folded} reads the scenario's file, which contains what its sensors would miss",
             valid=["a planner that is called at every step: protocol stepwise, or a Python class"],
-            next_step="leave out world, or use such a planner",
+            next_step="leave out world, or use one of these planners",
         )
 
 

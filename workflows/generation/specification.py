@@ -241,7 +241,7 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; if none is given, the weather is good",
+            f"there is no weather {value!r}; without a weather, it is good",
             valid=closest(value, WEATHERS) or WEATHERS,
             next_step="choose one of these, or leave the weather out",
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
