@@ -234,7 +234,7 @@ def _is_readable(folder: Path) -> bool:
 
 @contextmanager
 def _reading(folder: Path) -> Iterator[None]:
-    """Convert errors while Chroma reads a complete generation.
+    """Raise ``ResourceFailure`` for any error of Chroma while the block reads a complete generation.
 
     Raises:
         ResourceFailure: the generation cannot be read; the reason is ``DAMAGED``.

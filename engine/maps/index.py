@@ -1002,7 +1002,7 @@ def _read_roads_of_crossing(text: str, facts: MapFacts) -> _Reading | None:
 
 
 def _read_other_kind(part: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as a road with that name but of a different kind.
+    """Read the text as a road with the same name but of a different kind.
 
     A number is not a name: ``5th Street`` is not ``5th Avenue``.
     """
