@@ -60,7 +60,7 @@ class _OnPath:
     in_corridor: NDArray[np.bool_]
 
     def leader_at(self, index: int, look_ahead: int) -> tuple[float, float] | None:
-        """Return its rear end and speed at its first step in the corridor, at most ``look_ahead`` steps ahead."""
+        """Return the rear's station and the speed at the obstacle's first step in the corridor in a time window."""
         later = np.flatnonzero(self.in_corridor[index : index + look_ahead + 1])
         if not len(later):
             return None
