@@ -45,6 +45,7 @@ from ..schemas.rendering import RenderArguments
 from ..schemas.results import AnalyzeResultsArguments, AnalyzeResultsResult
 from ..schemas.runs import BatchRecord
 from ..schemas.scenarios import DescribeScenarioArguments, DescribeScenarioResult
+from ..schemas.worlds import World
 from ..server.arguments.checking import read_arguments
 from ..server.settings import Settings
 from ..server.suites import read_suite
@@ -187,6 +188,8 @@ class Workspace:
         Planners given by name run in worker processes. To pass several objects of one class, give them names:
         ``{"gentle": Brakes(1.0), "hard": Brakes(6.0)}``.
 
+        ``world`` states the planner's sensors, as text such as ``"camera, missed=0.2"`` or as a ``World``.
+
         If runs of a batch are lost, for example because ``plan()`` raised, a warning says so, and the batch contains
         the remaining runs.
 
@@ -198,7 +201,7 @@ class Workspace:
             {
                 "scenarios": [str(one) for one in _as_list(scenarios)],
                 "configs": self._register_all(planners),
-                **arguments,
+                **_with_world(arguments),
             },
         )
         made = self._wait_for(planning.run_planner, request)
@@ -245,7 +248,11 @@ class Workspace:
         self, scenarios: "Sequence[str | Scenario] | str | Scenario", base: AnyPlanner = "current", **arguments: Any
     ) -> OptimizePlannerResult:
         """Search for a better configuration, or find the weights that matter, and wait (``optimize_planner``)."""
-        given = {"scenarios": [str(one) for one in _as_list(scenarios)], "base": self._register(base), **arguments}
+        given = {
+            "scenarios": [str(one) for one in _as_list(scenarios)],
+            "base": self._register(base),
+            **_with_world(arguments),
+        }
         request = read_arguments(OptimizePlannerArguments, given)
         return self._wait_for(optimization.optimize_planner, request)
 
@@ -332,6 +339,12 @@ async def _run_suite(suite: Suite, folder: Path, context: WorkflowContext) -> Su
 
 async def _scenarios_of_plan(word: str, context: WorkflowContext) -> tuple[ChosenScenario, ...]:
     return choose_scenarios([word], context).scenarios
+
+
+def _with_world(arguments: dict[str, Any]) -> dict[str, Any]:
+    """Return arguments with a ``World`` as the text that requests take."""
+    world = arguments.get("world")
+    return {**arguments, "world": world.in_words()} if isinstance(world, World) else arguments
 
 
 def _as_list(things: Any) -> list[Any]:

@@ -12,6 +12,7 @@ from .planning import PlannerConfiguration
 from .results import Rate
 from .runs import LostCell, Prediction, RunRecord, ScenarioSource, Traffic
 from .text import counted, shown_name
+from .worlds import PERFECT_NAME
 
 RESOURCE_SCHEME = "plannerforge://"
 """The scheme of all resource addresses."""
@@ -68,6 +69,9 @@ class BatchSummary(Model):
     scenarios: int = Field(description="scenarios run")
     configs: tuple[ConfigSuccess, ...] = Field(description="success of each configuration")
     lost: int = 0
+    world: str = Field(
+        PERFECT_NAME, exclude_if=lambda world: world == PERFECT_NAME, description="the sensors; absent: perfect"
+    )
 
     def in_words(self) -> str:
         """Return text such as ``recorded traffic, 25 scenarios: Default 18/25 = 72% (95%: 52–86%)``."""
@@ -78,7 +82,8 @@ class BatchSummary(Model):
         apart = [f"{invalid} invalid"] * bool(invalid) + [f"{self.lost} lost"] * bool(self.lost)
         rates = ", ".join([*shown, *more, *apart]) or "no run"
         prediction = self.prediction.replace("_", " ")
-        return f"{prediction}, {self.traffic} traffic, {counted(self.scenarios, 'scenario')}: {rates}"
+        world = "" if self.world == PERFECT_NAME else f", world {self.world}"
+        return f"{prediction}, {self.traffic} traffic{world}, {counted(self.scenarios, 'scenario')}: {rates}"
 
 
 class ListedArtifact(Model):
@@ -315,7 +320,7 @@ class ImportedItem(Model):
 
 
 class RefusedItem(Model):
-    """A file that was not imported, and why."""
+    """A file that was not imported, and the reason."""
 
     file: str = Field(description="path of the file")
     reason: str = Field(description="why it was not imported")

@@ -88,7 +88,7 @@ class Selector:
     negated: bool = False
 
     def __str__(self) -> str:
-        """Return the selector as written in a call."""
+        """Return the selector in the notation of a call, such as ``nearest:3`` or ``!12``."""
         body = self.argument if self.kind == "id" else f"{self.kind}:{self.argument}" if self.argument else self.kind
         return f"!{body}" if self.negated else body
 
@@ -99,7 +99,7 @@ def parse_quantity(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     ``step_s`` allows ``steps`` if the base unit is seconds.
 
     Raises:
-        InvalidRequest: not a finite number, or a unit of another kind.
+        InvalidRequest: the text is not a finite number, or has a unit of another kind.
     """
     match = re.fullmatch(rf"\s*({_NUMBER})\s*({_UNIT})?\s*", text)
     units = dict(_TO_BASE[unit])
@@ -139,7 +139,7 @@ def parse_interval(text: str, unit: BaseUnit = "", *, step_s: float | None = Non
     The ends are inclusive. A unit that occurs once applies to both numbers.
 
     Raises:
-        InvalidRequest: malformed, or the ends are in the wrong order.
+        InvalidRequest: the text is malformed, or the ends are in the wrong order.
     """
     body = text.strip()
     is_one = re.fullmatch(rf"=?\s*{_NUMBER}\s*(?:{_UNIT})?", body)
@@ -195,7 +195,7 @@ def parse_condition(text: str, unit: BaseUnit = "", *, whole: bool = False, word
         words: whether a word may be on the right, as in ``outcome=collision``.
 
     Raises:
-        InvalidRequest: malformed.
+        InvalidRequest: the condition is malformed.
     """
     match = re.fullmatch(rf"\s*(!?)\s*({_NAME})(?:@([a-z]+))?\s*(?:(>=|<=|==|=|>|<)\s*(.+?))?\s*", scope_first(text))
     if match is None:
@@ -230,7 +230,7 @@ def parse_assignment(text: str) -> Assignment:
     """Parse a change such as ``jerk=0.5``, ``jerk*2``, ``jerk+0.1`` or ``jerk=lateral_jerk``.
 
     Raises:
-        InvalidRequest: malformed, or not a finite number.
+        InvalidRequest: the text is malformed, or its number is not finite.
     """
     examples = ["name=0.5", "name*2", "name+0.1", "name-0.1", "name=other_name"]
     match = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*([=*+\-])\s*(\S.*?)\s*", text)
@@ -265,7 +265,7 @@ def parse_selector(text: str) -> Selector:
 
     Raises:
         UnknownName: the word is not a selector.
-        InvalidRequest: an argument that does not fit, such as ``nearest:many``.
+        InvalidRequest: an argument does not fit, such as ``nearest:many``.
     """
     body = text.strip()
     negated = body.startswith("!")
@@ -313,7 +313,7 @@ def _compared(text: str, operator: str, right: str, unit: BaseUnit, whole: bool)
 
 
 def _whole(text: str) -> str:
-    """Return the text with its numbers rounded to whole ones."""
+    """Return the text with its numbers rounded to integers."""
     return re.sub(_NUMBER, lambda found: f"{round(float(found[0]))}", text)
 
 

@@ -16,7 +16,7 @@ _SHOWN_RESULTS = 5
 
 
 class GetJobArguments(Arguments):
-    """State, progress, estimate and partial results of a job; waits for its end."""
+    """State, progress, partial results of a job; waits for its end."""
 
     job_id: str = "latest"
     """The job."""
@@ -57,7 +57,7 @@ class JobResult(Result):
 
     @property
     def _finished(self) -> str:
-        """The batch, which contains its runs, or else the newest results and the number of earlier ones."""
+        """The batch, which contains its runs, or else the newest results and the number of earlier results."""
         batches = [key for key in self.results if key.startswith("batch_")]
         shown = batches or list(self.results[-_SHOWN_RESULTS:])
         more = len(self.results) - len(shown)

@@ -69,7 +69,7 @@ class Measure:
 
     @property
     def stored(self) -> bool:
-        """Return whether the measure is stored with every run."""
+        """Whether the measure is stored with every run."""
         return self.name in RunMetrics.model_fields
 
 
@@ -93,7 +93,7 @@ class MeasuredValue(Model):
 
     @property
     def partner(self) -> str:
-        """Return text such as ``car 39 ahead``; empty if there is no other road user."""
+        """Text such as ``car 39 ahead``; empty if there is no other road user."""
         if self.obstacle_id is None:
             return ""
         where = "alongside" if self.relation == "beside" else self.relation or ""

@@ -157,7 +157,7 @@ class Edit(Arguments):
 
     @property
     def names_added(self) -> bool:
-        """Return whether the edit refers to a vehicle that another edit adds (``new:K``)."""
+        """Whether the edit refers to a vehicle that another edit adds (``new:K``)."""
         words = [*self.vehicles, *self.to, *self.via, *([] if self.at is None else [self.at])]
         return any(re.search(r"\bnew:\d", word) for word in words)
 
@@ -180,7 +180,7 @@ def _as_written(value: object) -> str:
 class ModifyScenarioArguments(Arguments):
     """Change the traffic or the ego's goal: edits in the given order, all or none, one new scenario.
 
-    Untouched vehicles stay exactly as recorded. The ego's own driving is configure_planner's.
+    Untouched vehicles stay as recorded. The ego's own driving is configure_planner's.
     """
 
     scenario_id: str = "latest"
@@ -223,7 +223,7 @@ class Achieved(Model):
 
     @property
     def failed(self) -> bool:
-        """Return whether the requested motion did not happen at all, so there is no value to compare."""
+        """Whether the requested motion did not happen at all, so there is no value to compare."""
         return self.asked is None and not self.reached
 
 
@@ -341,7 +341,7 @@ class ModificationOutcome(Model):
 
     @property
     def handed_over(self) -> tuple[int, ...]:
-        """Vehicles that no edit names, but that would have hit an edited one, or that react with all traffic."""
+        """The vehicles that no edit names, but that would have hit an edited vehicle or react with all traffic."""
         return tuple(vehicle.vehicle_id for vehicle in self.touched if vehicle.cause == "handed_over")
 
 
@@ -406,7 +406,7 @@ class ModifyScenarioResult(Result):
         )
 
     def _most(self, brief: int) -> tuple[int, str]:
-        """Return how many items of a list to show, and the call that shows the remaining ones."""
+        """Return how many items of a list to show, and the call that shows the remaining items."""
         if self.detail == "brief":
             return brief, "modify_scenario with detail=checks"
         return _MOST_IN_DETAIL, "the structured answer has all"
@@ -433,7 +433,7 @@ class ModifyScenarioResult(Result):
             yield f"… {len(self.edits) - most} more edits (not done or off target: {_ids(undone)}): {rest}"
 
     def _others(self) -> list[str]:
-        """Return which other vehicles react, and why, and how many keep their recording."""
+        """Return lines on which other vehicles react, with the reason, and on how many keep their recording."""
         reacting = [vehicle for vehicle in self.touched if vehicle.cause == "handed_over"]
         lines = []
         if self.traffic == "reactive":
@@ -514,7 +514,7 @@ def _route_text(route: VehicleRoute) -> str:
 
 
 def _within(sentences: Sequence[str], characters: int) -> list[str]:
-    """Return the sentences, shortened to a total length if necessary; a long one loses its middle.
+    """Return the sentences, shortened to a total length if necessary; a long sentence loses its middle.
 
     Its end is kept because it says why an edit is not done.
     """
@@ -525,7 +525,7 @@ def _within(sentences: Sequence[str], characters: int) -> list[str]:
 
 
 def _danger_text(before: EgoDanger | None, after: EgoDanger | None, *, blind: bool) -> list[str]:
-    """Return what changes for an ordinarily driving ego; undefined figures have a reason."""
+    """Return lines on what changes for an ordinarily driving ego; undefined figures have a reason."""
     if before is None or after is None:
         return ["Ego's risk: unknown, because an ordinary driver cannot be simulated as the ego here."]
     was, now = _danger_figures(before), _danger_figures(after)
@@ -560,7 +560,7 @@ def _figure(value: float | None, unit: str) -> str:
 
 
 def _is_recording(vehicle: TouchedVehicle) -> bool:
-    """Return whether the motion is the recorded one, only shifted in time."""
+    """Return whether the motion is the recorded motion, only shifted in time."""
     return vehicle.cause == "shifted" and vehicle.handover_jump_m is None
 
 

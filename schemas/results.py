@@ -157,7 +157,7 @@ class Correlation(Model):
 
     @property
     def stands(self) -> bool:
-        """Return whether it differs from 0 after Holm's adjustment, also with the other features controlled for."""
+        """Whether the correlation differs from 0, Holm-adjusted, also with the other features controlled for."""
         left = not self.held_fixed or (self.p_fixed is not None and self.p_fixed < SIGNIFICANCE_LEVEL)
         return self.p_holm < SIGNIFICANCE_LEVEL and left
 
@@ -188,7 +188,7 @@ class TriedChange(Model):
 
     @property
     def helps(self) -> bool:
-        """Return whether the gain is clear: as unlikely by chance as four flips to success and no flip back."""
+        """Whether the gain is clear: as unlikely by chance as four flips to success and no flip back."""
         return self.gained > self.lost and self.p <= _CLEAR_P
 
     def in_words(self) -> str:
@@ -205,7 +205,7 @@ _CLEAR_P = 0.0625
 
 
 class Suggestion(Model):
-    """A weight to raise or lower, and why; ``tried`` is the result of a trial, None if there was no trial."""
+    """A weight to raise or lower, and the reason; ``tried`` is the result of a trial, None if there was no trial."""
 
     config_id: str = Field(description="id of the configuration to change")
     weight: str = Field(description="name of the weight")
@@ -278,7 +278,7 @@ class CollisionCauses(Model):
 
     @property
     def is_sample(self) -> bool:
-        """Return whether only a sample was examined."""
+        """Whether only a sample was examined."""
         return self.looked_at < self.collisions
 
     def in_words(self) -> str:
@@ -329,7 +329,7 @@ class TrivialGoals(Model):
     success_without: Rate | None = Field(description="null over several configurations")
 
     def in_words(self) -> str:
-        """Return the number of goals of each kind, and the rate without them."""
+        """Return the number of goals of each kind, and the rate of goals without these runs."""
         kinds = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in self.kinds.items())
         if self.looked_at < self.goals:
             kinds = f"of a random {self.looked_at} of {self.goals}, {kinds}"
@@ -349,7 +349,7 @@ class BeyondVehicle(Model):
     judged: int
 
     def in_words(self) -> str:
-        """Return their number, and the limits exceeded."""
+        """Return the number of runs, and the limits that their motions exceed, as text."""
         by_limit = ", ".join(f"{name} {count}" for name, count in self.limits.items())
         return f"The vehicle cannot drive {len(self.run_ids)} of {self.judged} motions (limits exceeded: {by_limit})."
 
@@ -658,7 +658,7 @@ _STATED_ABOVE = frozenset(
 
 
 def _no_suggestion(result: AnalyzeResultsResult) -> list[str]:
-    """Return a line if findings were requested and no finding suggests a weight."""
+    """Return a line that no finding suggests a weight; empty if one does, or if findings were not requested."""
     if result.detail != "findings" or any(finding.suggestion for finding in result.findings):
         return []
     return [
@@ -675,7 +675,7 @@ def _stated(result: AnalyzeResultsResult) -> list[Finding]:
 
 
 def _by_any_motion(result: AnalyzeResultsResult) -> list[str]:
-    """Return the rate by the paper's rule if it differs."""
+    """Return a line with the rate by the paper's rule; no line if no motion to the goal was refused."""
     rate = result.by_any_motion
     return [] if rate is None else [f"By the paper's rule (any motion counts): goal {rate.in_words()}."]
 
@@ -880,7 +880,7 @@ def _percent(share: float | None) -> str:
 
 
 def _listed(ids: Iterable[str], most: int, count: int | None = None) -> str:
-    """Return the first ids and how many more there are; ``count`` counts all if ``ids`` is only the first of them."""
+    """Return the first ids and the number of the others; ``count`` counts all if ``ids`` is only the first of them."""
     all_ids = list(ids)
     more = (len(all_ids) if count is None else count) - len(all_ids[:most])
     return " ".join(all_ids[:most]) + (f" +{more}" if more > 0 else "")

@@ -42,7 +42,7 @@ class CheckedFile(Model):
 
     @property
     def passed(self) -> bool:
-        """Return whether the file could be read and no rule found an error."""
+        """Whether the file could be read and no rule found an error."""
         return not self.unreadable and self.count("error") == 0
 
 
@@ -78,7 +78,7 @@ class ParticipantFacts(Model):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Static and dynamic obstacles together, by type in alphabetical order."""
+        """The number of static and dynamic obstacles together, by type in alphabetical order."""
         kinds = sorted({*self.dynamic, *self.static})
         return {kind: self.dynamic.get(kind, 0) + self.static.get(kind, 0) for kind in kinds}
 
@@ -215,8 +215,7 @@ Detail = Literal["brief", "vehicles", "motion", "lanelets", "checks", "recipe"]
 
 
 class DescribeScenarioArguments(Arguments):
-    """Ego, goal, vehicles (id, class, place, speed, gap), their motion, lanelets and successors,
-    validity, recipe: the basis of edits."""
+    """Ego, goal, vehicles (id, class, place, speed, gap), motion, lanelets, validity, recipe: the basis of edits."""
 
     scenario_id: str = "latest"
     """The scenario."""
@@ -337,7 +336,7 @@ class DescribedMotion(Model):
     driven_m: float = Field(description="distance driven")
 
     def lines(self) -> list[str]:
-        """Return the events, then one line per time."""
+        """Return lines of text: the distance and the events, then one line per moment."""
         did = [f"- {_span_s(event)} s: {event.words}" for event in self.events]
         moments = [
             f"- {one.time_s:g} s: {one.speed_mps:.1f} m/s, {one.acceleration_mps2:+.1f} m/s², "
@@ -543,7 +542,7 @@ LANELETS_SHOWN: Mapping[Detail, int] = {
 
 
 def _focus(focus: DescribedFocus) -> list[str]:
-    """Return the focus, its recorded route, and where it can drive."""
+    """Return one line: the focus, its recorded route, and where it can drive."""
     name = f"{focus.name[0].upper()}{focus.name[1:]}{f' ({focus.what})' if focus.what else ''}"
     seen = f": {_vehicle_in_words(focus.vehicle, place=', ')}." if focus.vehicle is not None else "."
     recorded = f" Recorded route: {_chain(focus.route)}." if focus.route else ""

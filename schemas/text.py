@@ -196,7 +196,7 @@ _SMALLEST_P = 1e-12
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """Return a number to ``digits`` significant digits; larger ones as integers, 0 below 1e-9, and a dash for None."""
+    """Return a number to ``digits`` significant digits; a large number as an integer, 0 below 1e-9, a dash for None."""
     if value is None:
         return "–"
     if abs(value) < _ROUNDING:

@@ -3,6 +3,7 @@
 import ast
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from support.tree import LAYERS
@@ -15,6 +16,7 @@ from plannerforge.engine.traffic import published_calibrations
 from plannerforge.schemas.errors import error_classes
 from plannerforge.schemas.modification import EDITS
 from plannerforge.schemas.vocabulary import CIRCUMSTANCES, MEASURES
+from plannerforge.schemas.worlds import PRESETS, SightCode, World, bounds_of
 from plannerforge.server.settings import Settings
 from plannerforge.tools.registry import TOOLS
 
@@ -37,11 +39,27 @@ def names_in(page: str) -> set[str]:
         ("docs/edits.md", [*EDITS, *presets(), *PARAMETERS]),
         ("docs/demand.md", list(published_calibrations())),
         ("docs/selection.md", [*MEASURES, *CIRCUMSTANCES]),
+        ("docs/worlds.md", [*World.model_fields, *PRESETS, *get_args(SightCode)]),
     ],
-    ids=["tools", "settings", "errors", "agent", "rules", "traffic rules", "edits", "calibrations", "circumstances"],
+    ids=[
+        *("tools", "settings", "errors", "agent", "rules", "traffic rules", "edits", "calibrations", "circumstances"),
+        "worlds",
+    ],
 )
 def test_every_name_has_its_entry(page: str, names: list[str]) -> None:
     assert set(names) - names_in(page) == set()
+
+
+def test_the_page_on_worlds_states_every_default_range_and_preset() -> None:
+    page = (CHECKOUT / "docs" / "worlds.md").read_text(encoding="utf-8")
+    for name, field in World.model_fields.items():
+        low, high = bounds_of(name)
+        highest = "2³¹ − 1" if name == "seed" else f"{high:g}"
+        assert f"| `{name}` | {field.default:g} | {low:g} to {highest} |" in page
+    for name, preset in PRESETS.items():
+        values = ", ".join(f"{field}={value:g}" for field, value in preset.world.stated.items()) or "none differs"
+        assert f"| `{name}` | {preset.intent} | {values} |" in page
+        assert preset.source in page or name == "perfect"
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])

@@ -114,6 +114,7 @@ async def _summaries(batches: Sequence[BatchRecord], context: WorkflowContext) -
         BatchSummary(
             prediction=batch.prediction,
             traffic=batch.traffic,
+            world=batch.world.in_words(),
             scenarios=len({run.scenario_id for run in runs_of_batch} | {cell.scenario_id for cell in batch.lost}),
             configs=tuple(
                 ConfigSuccess(
@@ -239,7 +240,7 @@ def _job_id(word: str, context: WorkflowContext) -> str:
 
 
 def _own_latest(context: WorkflowContext) -> str | None:
-    """Return the client's latest job, otherwise the latest one started with its token, with a remark."""
+    """Return the id of the client's latest job, otherwise of the latest job started with its token, with a remark."""
     last = context.services.recent.last(["job"])
     if last:
         return last[0][1]

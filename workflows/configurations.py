@@ -28,8 +28,8 @@ def resolve_configuration(text: str, context: WorkflowContext) -> PlannerConfigu
     ``frenetix:Default`` if nothing is configured.
 
     Raises:
-        UnknownName: an unknown name.
-        NotPossible: it refers to a version of its planner that is no longer installed.
+        UnknownName: the name is unknown.
+        NotPossible: the text refers to a planner version that is no longer installed.
     """
     if text.lower() in _CURRENT:
         own = context.services.recent.last(["config"])

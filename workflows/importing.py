@@ -278,7 +278,7 @@ def _kind_of(path: Path, wanted: str) -> _ImportKind | None:
 async def _import_as_job(
     context: WorkflowContext, arguments: ImportFilesArguments, files: Sequence[tuple[Path, _ImportKind]]
 ) -> ImportFilesResult:
-    """Start the import, or join a running one, and answer with what is done after 45 s at most."""
+    """Start the import, or join a running import, and answer with what is done after 45 s at most."""
     tally = _Tally(len(files))
 
     async def work(progress: JobProgress) -> None:

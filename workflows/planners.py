@@ -2,7 +2,7 @@
 
 from typing import get_args
 
-from ..engine.planners import check_modes, known_planner, planner_names, refused_planners
+from ..engine.planners import check_modes, check_world, known_planner, planner_names, refused_planners
 from ..engine.tuning import (
     PlannerTuning,
     changed_configuration,
@@ -32,6 +32,7 @@ from ..schemas.planning import (
 )
 from ..schemas.runs import Prediction
 from ..schemas.text import shown_name
+from ..schemas.worlds import PERFECT, world_of
 from .configurations import made_configurations, resolve_configuration, store_configuration
 from .context import WorkflowContext
 from .runs import Cell, answer_of, run_cell, run_many
@@ -118,18 +119,22 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
 async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) -> RunPlannerResult:
     """Return one run directly, or several as a job that this call waits for."""
     faults, configurations = Faults(), dict[str, PlannerConfiguration]()
+    world = PERFECT
     with faults.collecting():
-        check_modes(arguments.traffic, arguments.prediction)
+        world = world_of(arguments.world)
+    with faults.collecting():
+        check_modes(arguments.traffic, arguments.prediction, world)
     with faults.collecting():
         choice = choose_scenarios(arguments.scenarios, context)
     for text in arguments.configs:
         with faults.collecting():
             configuration = resolve_configuration(text, context)
             configurations[configuration.config_id] = configuration
+            check_world(configuration.planner, world)
     faults.raise_all()
     for configuration in configurations.values():
         store_configuration(context, configuration)
-    modes = (arguments.prediction, arguments.traffic, arguments.seed)
+    modes = (arguments.prediction, arguments.traffic, arguments.seed, world)
     cells = [
         Cell(chosen.scenario_id, chosen.problem_id, configuration, *modes)
         for configuration in configurations.values()
@@ -144,7 +149,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
 
 
 def _listed(name: str) -> PlannerInfo:
-    """Return a planner's entry; an external one that cannot be imported says so."""
+    """Return a planner's entry; the entry of an external planner that cannot be imported says so."""
     try:
         tuning = tuning_of(name)
     except PlannerFailure as error:

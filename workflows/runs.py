@@ -43,6 +43,7 @@ from ..schemas.runs import (
 )
 from ..schemas.scenarios import ScenarioRecord
 from ..schemas.text import counted, shown_name
+from ..schemas.worlds import PERFECT, World
 from .configurations import resolve_configuration
 from .context import Question, WorkflowContext
 from .operations import REVIEW_RUNS, RUN_PLANNER
@@ -69,10 +70,11 @@ class Cell:
     prediction: Prediction = "constant_velocity"
     traffic: Traffic = "recorded"
     seed: int = 0
+    world: World = PERFECT
 
     @property
     def scenario(self) -> str:
-        """The scenario as written in a call."""
+        """The scenario in the notation of a call: its id, with ``#`` and the planning problem if one is given."""
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
@@ -87,6 +89,7 @@ class Cell:
                 "config": self.configuration.config_id,
                 "prediction": self.prediction,
                 "traffic": self.traffic,
+                **_world_argument(self.world),
             },
             parents=(self.scenario_id, self.configuration.config_id),
             seed=self.seed,
@@ -98,6 +101,11 @@ class Cell:
     def own_planner(self) -> str:
         """The planner's name in recipes if it is external."""
         return version_key(self.configuration.planner)
+
+
+def _world_argument(world: World) -> dict[str, dict[str, float]]:
+    """Return the recipe's argument for a world; empty for a perfect one, so that ids from before worlds stay valid."""
+    return {} if world.is_perfect else {"world": world.stated}
 
 
 @dataclass(frozen=True)
@@ -161,7 +169,7 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
 
 
 async def _attempt(context: WorkflowContext, cell: Cell, *, notify_client: bool) -> CellResult | None:
-    """Return the cell's run, or None if another call or server is making it."""
+    """Return the cell's run, or None if another call or server is making this run."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
     if stored is not None:
@@ -186,6 +194,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_
         traffic=cell.traffic,
         seed=cell.seed,
         planner_version=recipe.versions.get(cell.own_planner, ""),
+        world=cell.world,
     )
     run = context.run if notify_client else context.services.workers.run
     response = await run(RUN_PLANNER, request)
@@ -211,7 +220,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_
 async def resume_run(run_id: str, time_s: float, planner: str, context: WorkflowContext) -> RunResponse:
     """Continue a stored run from one of its times with another configuration; nothing is stored.
 
-    The ego starts in its driven state at that time. The others follow their recordings.
+    The ego starts in its driven state at that time. The other road users follow their recordings.
 
     Args:
         run_id: the stored run.
@@ -220,9 +229,9 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         context: the resources of the workflow.
 
     Raises:
-        UnknownName: an unknown run or configuration.
+        UnknownName: the run or the configuration is unknown.
         InvalidRequest: the run has no state at this time.
-        NotPossible: its traffic was reactive, so the others are not on their recordings at that time.
+        NotPossible: its traffic was reactive, so the other road users are not on their recordings at that time.
     """
     record = context.workspace.get(run_id, "run").read(RunRecord)
     if record.traffic == "reactive":
@@ -246,6 +255,7 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         configuration=resolve_configuration(planner, context),
         prediction=record.prediction,
         seed=record.seed,
+        world=record.world,
         begins_at=RunMoment(
             step=steps.first_step + index,
             x_m=steps.x_m[index],
@@ -306,7 +316,7 @@ async def run_many(
 
 
 async def _confirm(context: WorkflowContext, runs: int) -> None:
-    """Ask the user before very many runs; if the client cannot ask, or no answer comes, run them.
+    """Ask the user before very many runs; if the client cannot ask, or no answer comes, the runs go ahead.
 
     Raises:
         NotPossible: the user declines.
@@ -322,7 +332,7 @@ async def _confirm(context: WorkflowContext, runs: int) -> None:
 
 
 def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
-    """Return the share done of the runs that were not stored before, since stored ones do not predict the rest."""
+    """Return the share done of the runs that were not stored before, since stored runs do not predict the rest."""
     reused = sum(result.reused for result in finished)
     return (len(finished) - min(reused, known)) / max(total - known, 1)
 
@@ -336,6 +346,7 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
         "configs": configs,
         "prediction": cells[0].prediction,
         "traffic": cells[0].traffic,
+        **_world_argument(cells[0].world),
     }
     return Recipe(
         tool="run_planner",
@@ -347,19 +358,19 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
 
 
 def _versions(cells: Sequence[Cell]) -> dict[str, str]:
-    """Return the versions that the runs of a grid depend on, including those of all planners."""
+    """Return the versions, by name, that the runs of a grid depend on, including those of all planners."""
     first = {cell.configuration.planner: cell for cell in reversed(cells)}
     return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
 
 
 def own_versions(planners: Iterable[str]) -> dict[str, str]:
-    """Return the source digests of external planners for recipes."""
+    """Return the source digests of external planners, by their keys in recipes."""
     known = {version_key(name): planner_version(name) for name in planners}
     return {name: version for name, version in known.items() if version}
 
 
 def _mark_latest(context: WorkflowContext, batch: BatchRecord) -> None:
-    """Make a batch and its runs the client's latest ones."""
+    """Make a batch and its runs the client's latest batch and runs."""
     context.made("run", *batch.runs)
     context.made("batch", batch.batch_id)
 
@@ -374,6 +385,7 @@ def store_batch(context: WorkflowContext, cells: Sequence[Cell], results: Sequen
         configs=tuple(recipe.arguments["configs"]),
         prediction=cells[0].prediction,
         traffic=cells[0].traffic,
+        world=cells[0].world,
         runs=tuple(result.record.run_id for result in results if result.record is not None),
         lost=lost,
     )
@@ -432,6 +444,7 @@ def answer(
         reused=sum(result.reused for result in results),
         prediction=cells[0].prediction,
         traffic=cells[0].traffic,
+        world=cells[0].world.in_words(),
         batch_id=batch_id,
         job_id=job_id,
         summary=_summary(records),

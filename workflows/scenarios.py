@@ -89,7 +89,7 @@ async def describe_scenario(arguments: DescribeScenarioArguments, context: Workf
 
 
 def _other_problems(facts: ScenarioFacts, problem_id: int | None) -> tuple[int, ...]:
-    """Return a file's planning problems other than the described one; None means the first."""
+    """Return a file's planning problems other than the described problem; None means the first."""
     known = [ego.problem_id for ego in facts.egos]
     shown = known[0] if problem_id is None and known else problem_id
     return tuple(key for key in known if key != shown)
@@ -120,8 +120,8 @@ def choose_scenarios(words: Sequence[str], context: WorkflowContext) -> _Choice:
 
     Raises:
         UnknownName: there are unknown scenarios, planning problems, searches or stages; all are reported together.
-        InvalidRequest: ``preset:`` without a number from 1 to 500.
-        NotPossible: a search without hits, or no scenario that can run.
+        InvalidRequest: ``preset:`` is not followed by a number from 1 to 500.
+        NotPossible: a search has no hits, or no scenario can run.
     """
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     chosen: dict[ChosenScenario, None] = {}
@@ -150,7 +150,7 @@ def _resolve_word(word: str, context: WorkflowContext) -> tuple[list[ChosenScena
 
 
 def planned_scenarios(word: str, context: WorkflowContext) -> tuple[str, ...]:
-    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last one.
+    """Return the scenarios of a coverage plan so far, in the plan's order; ``plan_latest`` is the client's last plan.
 
     Raises:
         UnknownName: there is no such plan.
@@ -249,8 +249,8 @@ def opened_search(arguments: FindScenariosArguments, context: WorkflowContext) -
     """Return a search of the workspace's catalogue, using the cached index.
 
     Raises:
-        UnknownName: a word outside the vocabularies.
-        InvalidRequest: a malformed condition.
+        UnknownName: a word is outside the vocabularies.
+        InvalidRequest: a condition is malformed.
     """
     database = context.workspace.database
     return Search(database.connection(), arguments, searched_within(arguments.within, context), database.kept(Postings))

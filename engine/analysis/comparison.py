@@ -40,7 +40,7 @@ from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
 from .statistics import FEWEST_PAIRS, LEVEL, cluster_means, holm, needed_scenarios, paired_shares, signed_rank
 
-_CONDITIONS = ("prediction", "traffic", "seed")
+_CONDITIONS = ("prediction", "traffic", "seed", "world")
 """The conditions that paired runs share in addition to scenario and problem."""
 _MARGIN = 0.10
 """Ten points of success (chosen): two planners that differ by less are alike for most purposes."""
@@ -56,7 +56,7 @@ _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one, or the pairs of sides that the request gives.
+    """Compare every side with the first side, or the pairs of sides that the request gives.
 
     Raises:
         NotPossible: there are fewer than two sides, or they have no pair in common.
@@ -142,7 +142,7 @@ class _Draft:
 
 
 def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest) -> _Draft:
-    """Pair two sides and test them.
+    """Pair two sides and test them; return the comparison before its tests are adjusted.
 
     Raises:
         NotPossible: they have no problem in common.
@@ -156,7 +156,7 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
             next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
     incomparable = before.config_id != after.config_id or any(
-        name.startswith("prediction") for name in pairing.differing
+        name.startswith(("prediction", "world")) for name in pairing.differing
     )
     specs = [spec for spec in METRICS if _is_requested(spec, request, incomparable=incomparable)]
     metrics = tuple(_metric(spec, pairing.pairs, runs) for spec in specs)
@@ -249,6 +249,8 @@ def _cost(
         why = "another version of the planner may weigh the terms differently"
     elif any(name.startswith("prediction") for name in pairing.differing):
         why = "the predictions differ"
+    elif any(name.startswith("world") for name in pairing.differing):
+        why = "the costs count the road users that the sensors report, and the worlds differ"
     else:
         why = "no pair reaches the goal on both sides"
     return UncomparedCost(before=median(first), after=median(second), why=why)
@@ -312,11 +314,17 @@ def _success(pairs: _Pairs, runs: RunSet) -> SuccessTest:
     )
 
 
+def _mode(record: RunRecord) -> str:
+    """Return text such as ``lane/reactive``, followed by the world if it is imperfect."""
+    world = [] if record.world.is_perfect else [record.world.in_words()]
+    return "/".join([record.prediction, record.traffic, *world])
+
+
 def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
-    """Return the pairs grouped by prediction and traffic mode; empty if they have only one."""
+    """Return the pairs grouped by prediction, traffic mode and world; empty if all pairs are in one group."""
     groups: dict[str, list[tuple[bool, bool]]] = {}
     for pair in pairs:
-        groups.setdefault(f"{pair[1].prediction}/{pair[1].traffic}", []).append(_mastered(pair))
+        groups.setdefault(_mode(pair[1]), []).append(_mastered(pair))
     if len(groups) < 2:
         return ()
     return tuple(
@@ -368,7 +376,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """Return what distinguishes the scenarios of a pair by lineage: their edits, from the first difference."""
+    """Return the edits in which a pair's scenarios differ; the two scenarios were edited from a common ancestor."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -392,7 +400,7 @@ def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
 
 
 def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
-    """Return how both runs of the only pair ended, with their reviews."""
+    """Return both runs of the only pair, with their outcomes and reviews."""
     runs = RunSet(request.runs, request.configs, request.scenarios)
     before, after = (
         PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair
@@ -489,7 +497,7 @@ def _flip(pair: tuple[RunRecord, RunRecord], runs: RunSet, place: int) -> Flip:
 def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
     chosen = [records[run_id] for run_id in side.run_ids]
     scenarios = sorted({record.scenario_id for record in chosen})
-    words = sorted({f"{record.prediction}/{record.traffic}/seed {record.seed}" for record in chosen})
+    words = sorted({f"{_mode(record)}/seed {record.seed}" for record in chosen})
     more = "…" if len(scenarios) > 2 else ""
     return f"{side.label}: {counted(len(scenarios), 'scenario')} ({', '.join(scenarios[:2])}{more}), {', '.join(words)}"
 
@@ -509,7 +517,7 @@ class _Pairing:
 
 
 def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Mapping[str, Lineage]) -> _Pairing:
-    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode and seed.
+    """Pair runs on the same scenario and planning problem under the same prediction, traffic mode, world and seed.
 
     A condition that has one value in all runs of one side and a different value in all runs of the other side is the
     subject of the comparison: it is left out of the key and reported. The remaining runs are paired by lineage: each
@@ -535,8 +543,13 @@ def _pair(before: Side, after: Side, records: dict[str, RunRecord], lineages: Ma
         pairs=valid,
         unpaired=len(first) + len(second) - 2 * len(both),
         invalid=len(both) - len(valid),
-        differing=tuple(f"{name}: {getattr(sides[0][0], name)} → {getattr(sides[1][0], name)}" for name in differing),
+        differing=tuple(f"{name}: {_shown(name, sides[0][0])} → {_shown(name, sides[1][0])}" for name in differing),
     )
+
+
+def _shown(condition: str, record: RunRecord) -> str:
+    """Return the condition of a run as an argument states it."""
+    return record.world.in_words() if condition == "world" else str(getattr(record, condition))
 
 
 def _by_lineage(
@@ -682,7 +695,7 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
+    """Return sentences on the metrics that differ, with the better side, and on those that differ in some scenarios."""
     telling = [test for test in metrics if _is_significant(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [

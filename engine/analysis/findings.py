@@ -54,7 +54,7 @@ class Evidence:
         return self._reviews[record.run_id]
 
     def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
-        """Return the stretches in which the ego of a run stood, was held up or braked, and why."""
+        """Return the stretches in which the ego of a run stood, was held up or braked, each with its cause."""
         if record.run_id not in self._paces:
             self._paces[record.run_id] = pace_of(self.runs, record)
         return self._paces[record.run_id]
@@ -179,6 +179,34 @@ def _unforeseen(evidence: Evidence) -> Iterator[Finding]:
         moments=_hits_of(evidence, missed),
         alternatives="the plan left no margin for a wrong prediction",
         next_step="run_planner with prediction=ground_truth on the same scenarios, then compare_results",
+    )
+
+
+def _unseen(evidence: Evidence) -> Iterator[Finding]:
+    """Yield collisions in which the sensors of an imperfect world reported the other road user too late to brake.
+
+    Too late is after the latest time at which full braking prevents the collision.
+    """
+    hits = [one for one in evidence.hits() if not evidence.is_others_fault(one) and not one.world.is_perfect]
+    known = [(one, contact) for one in hits if (contact := evidence.contact(one)) and contact.laid_to is not None]
+    unseen = [(one, contact) for one, contact in known if contact.laid_to == "perception" and contact.sight]
+    if not unseen:
+        return
+    codes = Counter(str(contact.sight.code) for _, contact in unseen if contact.sight is not None)
+    record, example = unseen[0]
+    sight = "" if example.sight is None else example.sight.in_words(example.other, example.time_s)
+    yield Finding(
+        name="unseen",
+        subject=_most(codes),
+        statement=(
+            f"In {len(unseen)} of {len(known)} collisions that the ego could have prevented, the sensors reported the "
+            f"other road user too late to brake; in {record.run_id}, {sight}{evidence.among_hits}."
+        ),
+        figures={"runs": len(unseen), "of": len(known), **codes, **evidence.sampled_hits},
+        run_ids=_ids(one for one, _ in unseen),
+        moments=_hits_of(evidence, (one for one, _ in unseen)),
+        alternatives="a planner that slows down where it cannot see would have had time",
+        next_step="run_planner with world=perfect on the same scenarios, then compare_results",
     )
 
 
@@ -411,7 +439,7 @@ def _figures_of(moment: PaceMoment) -> dict[str, float]:
 
 
 def _sample_figures(looked_at: int, **of: int) -> dict[str, float]:
-    """Return how many of the runs were examined, or nothing if all were."""
+    """Return the number of examined runs as a figure; empty if all runs were examined."""
     (count,) = of.values()
     return {} if looked_at == count else {"looked_at": looked_at, **of}
 
@@ -440,7 +468,7 @@ def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[
 
 
 def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
-    """Return the times of the collisions of runs."""
+    """Return the time of each run's collision."""
     return tuple(
         FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
         for record in records
@@ -468,7 +496,7 @@ def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord
 
 
 def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, float]:
-    """Return the share of each term in the cost of the median run, over the runs that have a cost."""
+    """Return each term's share of the cost in the median run; runs without a cost are left out."""
     terms = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
     shares = [{term: value / total for term, value in mean.items()} for mean in terms if (total := sum(mean.values()))]
     names = sorted({term for share in shares for term in share})
@@ -679,7 +707,7 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than the others.
+    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than other scenarios.
 
     The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
     reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road
@@ -777,11 +805,12 @@ def _suggestion(runs: RunSet, config_id: str, weight: str, *, lower: bool = Fals
 
 
 _Find = Callable[[Evidence], Iterable[Finding]]
-_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unforeseen, _late, _rejecting_constraint)
+_OF_ONE_CONFIGURATION: tuple[_Find, ...] = (_main_failure, _unseen, _unforeseen, _late, _rejecting_constraint)
 """Findings that count runs of any configuration: with several, each is stated for one configuration at a time."""
 FINDINGS: tuple[_Find, ...] = (
     _main_failure,
     _weight_off,
+    _unseen,
     _unforeseen,
     _harder_group,
     _late,

@@ -102,7 +102,7 @@ class Limit(ABC):
     baseline: str
 
     def judge(self, runs: Judged) -> LimitVerdict:
-        """Return whether the limit holds for the runs of a configuration, with the observation."""
+        """Return the verdict on the runs of a configuration: whether the limit holds, and the observed value."""
         holds, observed, against = self._check(runs)
         more = [f"+{len(against) - _SHOWN}"] if len(against) > _SHOWN else []
         shown = f"{observed}: {', '.join([*against[:_SHOWN], *more])}" if against and not holds else observed

@@ -5,7 +5,7 @@ driven steps and the tracks of the other road users.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,9 +30,11 @@ from ...schemas.reviews import (
     ReviewResponse,
     RunReview,
     SeenCourse,
+    Sight,
 )
 from ...schemas.runs import ReviewRequest, RunRecord, RunSteps
 from ...schemas.text import RESOLUTION
+from ...schemas.worlds import REPORTED, Sighting, sightings_of
 from ..commonroad import Track, kept_recording
 from ..criticality import encounters, gaps_m, times_to_collision_s
 from ..execution import ProgressReporter
@@ -146,7 +148,7 @@ def _fault(runs: RunSet, record: RunRecord, contact: Contact) -> EgoFault | None
 
 
 def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
-    """Return a run with the tracks of all other road users and its predictor."""
+    """Return the drive of a run, with the tracks of all other road users and its predictor."""
     path = runs.scenario_path(record)
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
@@ -183,7 +185,7 @@ class Course:
 
 
 def course_of(runs: RunSet, record: RunRecord) -> Course | None:
-    """Return a run over time, or None if its steps are missing."""
+    """Return the course of a run, or None if the run's steps are missing."""
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return None
@@ -226,6 +228,7 @@ class _Drive:
         lane: "Callable[[], Points | None] | None" = None,
     ) -> None:
         self._record, self._tracks, self._predict, self._network = record, tracks, predict, network
+        self._perceived = steps.perceived
         self._lane = lane or (lambda: None)
         self._ego = ego_track(record, steps)
         turn = wrap_angles(np.diff(self._ego.headings_rad))
@@ -325,6 +328,8 @@ class _Drive:
         around = self._surroundings(other, evades=kind not in FROM_BEHIND)
         prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around)
         predicted = self._predicted_gap_m(other, hit.step, reached)
+        sightings = () if self._perceived is None else sightings_of(self._perceived, other.obstacle_id)
+        unseen = self._was_unseen(sightings, prevention, hit.step)
         return Contact(
             kind=kind,
             time_s=hit.time_s,
@@ -341,15 +346,18 @@ class _Drive:
             also_touched=self._also_touched(hit.step, hit.obstacle_id),
             prevention=prevention,
             predicted_gap_m=predicted,
-            laid_to=self._attribution(kind, prevention, predicted),
+            laid_to=self._attribution(kind, prevention, predicted, unseen=unseen),
+            sight=self._sight(sightings, hit.step),
         )
 
     def _attribution(
-        self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None
+        self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None, *, unseen: bool
     ) -> CollisionCause | None:
-        """Return what the collision is attributed to: the first match of recording, neither, prediction, planning.
+        """Return the cause of the collision: the first that applies of recording, neither, perception, prediction and
+        planning.
 
-        ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts.
+        ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts. ``unseen``: the
+        planner did not get the other road user in time.
         """
         if kind in FROM_BEHIND and self._record.traffic == "recorded":
             return "recording"
@@ -357,9 +365,46 @@ class _Drive:
             return None
         if not prevention.attributable:
             return "neither"
+        if unseen:
+            return "perception"
         if self._record.prediction == "ground_truth" or not plans_on_predictions(self._record):
             return "planning"
         return None if predicted_m is None else "prediction" if predicted_m > 0 else "planning"
+
+    def _was_unseen(self, sightings: Sequence[Sighting], prevention: Prevention | None, hit_step: int) -> bool:
+        """Return whether the planner did not get the other road user when the ego could last have braked.
+
+        That is the latest time at which full braking prevents the collision, or a second before it if it does not.
+        """
+        until_s = None if prevention is None else prevention.by_braking_until_s
+        step = hit_step - round(_FORESEEN_S / self._record.step_s)
+        if until_s is not None:
+            step = self._ego.first_step + round(until_s / self._record.step_s)
+        then = [one for one in sightings if one.step <= max(step, self._ego.first_step)]
+        return bool(sightings) and (not then or then[-1].code not in REPORTED)
+
+    def _sight(self, sightings: Sequence[Sighting], hit_step: int) -> Sight | None:
+        """Return since when the planner had got a road user at a step, or None if it always had."""
+        before = [one for one in sightings if one.step <= hit_step]
+        last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
+        if last < 0:
+            return None
+        why = last
+        while why > 0 and before[why].code == "unconfirmed" and before[why - 1].code not in REPORTED:
+            why -= 1
+        by = before[why].by
+        first = next((one.step for one in before if one.code in REPORTED), None)
+        since = before[last + 1].step if last + 1 < len(before) else None
+        return Sight(
+            code=before[why].code,
+            by=by,
+            by_class="" if by is None or by not in self._tracks else self._tracks[by].kind,
+            first_s=self._since_start_s(first),
+            since_s=self._since_start_s(since),
+        )
+
+    def _since_start_s(self, step: int | None) -> float | None:
+        return None if step is None else round((step - self._ego.first_step) * self._record.step_s, 9)
 
     def _surroundings(self, other: Track, *, evades: bool) -> Surroundings:
         """Return the surroundings of an encounter; they include the road only if it is known and the ego may evade."""
@@ -387,7 +432,7 @@ class _Drive:
         at = other.index_at(hit_step - steps)
         if self._predict is None or at is None or steps < 1 or len(other.positions) < 2:
             return None
-        if not plans_on_predictions(self._record):
+        if not plans_on_predictions(self._record) or not self._record.world.reports_true_states:
             return None
         foreseen = self._predict(other, at, steps, self._record.step_s)
         body = oriented_rectangle(foreseen.positions[-1], float(foreseen.headings_rad[-1]), other.size_m)

@@ -1,4 +1,4 @@
-"""Why an ego stood, drove slowly or braked: lights, signs, road users, the goal, the road, or no cause.
+"""Finds out why an ego stood, drove slowly or braked: lights, signs, road users, the goal, the road, or no cause.
 
 Each stretch of a run gets one code (``PaceCode``; the rules are in ``docs/runs.md``). Only what was on the ego's path
 counts: the path that it drove, and then the reference path to its goal. Anything that would excuse the ego is a cause,
@@ -81,7 +81,7 @@ they join without a kink.
 
 
 def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
-    """Return where and why the ego of a run stood, was held up or braked; empty if steps or scenario are missing."""
+    """Return the stretches in which a run's ego stood, was held up or braked; empty without steps or scenario."""
     kept = runs.look(record)
     if kept is not None:
         return kept.review.pace
@@ -92,7 +92,7 @@ def pace_of(runs: RunSet, record: RunRecord) -> tuple[PaceMoment, ...]:
 
 
 def own_doing(runs: RunSet, record: RunRecord, time_s: float) -> PaceMoment | None:
-    """Return what the ego did without a cause up to three seconds before a time, or None.
+    """Return the ego's stop or braking without a cause in the three seconds before a time, or None.
 
     If there are several, a stop comes first, and otherwise the braking that reduced the speed most.
     """
@@ -164,7 +164,7 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Cause:
-    """Why the ego stands or brakes at a state; ``needed_mps2``: the constant braking that this requires."""
+    """A cause for the ego to stand or brake at a state; ``needed_mps2``: the constant braking that this requires."""
 
     code: PaceCode
     obstacle_id: int | None = None
@@ -173,7 +173,7 @@ class _Cause:
 
     @property
     def strong(self) -> bool:
-        """Return True if the cause requires more than letting the vehicle roll."""
+        """Whether the cause requires more than letting the vehicle roll."""
         return self.needed_mps2 >= NEEDED_MPS2
 
     def explains(self, hardest_mps2: float, usual_mps2: float) -> bool:
@@ -261,7 +261,7 @@ class _Pace:
         return found
 
     def _settled(self, first: int, causes: list[_Cause]) -> Iterator[PaceMoment]:
-        """Yield stretches of one code; one shorter than a start belongs to the stretch before or after it."""
+        """Yield stretches of one code; a stretch shorter than a start belongs to the stretch before or after it."""
         runs: list[list[int]] = []
         for index, cause in enumerate(causes):
             if runs and causes[runs[-1][0]].code == cause.code:
@@ -585,7 +585,7 @@ class _Pace:
         return None
 
     def _who_comes(self, index: int) -> _Cause | None:
-        """Return the road user that a driving ego would meet within three seconds if it kept its speed."""
+        """Return the cause if a driving ego would meet a road user within three seconds at its present speed."""
         here, speed = float(self._stations[index]), max(float(self._speeds[index]), STANDING_MPS)
         until = index + round(CRITICAL_HEADWAY_S / self._step_s)
         best: _Cause | None = None

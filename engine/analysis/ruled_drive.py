@@ -52,7 +52,7 @@ YieldsBy = Literal["right before left", "signs", "left turn"]
 
 @dataclass(frozen=True)
 class Ahead:
-    """A road user on the ego's path at each state: its gap ahead, bumper to bumper (infinite: not ahead), and motion.
+    """A road user near the ego: at each state, its gap ahead on the ego's path (infinite if not ahead), and its motion.
 
     ``seen``: whether it was within 60 m; ``collision_s``: time until it and the ego touch on their courses, infinite if
     never.
@@ -284,7 +284,7 @@ class RuledDrive:
         )
 
     def shown(self, light: "TrafficLight", colours: Sequence[str]) -> NDArray[np.bool_]:
-        """Return the states at which a light has one of the given colours (CommonRoad's names)."""
+        """Return a mask of the states at which a light has one of the given colours (CommonRoad's names)."""
         steps = range(self.ego.first_step, self.ego.first_step + self.count)
         return np.array([light.get_state_at_time_step(step).name in colours for step in steps])
 
@@ -300,7 +300,7 @@ class RuledDrive:
 
 
 class _Roads:
-    """The lanelets in an area; answers which are under points, and returns their bounds, lines and overlaps."""
+    """The lanelets in an area, with queries for those under given points and for their bounds, lines and overlaps."""
 
     def __init__(self, network: "LaneletNetwork", area: "BaseGeometry") -> None:
         self._network = network
@@ -404,7 +404,7 @@ class _Roads:
 
 
 def _bend(lane: "Lanelet", following: "Lanelet") -> float:
-    """Return how far the direction turns from the end of a lanelet to that of the next."""
+    """Return the change of direction in rad from the end of a lanelet to the end of the next."""
     ends = [headings(np.asarray(one.center_vertices, dtype=float)[-2:])[0] for one in (lane, following)]
     return abs(float(wrap_angles(np.array([ends[1] - ends[0]]))[0]))
 
@@ -421,7 +421,7 @@ def meeting_m(path: Points, line: Points) -> float | None:
 
 
 def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDArray[np.bool_]:
-    """Return the steps at which the body of a track overlaps an area."""
+    """Return a mask of the steps at which the body of a track overlaps an area."""
     import shapely
 
     at = steps - track.first_step
@@ -434,7 +434,7 @@ def _inside(track: Track, steps: NDArray[np.int_], area: "BaseGeometry") -> NDAr
 
 
 def _until(condition: NDArray[np.bool_]) -> Values:
-    """Return the steps until a condition next holds: 0 if it does, infinite if it never does again."""
+    """Return at each step the number of steps until a condition next holds: 0 if it holds, infinite if never again."""
     result, next_at = np.full(len(condition), np.inf), np.inf
     for index in range(len(condition) - 1, -1, -1):
         next_at = 0.0 if condition[index] else next_at + 1.0
@@ -477,7 +477,7 @@ def _passage(
 
 
 def _yields_by(own: _Passage, theirs: _Passage, is_lit: bool, network: "LaneletNetwork") -> YieldsBy | None:
-    """Return why the ego gives way to another at an intersection, or None. A traffic light overrides all signs."""
+    """Return why the ego must give way to another road user at an intersection, or None. Lights override all signs."""
     if own.incoming_id == theirs.incoming_id:
         return None
     turned = abs(float(wrap_angles(np.array([theirs.heading_rad - own.heading_rad]))[0]))

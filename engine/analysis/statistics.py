@@ -71,7 +71,7 @@ _Cluster = tuple[float, int]
 
 
 def _sums(trials: Iterable[tuple[str, float]]) -> list[_Cluster]:
-    """Return the sum and the number of values by scenario, in order of appearance."""
+    """Return the sum and number of each scenario's values, in order of appearance."""
     sums: dict[str, tuple[float, int]] = {}
     for key, value in trials:
         total, size = sums.get(key, (0.0, 0))
@@ -211,7 +211,7 @@ class SignedRank:
 
 
 def signed_rank(differences: Sequence[float]) -> SignedRank:
-    """Apply Wilcoxon's signed-rank test to differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
+    """Return Wilcoxon's signed-rank test of differences; zeros keep ranks (Pratt 1959), ties share the mean rank.
 
     Up to 60 pairs, p comes from the exact permutation distribution of the observed ranks, ties included; above, from
     the normal approximation with continuity correction.

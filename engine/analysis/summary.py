@@ -180,7 +180,7 @@ _OFF_ROAD_RISK = 1
 
 
 def _ease(record: RunRecord) -> tuple[float, ...]:
-    """Return the sort key: risk, time and distance to a collision, duration; the most harmful run comes first."""
+    """Return a run's sort key: risk, time and distance to a collision, duration; the most harmful run comes first."""
     found = record.metrics
     if found is None:
         return (math.inf,)

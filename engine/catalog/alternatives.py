@@ -170,7 +170,7 @@ _LETTERS = 5
 
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
-    """Return the conditions that left nothing, and what the candidates of their stage have instead."""
+    """Return a note on the conditions that left no candidate, and on the values that the candidates have instead."""
     entering = funnel.entering()
     names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:

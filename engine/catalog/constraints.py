@@ -323,7 +323,7 @@ _OTHERS = {
 
 
 def _total(text: str, condition: Condition) -> Constraint:
-    """Return the condition on the number of obstacles of all types together, without the ego."""
+    """Return the condition on the number of obstacles of all types together, excluding the ego."""
     _scope(condition, ("map",))
     query = "SELECT number FROM catalog_scenarios WHERE size BETWEEN ? AND ?"
     bounds = _bounds(condition.interval, 0.0)
@@ -452,7 +452,7 @@ def _country_code(connection: sqlite3.Connection, country: str) -> str:
 
 
 def _keys_of_place(connection: sqlite3.Connection, city: str) -> tuple[str, ...]:
-    """Return a city's keys as spelled or, if they are not in the catalogue, those of its names in other languages."""
+    """Return the keys of a city as spelled or, if the catalogue has no entry under them, of its names elsewhere."""
     own = tuple(sorted(place_keys(city)))
     if has_place(connection, own):
         return own
@@ -499,7 +499,7 @@ def _circumstance_name(word: str) -> str:
 
 
 def _feature_name(word: str) -> str:
-    """Return the name of a feature; a manoeuvre's may include a road user's type: ``cut_in:truck``."""
+    """Return the name of a feature; a manoeuvre's name may include a road user's type: ``cut_in:truck``."""
     name, mark, kind = word.partition(":")
     found = _name(name, [*FEATURES, *MEASURES], _FEATURE_WORDS, "feature")
     if not mark:

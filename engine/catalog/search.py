@@ -138,7 +138,7 @@ class Search:
 
     @property
     def needs_ranking(self) -> bool:
-        """Return whether the retrieval worker must rank by text."""
+        """Whether the retrieval worker must rank by text."""
         return bool(self.arguments.text or self.arguments.like)
 
     def candidates(self) -> tuple[str, ...]:
@@ -274,7 +274,7 @@ class Search:
         return self._others(self.funnel.matches)
 
     def _others(self, numbers: EntrySet) -> EntrySet:
-        """Return the entries without the entry given in ``like``."""
+        """Return the entries except the one given in ``like``."""
         like = [] if self.arguments.like is None else [self.arguments.like]
         return numbers - numbers.entries.of(_numbers_of(self._connection, like).values()) if like else numbers
 
@@ -427,7 +427,7 @@ def entries_of(connection: sqlite3.Connection, numbers: Iterable[int]) -> list[_
 
 
 def _numbers_of(connection: sqlite3.Connection, scenario_ids: Iterable[str]) -> dict[str, int]:
-    """Return numbers by id, without ids that are not in the catalogue."""
+    """Return the entries' numbers by scenario id; ids that are not in the catalogue are left out."""
     rows = (row for chunk in _chunks(scenario_ids) for row in _selected(connection, "scenario_id", chunk))
     return {row[1]: row[0] for row in rows}
 

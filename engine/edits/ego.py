@@ -81,7 +81,7 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the ego's routes to the goal: to the given lanelet, or to those of the matching branch, in order."""
+    """Return the ego's routes to the goal, in order: to the given lanelet, or to those of the matching branch."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
@@ -107,7 +107,7 @@ def _first_feasible(
     """Return the first route with an end that the ego can meet, and the goal there.
 
     Raises:
-        NotPossible: the refusal of the first route.
+        NotPossible: no route has an end that the ego can meet; the error is that of the first route.
     """
     refused: NotPossible | None = None
     for route in routes:
@@ -374,7 +374,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """Return the former ego as a vehicle of its class that drives to the former goal, or straight ahead."""
+    """Return a plan for the former ego: a vehicle of its class that drives to the former goal, or straight ahead."""
     if not ego.lanelets:
         raise NotPossible("the former ego is not on a lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)

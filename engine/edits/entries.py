@@ -135,7 +135,7 @@ class OccupiedPlaces:
         return [one for one in free if one.lanelet_id != here or (one.station_m - place.station_m) * side > 0]
 
     def _free_on(self, lanelets: list[int], place: Place, size_m: tuple[float, float]) -> list[Place]:
-        """Return some free places on lanelets, ordered by straight-line distance from a place."""
+        """Return free places on the given lanelets, ordered by straight-line distance from a place."""
         wanted, lanes = place.pose(self.scene)[0], self.scene.layout.table.lanes
         tried = []
         for key in lanelets:
@@ -300,7 +300,7 @@ def _gap_text(neighbour: _Neighbour, vehicle_class: VehicleClass, follower_mps: 
 
 
 def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[_Neighbour]:
-    """Return the vehicles in the lane, or in those directly before and after it."""
+    """Return the vehicles on a place's lanelet and on the lanelets directly before and after it."""
     lanes, starts = scene.layout.table.lanes, _lanes_in_a_row(scene, place)
     there, neighbours = scene_for_references(scene, changes), []
     for key, match in sorted(there.matches.items()):
@@ -315,7 +315,7 @@ def _same_lane(scene: Scene, changes: Changes, place: Place, step: int) -> list[
 
 
 def _lanes_in_a_row(scene: Scene, place: Place) -> dict[int, float]:
-    """Return the lanelet of a place and those directly before and after it, each with the station of its start in m."""
+    """Return the station in m at which a place's lanelet and those directly before and after it start, by lanelet."""
     lanes = scene.layout.table.lanes
     before = [key for key in scene.lanelet_graph.predecessors.get(place.lanelet_id, ()) if key in lanes]
     starts = {place.lanelet_id: 0.0} | {key: -lanes[key].length_m for key in before}
@@ -333,7 +333,7 @@ def _ego_in_lane(scene: Scene, changes: Changes, place: Place, step: int) -> lis
 
 
 def slower_entries(simulated: SimulatedEdits) -> tuple[tuple[Edit, ...], tuple[str, ...]] | None:
-    """Return the edits with half or zero speed for added vehicles if this keeps them from hitting others.
+    """Return the edits with half or zero speed for added vehicles if this keeps them from hitting other road users.
 
     Returns:
         The edits, and a sentence on each vehicle that enters more slowly; None if there is no such vehicle.

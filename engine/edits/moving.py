@@ -64,7 +64,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Put a vehicle elsewhere; it keeps its id, class, speeds and, if possible from there, its route.
 
     Raises:
-        InvalidRequest: several vehicles, or no position.
+        InvalidRequest: several vehicles are given, or no position is.
         NotPossible: the position is occupied, or the vehicle cannot be driven.
     """
     key = select_one(edit, scene, changes)
@@ -138,8 +138,8 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Give vehicles a new class: they drive as before, with the type, size and limits of that class.
 
     Raises:
-        InvalidRequest: no class.
-        UnknownName: no such class.
+        InvalidRequest: no class is given.
+        UnknownName: there is no such class.
         NotPossible: the road is closed to the class, or a vehicle cannot be driven.
     """
     vehicles, vehicle_class = select(edit.vehicles, scene, changes), resolve_class(edit.vehicle_class)
@@ -301,8 +301,8 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Close lanelets with a barrier across each, permanently or for a time; vehicles that would hit it react.
 
     Raises:
-        InvalidRequest: no lanelet, or a time outside the scenario.
-        UnknownName: no such lanelet.
+        InvalidRequest: no lanelet is given, or a time is outside the scenario.
+        UnknownName: there is no such lanelet.
         NotPossible: a road user is where the barrier would be.
     """
     lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []

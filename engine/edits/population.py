@@ -74,10 +74,10 @@ class _Entering:
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add one or more vehicles of a class; further ones are placed downstream of the first, ``spacing_m`` apart.
+    """Add one or more vehicles of a class; further vehicles are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
-        UnknownName: no such class, lanelet or vehicle.
+        UnknownName: there is no such class, lanelet or vehicle.
         NotPossible: the place is occupied (the error lists the nearest free places), the vehicle behind cannot brake
             enough, or there is no such lane.
     """
@@ -130,7 +130,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _why_there(edit: Edit) -> str:
-    """Return how the place was computed, if the edit gives no position on a lanelet."""
+    """Return text on how the place was computed; empty if the edit gives a position on a lanelet."""
     if edit.position is not None:
         return ""
     lane = f", lane {edit.lane}" if edit.lane else ""
@@ -140,7 +140,7 @@ def _why_there(edit: Edit) -> str:
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
-    """Return where the vehicles enter: the place of a single vehicle, or those of the first and the last."""
+    """Return text on where the vehicles enter: the place of a single vehicle, or the first and the last place."""
     first, last = places[0], places[-1]
     begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
     if len(places) == 1:
@@ -309,7 +309,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     """Park vehicles at a kerb: next to the outermost lane on a side of the road, clear of traffic.
 
     Raises:
-        InvalidRequest: arguments for driving vehicles.
+        InvalidRequest: arguments for driving vehicles are given.
         NotPossible: the place is occupied or belongs to another lane.
     """
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
@@ -387,10 +387,10 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
 
 
 def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add a pedestrian who walks along a footpath or crossing from the place, or there crosses a road to the left.
+    """Add a pedestrian who walks along a footpath or crossing from the place, or crosses the road there to its left.
 
     Raises:
-        InvalidRequest: an argument for vehicles, or an impossible speed or departure.
+        InvalidRequest: an argument for vehicles is given, or the speed or the departure is impossible.
         NotPossible: the road is a motorway, or the place is occupied.
     """
     foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
@@ -489,7 +489,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """Return the lanelets of a road at a place, including oncoming ones."""
+    """Return the lanelets of a road at a place, including oncoming lanelets."""
     row = [lanelet_id]
     for key in row:
         lanelet = scene.network.find_lanelet_by_id(key)
@@ -578,7 +578,7 @@ def _users(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Remove the selected vehicles; the others stay as recorded, and driven ones no longer see them."""
+    """Remove the selected vehicles; the others stay as recorded, and driven vehicles no longer see them."""
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)

@@ -41,14 +41,15 @@ EGO_WORDS = ("ego", "the ego", "me", "self")
 
 
 def select(texts: Sequence[str], scene: Scene, changes: Changes) -> tuple[int, ...]:
-    """Return the ids of the vehicles that the selectors match, without excluded ones, ascending.
+    """Return the ids of the vehicles that the selectors match and do not exclude, ascending.
 
-    Vehicles that earlier edits added count like recorded ones; removed ones do not count.
+    Vehicles that earlier edits added count like recorded vehicles; removed vehicles do not count.
 
     Raises:
         InvalidRequest: nothing is selected, or only exclusions are given.
         UnknownName: an id, class or word does not exist.
-        NotPossible: the ego, a removed vehicle, an ambiguous description, or one that fits no vehicle.
+        NotPossible: a selector refers to the ego or a removed vehicle, or a description is ambiguous or fits no
+            vehicle.
     """
     there = scene_for_references(scene, changes)
     if not texts:
@@ -149,7 +150,7 @@ def _selector(text: str, scene: Scene) -> Selector:
 
 
 def nearest_ids(wanted: int, known: Sequence[int]) -> list[int]:
-    """Return known ids, ordered by their difference from the wanted one."""
+    """Return known ids, ordered by their difference from the wanted id."""
     return sorted(known, key=lambda key: (abs(key - wanted), key))
 
 
@@ -299,7 +300,7 @@ def _fitting(what: str, vehicles: Sequence[int], scene: Scene) -> tuple[int, ...
 
 
 def _first(selector: Selector, tracks: dict[int, Track], count: int, rank: Callable[[Track], float]) -> tuple[int, ...]:
-    """Return the first vehicles by rank; the last one's rank must differ from the next vehicle's."""
+    """Return the first vehicles by rank; the rank of the last must differ from that of the next."""
     order = sorted(tracks, key=lambda key: (rank(tracks[key]), key))
     chosen, bound = order[:count], rank(tracks[order[:count][-1]])
     alike = [key for key in order if abs(rank(tracks[key]) - bound) < _TIE]
@@ -351,10 +352,10 @@ def _resolve_lanelets(text: str, scene: Scene, changes: Changes) -> tuple[int, .
 
 
 def known_lanelet(text: str, scene: Scene) -> int:
-    """Return the drivable lanelet with this id, or that of a SUMO lane (edge, underscore, index).
+    """Return the drivable lanelet with this id, or the lanelet of a SUMO lane (edge, underscore, index).
 
     Raises:
-        UnknownName: no such lanelet or edge; the error lists the nearest ids.
+        UnknownName: there is no such lanelet or edge; the error lists the nearest ids.
     """
     lanes = scene.layout.table.lanes
     if text.isdigit() and int(text) in lanes:

@@ -77,7 +77,7 @@ def outcome_of(
 
 
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
-    """Return one report per edit of this request; those of earlier requests are not repeated.
+    """Return one report per edit of this request; the edits of earlier requests are not reported again.
 
     An edit counts as not done if later edits undo it completely.
     """
@@ -122,7 +122,7 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
-    """Return the touched vehicles and, if both checks were requested, the number on which they agree."""
+    """Return the touched vehicles, and on how many of them the checks agree; None if one check was requested."""
     screened = _touched_vehicles(edited, check_kinematics)
     if request.detail == "brief":
         return screened, None

@@ -200,7 +200,7 @@ class _Path:
 
 
 def _thinned(points: Points) -> Points:
-    """Drop points of a path that are less than half a metre from the previous one."""
+    """Drop points of a path that are less than half a metre from the previous point."""
     kept = [points[0]]
     for point in points[1:]:
         if float(np.linalg.norm(point - kept[-1])) >= 0.5:
@@ -344,7 +344,7 @@ TIME_GAP_MISSED, LINE_MISSED, RED_MISSED = "gap to a standing vehicle", "lines c
 def achieved(
     key: int, quantity: str, asked: float | None, value: float, unit: str, *, reached: bool | None = None
 ) -> Achieved:
-    """Return a measured value with the requested one, which counts as reached within a tenth by default."""
+    """Return a measured value with the requested value, which counts as reached within a tenth by default."""
     if reached is None:
         reached = asked is None or abs(value - asked) <= _VALUE_SHARE * max(abs(asked), 0.5)
     rounded = None if asked is None else round(asked, 3)

@@ -110,7 +110,7 @@ def _adjacent_lanes(scene: Scene, lanelets: Iterable[int], side: str) -> list[in
 
 
 def _with_route_of_lane(scene: Scene, plan: DrivePlan, here: tuple[int, ...], lane: int) -> DrivePlan:
-    """Return the unchanged plan if the new lane leads along it, else one that continues in the new lane."""
+    """Return the unchanged plan if the new lane leads along it, else a plan that continues in the new lane."""
     edge = scene.layout.lane_of.get(lane, ("", 0))[0]
     if edge not in plan.edges or _leads_on(scene, plan, lane, edge):
         return plan
@@ -160,7 +160,7 @@ def set_speed(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     They accelerate and brake within their own limits; 0 stops them.
 
     Raises:
-        InvalidRequest: no speed or an impossible one is given, or a vehicle is absent at that time.
+        InvalidRequest: no speed or an impossible speed is given, or a vehicle is absent at that time.
         NotPossible: a vehicle cannot be driven.
     """
     if edit.speed is None:
@@ -264,7 +264,7 @@ def shift_time(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     The motion itself stays as recorded, unless the vehicle would hit another one: then it is handed over to SUMO.
 
     Raises:
-        InvalidRequest: no time, or one that leaves nothing of a recording.
+        InvalidRequest: no time is given, or it leaves nothing of a recording.
         NotPossible: a vehicle was added, is driven by an earlier edit, or has no trajectory.
     """
     steps = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
@@ -326,8 +326,8 @@ def set_behaviour(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     parameter sets it.
 
     Raises:
-        InvalidRequest: neither preset nor parameters, or a value out of range.
-        UnknownName: no such preset or parameter.
+        InvalidRequest: neither a preset nor parameters are given, or a value is out of range.
+        UnknownName: there is no such preset or parameter.
     """
     if edit.preset is None and not edit.params:
         raise InvalidRequest(

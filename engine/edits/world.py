@@ -70,7 +70,7 @@ def transformed(edit: Edit, xml: Path, scene: Scene, drive: Callable[[], Track |
 
 
 def _mirror(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Mirror a scene at the east-west axis: left becomes right, and traffic drives on the opposite side."""
+    """Mirror a scene at the east-west axis, so that left becomes right; return what was done as text."""
     for tag in ("point", "center"):
         for point in root.iter(tag):
             _negate(point.find("y"))
@@ -147,7 +147,7 @@ def _invert_left_of(root: _Element) -> None:
 
 
 def _crop(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:
-    """Keep a time span, an area, or both."""
+    """Keep a time span, an area, or both; return what was done as text."""
     words = []
     if edit.time_s is None and edit.duration_s is None and edit.rectangle_m is None:
         raise InvalidRequest(
@@ -246,7 +246,7 @@ def _shift_light(light: _Element, begin: int) -> None:
 
 
 def _shift_problems(root: _Element, scene: Scene, drive: Callable[[], Track | None], begin: int) -> str:
-    """Count the egos' times from a step; an ego that starts earlier is put where it would be at that step."""
+    """Count the egos' times from a step and return a note; an ego that starts earlier is put where it would be then."""
     words = ""
     for problem in root.iterchildren("planningProblem"):
         initial = problem.find("initialState")
@@ -303,7 +303,7 @@ def _larger_rectangles(sizes: list[float]) -> list[Remedy]:
 
 
 def _crop_place(edit: Edit, root: _Element, scene: Scene) -> str:
-    """Keep the lanelets that a rectangle touches, and the road users while they are in it."""
+    """Keep the lanelets that a rectangle touches, and the road users while they are in it; return a note."""
     import shapely
 
     sizes = edit.rectangle_m or []
@@ -404,7 +404,7 @@ def _drop_references(root: _Element, kept: set[int]) -> None:
 
 
 def _set_light(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Give the lights of lanelets new phases, and add a light to lanelets that have none."""
+    """Give the lights of lanelets new phases, and add missing lights; return what was done as text."""
     lanelets = sorted(target_lanelets(edit.to, scene, Changes(next_id=0, driven={}))) if edit.to else []
     phases = [_phase(text, scene.step_s) for text in edit.params]
     if not lanelets or not phases:
@@ -453,7 +453,7 @@ def _phase(text: str, step_s: float) -> tuple[int, str]:
 
 
 def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
-    """Return a light at the right edge of a lanelet's end."""
+    """Return a traffic light element at the right edge of a lanelet's end."""
     ids = [one.get("id", "") for one in root.iter() if isinstance(one.tag, str)]
     highest = max((int(one) for one in ids if one.isdigit()), default=0)
     light = etree.Element("trafficLight", id=str(highest + 1))
@@ -471,7 +471,7 @@ def _new_light(root: _Element, scene: Scene, lanelet: int) -> _Element:
 
 
 def _after_last(parent: _Element, element: _Element, names: tuple[str, ...]) -> None:
-    """Insert an element after the last one of the first existing name, as the schema's order requires."""
+    """Insert an element after the last element of the first existing name, as the schema's order requires."""
     for name in names:
         found = parent.findall(name)
         if found:
@@ -512,7 +512,7 @@ class _Conditions:
 
 
 def _conditions_named(edit: Edit) -> _Conditions:
-    """Return the weather and the friction of an edit; by default, that of roads in this weather, if known.
+    """Return the weather and the friction of an edit; by default, the friction of roads in this weather, if known.
 
     Raises:
         InvalidRequest: neither of them is given, or an argument of another kind is.
@@ -579,7 +579,7 @@ def _friction_named(text: str, value: str) -> tuple[float, str]:
 
 
 def _set_weather(edit: Edit, root: _Element, scene: Scene, drive: Callable[[], Track | None]) -> str:  # noqa: ARG001
-    """Write the weather and the friction of the roads to the file; a note states what uses them."""
+    """Write the weather and the friction of the roads to the file; return what was done, and what uses them."""
     conditions = _conditions_named(edit)
     notes = []
     if conditions.weather is not None:

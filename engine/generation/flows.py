@@ -52,7 +52,7 @@ class RouteFlow:
 
     @property
     def present(self) -> float:
-        """Return the mean number of vehicles on the route (Little's law)."""
+        """The mean number of vehicles on the route (Little's law)."""
         return self.per_h * self.travel_s / 3600
 
 
@@ -77,7 +77,7 @@ class FlowPlan:
 
     @property
     def vehicles(self) -> int:
-        """Return the mean number of vehicles at the site, at least 1."""
+        """The mean number of vehicles at the site, at least 1."""
         return max(round(sum(route.present for route in self.routes)), 1)
 
 
@@ -113,7 +113,7 @@ def _counted(
     sections: tuple[frozenset[str], ...],
     routes: list[RouteFlow],
 ) -> CountedRoad:
-    """Return how much of a flow the routes carry, between two roads or across the sections of one road."""
+    """Return a counted road with the flow that the routes carry, between two roads or across its sections."""
     if flow.to:
         planned = sum(route.per_h for route in routes if route.edges in routes_between)
         return CountedRoad(flow, (), min(planned, flow.per_h))
@@ -138,7 +138,7 @@ def _candidates(edges: OpenEdges, choice: random.Random) -> list[tuple[str, ...]
 def _meeting(
     counts: list[tuple[frozenset[str], float]], candidates: list[tuple[str, ...]], edges: OpenEdges
 ) -> list[RouteFlow]:
-    """Fit the flows on the candidate routes to the counts at the cross-sections."""
+    """Fit the flows on the candidate routes to the counts at the cross-sections; return the routes with their flows."""
     from scipy.optimize import nnls
 
     used = [route for route in candidates if any(section & set(route) for section, _ in counts)]
@@ -210,13 +210,13 @@ class _Place:
         self._middle = ends.reshape(-1, 2).mean(axis=0)
 
     def names(self) -> list[str]:
-        """Return the names of the named streets, then the OSM way ids of the unnamed ones."""
+        """Return the names of the named streets, then the OSM way ids of the unnamed streets."""
         named = {self._net.edges[edge].name for edge in self._edges.length_m} - {""}
         unnamed = {_way(edge) for edge in self._edges.length_m if not self._net.edges[edge].name}
         return [*sorted(named), *sorted(unnamed)]
 
     def sections(self, flow: RoadFlow) -> tuple[frozenset[str], ...]:
-        """Return the cross-sections of a counted road: the edges of both directions, or of the requested one."""
+        """Return the cross-sections of a counted road, as edges of both directions, or of the requested direction."""
         sections: dict[str, set[str]] = {}
         for edge in sorted(self._edges.length_m):
             if self._has_name(edge, flow.road) and self._leads(edge, flow.direction):

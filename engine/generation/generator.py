@@ -110,7 +110,7 @@ def _no_collection() -> Iterator[None]:
 
 
 def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRequest]:
-    """Return notes on the ego, and the request with the ego's class added to those of the other vehicles.
+    """Return notes on the ego, and the request with the ego's class added to the classes of the other vehicles.
 
     Raises:
         InvalidRequest: no ego can be of this class, and the traffic excludes it.
@@ -232,7 +232,7 @@ class _Attempts:
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """Return the usable attempt with the fewest faults, if possible not an astray one; the first one wins a tie.
+        """Return the usable attempt with the fewest faults, if possible not astray; of equals, the first.
 
         Raises:
             NotPossible: no attempt is usable. The stated cause is a ramp that does not lead where it must, otherwise

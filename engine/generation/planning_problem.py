@@ -52,7 +52,7 @@ class TaskSpec:
 
     @property
     def shortest_path_m(self) -> float:
-        """Return the minimum distance that a car must drive to the goal."""
+        """The minimum distance that a car must drive to the goal."""
         return SHORTEST_PATH_M if self.goal.steps is not None or self.goal.is_through else SHORTEST_REQUESTED_PATH_M
 
 
@@ -117,9 +117,9 @@ def choose_task(
     replaces it.
 
     Cars are ranked by these criteria in order: the recorded path is drivable; it passes the site; it passes the exact
-    spot; it makes no other turn than the requested one; it suits a goal beyond the site; its lanes can be followed. A
-    path suits a goal that must be beyond the site if it leaves the site and takes most of the duration. The first car
-    wins a tie. Tasks that ``accepts`` rejects are skipped.
+    spot; it makes no other turn than the requested turn. After these, it must suit a goal beyond the site, and its
+    lanes can be followed. A path suits a goal that must be beyond the site if it leaves the site and takes most of the
+    duration. The first car wins a tie. Tasks that ``accepts`` rejects are skipped.
 
     Raises:
         NotPossible: there are fewer cars than the requested index, or no car reaches the requested goal.
@@ -309,7 +309,7 @@ class _Passage:
 
 
 def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s: float) -> _Passage | None:
-    """Return where and when a car is at the goal; None if it never is, or if the goal is too close to its start."""
+    """Return a car's passage of the goal; None if it never is there, or if the goal is too close to its start."""
     goal, driven = spec.goal, arc_length(car.motion.positions)
     if goal.lanelet is not None:
         return _on_lanelet(goal.lanelet, car, network.lanelets[goal.lanelet.lanelet_id], driven)
@@ -318,7 +318,7 @@ def passage(spec: TaskSpec, car: GeneratedVehicle, network: RoadNetwork, step_s:
 
 
 def _at_step(car: GeneratedVehicle, step: int, spec: TaskSpec) -> _Passage | None:
-    """Return where a car is at a step, or None if that is too close to its start."""
+    """Return a car's passage at a step, or None if that is too close to its start."""
     if arc_length(car.motion.positions)[step] < spec.shortest_path_m:
         return None
     return _Passage(step, car.motion.positions[step], float(car.motion.headings_rad[step]))

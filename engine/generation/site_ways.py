@@ -70,7 +70,7 @@ class SiteWays:
 
     @cached_property
     def diameter_m(self) -> float:
-        """The largest distance between an end of an entry and a start of an exit, in m; 0 without any."""
+        """The largest distance between an end of an entry and a start of an exit, in m; 0 if there are none."""
         ends = [self._line(edge)[-1] for edge in self.entries]
         starts = [self._line(edge)[0] for edge in self.exits]
         if not ends or not starts:
@@ -90,7 +90,7 @@ class SiteWays:
         return wrap_angle(self._arm_rad(exit_))
 
     def through(self, edges: OpenEdges) -> Iterator[tuple[Turn, tuple[str, ...]]]:
-        """Yield every way that a class of vehicles can drive, with its turn."""
+        """Yield every way that a class of vehicles can drive, as its turn and its edges."""
         for entry in sorted(self.entries & edges.following.keys()):
             waiting: list[tuple[str, ...]] = [
                 (entry, onward)
@@ -106,7 +106,7 @@ class SiteWays:
 
     @cached_property
     def _arms(self) -> Mapping[str, str]:
-        """The exit of the same arm for each entry that has one, and the other way round."""
+        """The exit of the same arm for each entry, and the entry for each exit, if the arm has both."""
         exits = {entry: exit_ for entry in sorted(self.entries) if (exit_ := self._exit_of(entry)) is not None}
         return exits | {exit_: entry for entry, exit_ in exits.items()}
 
@@ -124,8 +124,8 @@ class SiteWays:
     def _exit_of(self, entry: str) -> str | None:
         """Return the exit that belongs to the same arm as an entry, or None if traffic only enters there.
 
-        Both are the two directions of one road, or carriageways that come together within one diameter. At a ring, they
-        may also be the entry and the last exit before it, with carriageways side by side.
+        Entry and exit are the two directions of one road, or carriageways that come together within one diameter. At a
+        ring, they may also be the entry and the last exit before it, with carriageways side by side.
         """
         net = self._net
         start, end = net.edges[entry].from_junction, net.edges[entry].to_junction

@@ -85,7 +85,7 @@ _WITHOUT_LINK: Mapping[Turn, tuple[str, str]] = MappingProxyType(
 
 
 def count_sites(request: GenerationRequest, report: ProgressReporter) -> SiteCount:
-    """Count the different sites of the map that fit a request; the count is at least 1.
+    """Return the number of different sites of the map that fit a request, at least 1.
 
     Raises:
         NotPossible: no site fits; the error lists the types that the map has in the requested area.
@@ -103,7 +103,7 @@ def fitting_sites(osm: OsmMap, request: GenerationRequest) -> list[Site]:
     Raises:
         NotPossible: the map, street or box has no such site of the requested road classes; the error lists the types
             that it has.
-        InvalidRequest: a ramp without link roads.
+        InvalidRequest: a ramp is requested, but link roads are excluded.
     """
     finder = site_finder(osm, request.road_classes)
     turn = request.goal.turn
@@ -246,7 +246,7 @@ def _meet(osm: OsmMap, streets: tuple[tuple[str, ...], ...]) -> bool:
 
 
 def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
-    """Return why a way that is tagged as a roundabout on the requested streets is none; empty without such a way."""
+    """Return why a way tagged as a roundabout on the requested streets is not one; empty without a way like this."""
     for part, fault in finder.ring_faults():
         ring = Site("roundabout", *part.position, part.streets, part.mark)
         if _passes_by(ring, request) and _is_in_box(ring, request):
@@ -257,7 +257,7 @@ def _ring_fault(finder: SiteFinder, request: GenerationRequest) -> str:
 def _never_meet(osm: OsmMap, finder: SiteFinder, request: GenerationRequest) -> NotPossible:
     """Return the refusal of streets that do not meet; it lists the crossing of one of them nearest to the others.
 
-    After that, it lists those with a site of the requested type.
+    After that, it lists the streets that have a site of the requested type.
     """
     named = cited_all((names[0] for names in request.streets), " / ")
     kinds: tuple[SiteType, ...] = ANY_ORDER if request.scenario_type == "any" else (request.scenario_type,)
@@ -308,7 +308,7 @@ def _crossing_nearby(
 def _fitting_any(
     finder: SiteFinder, request: GenerationRequest, kinds: Iterable[SiteType], streets: tuple[tuple[str, ...], ...]
 ) -> list[Site]:
-    """Return the sites of several kinds on other streets than the requested ones."""
+    """Return the fitting sites of any of the kinds on the given streets instead of the requested kinds."""
     elsewhere = request.model_copy(update={"streets": streets})
     return [site for kind in kinds for site in _fitting(finder, finder.find(kind), elsewhere)]
 
@@ -408,7 +408,7 @@ def _is_on_streets(streets: tuple[tuple[str, ...], ...], part: SitePart) -> bool
 
 
 def _carries(streets: tuple[str, ...], names: tuple[str, ...]) -> bool:
-    """Return whether the streets include one of the names; those in a list (``A 4;E 40``) count individually."""
+    """Return whether the streets include one of the names; names in a list (``A 4;E 40``) count individually."""
     held, wanted = (
         {fold(part) for listed in lists for part in (listed, *listed.split(";"))} for lists in (streets, names)
     )
@@ -481,7 +481,7 @@ def road_classes(edge: NetEdge) -> frozenset[str]:
 
 
 def _passes(net: SumoNet, middle: Points, within_m: float, wanted: Callable[[frozenset[str]], bool]) -> bool:
-    """Return whether a road of the wanted classes is near the middle; checks 8 points per segment."""
+    """Return whether a road of the wanted classes is near the site's middle; checks 8 points per segment."""
     roads = {edge.edge_id for edge in net.edges.values() if not edge.internal and wanted(road_classes(edge))}
     lanes = (lane for lane in net.lanes.values() if lane.edge_id in roads)
     return any(float(np.linalg.norm(_dense(lane.shape) - middle, axis=1).min()) < within_m for lane in lanes)
@@ -493,10 +493,10 @@ def _dense(line: Points) -> Points:
 
 
 def _ring_edges_at(site: Site, net: SumoNet, middle: Points) -> frozenset[str]:
-    """Return the edges of all roundabouts at the middle that are closed and that roads enter.
+    """Return the edges of all roundabouts at the site's middle that are closed and that roads enter.
 
-    netconvert does not mark every ring as a roundabout, for example none with ``junction=circular``. If it marked none,
-    the ring is the circle of one-way edges that the site's ways are part of.
+    netconvert does not mark every ring as a roundabout, for example not one with ``junction=circular``. If no ring is
+    marked, the ring is the circle of one-way edges that the site's ways are part of.
     """
     before: dict[str, set[str]] = {}
     for turn in net.connections:
@@ -531,7 +531,7 @@ def drawn_ring(site: Site, net: SumoNet) -> tuple[str, ...]:
 
 
 def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Mapping[str, Set[str]]) -> bool:
-    """Return whether a ring is closed, has roads that lead into it, and surrounds the middle or passes near it.
+    """Return whether a ring is closed, has roads that lead into it, and surrounds the site's middle or passes near it.
 
     ``before``: the edges that lead into each edge.
     """
@@ -547,7 +547,10 @@ def _is_ring_at(net: SumoNet, middle: Points, ring: tuple[str, ...], before: Map
 
 
 def _junctions_near(net: SumoNet, middle: Points, with_links: bool = False) -> list[str]:
-    """Return the junctions of three or more roads near the middle, not only motorways; ``with_links`` counts links."""
+    """Return the junctions of three or more roads, not only motorways, near the site's middle.
+
+    ``with_links``: whether link roads count.
+    """
     open_to_many = net.drivable_edges("passenger") | net.drivable_edges("delivery")
     roads = [net.edges[key] for key in net.edges if key in open_to_many]
     roads = [edge for edge in roads if with_links or road_classes(edge) - frozenset(LINKS)]
@@ -576,7 +579,7 @@ def _is_lit(net: SumoNet, junction: str) -> bool:
 
 
 def _ramp_near(net: SumoNet, middle: Points) -> bool:
-    """Return whether a link leaves or joins a motorway or trunk road near the middle."""
+    """Return whether a link leaves or joins a motorway or trunk road near the site's middle."""
     for turn in net.connections:
         before, after = (road_classes(net.edges[key]) for key in (turn.from_edge, turn.to_edge))
         joins = (before & FAST_ROADS and after & RAMP_LINKS) or (after & FAST_ROADS and before & RAMP_LINKS)

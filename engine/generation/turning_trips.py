@@ -32,7 +32,7 @@ def possible_turns(net: SumoNet, focus: SiteFocus, sumo_class: str) -> frozenset
 class TurningTrips(TripMaker):
     """Makes half of a class's trips along routes through a site; they start up to ``before_s`` seconds before it.
 
-    Without a ``turn``, they take any route through the site. If no route makes the turn, the trips are the usual ones.
+    Without a ``turn``, they take any route through the site. If no route makes the turn, the trips are the usual trips.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class TurningTrips(TripMaker):
         self._class, self._before_s = vehicle_class.name, before_s
 
     def trip(self, vehicle_class: VehicleClass) -> tuple[str, ...]:
-        """Return a trip with the turn or a usual one; the ego's class gets both."""
+        """Return a trip with the turn, or a usual trip; the ego's class gets both."""
         if vehicle_class.name != self._class or not self._through or self._choice.random() >= TURNING_SHARE:
             return super().trip(vehicle_class)
         edges = self.open_to(vehicle_class)
@@ -63,7 +63,7 @@ class TurningTrips(TripMaker):
         return (*self._approach(edges, way, wanted_s), *way, *onward[1:])
 
     def _straight_on(self, edges: OpenEdges, way: tuple[str, ...]) -> tuple[str, ...]:
-        """Return a route with the edges that lead straight on behind it, for as long as trips last."""
+        """Return a route with the edges that lead straight on after it, for as long as trips last."""
         longer = list(way)
         while edges.travel_s(longer) < self._lasting_s:
             onward = [edge for edge in edges.following[longer[-1]] if edge not in longer]

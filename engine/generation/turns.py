@@ -40,7 +40,7 @@ FARTHEST_HOPS = 4
 
 @dataclass(frozen=True)
 class MadeTurn:
-    """A turn that a car makes at the site, and the last step of its path before it turns elsewhere.
+    """A car's turn at the site, and the last step of its path before it turns elsewhere.
 
     ``is_clear``: the path starts and ends in the directions of the two arms, and has no other turn.
     """
@@ -52,7 +52,7 @@ class MadeTurn:
 def turn_made(
     turn: Turn, car: GeneratedVehicle, last_step: int, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
 ) -> MadeTurn | None:
-    """Return how a car makes the given turn on its path up to a step, or None if it does not make it.
+    """Return the given turn if a car makes it on its path up to a step, otherwise None.
 
     A turn to the left or right belongs to the junctions that the site was made of, or to its ring: the car comes from
     outside and has left it by then. A car that goes straight does not change lanes if the site is a road, and stays on
@@ -122,7 +122,7 @@ def _made_at_junction(
 
 
 def _is_off(headings: Values, direction_rad: float) -> "NDArray[np.bool_]":
-    """Return at which headings a car does not drive in a direction."""
+    """Return a mask of the headings at which a car does not drive in a direction."""
     return np.array([abs(wrap_angle(float(one) - direction_rad)) >= ASIDE_RAD for one in headings], dtype=np.bool_)
 
 
@@ -133,7 +133,7 @@ def _is_on_road(lanelet: RoadLanelet | None) -> bool:
 def _passages(
     car: GeneratedVehicle, last_step: int, ways: SiteWays, focus: SiteFocus, network: RoadNetwork, lookup: LaneletLookup
 ) -> Iterator[_Passage]:
-    """Yield the car's drives through the site up to a step, without any that starts or ends inside it."""
+    """Yield the car's drives through the site up to a step, except those that start or end inside it."""
     steps = np.flatnonzero(focus.inside(car)[: last_step + 1])
     for run in np.split(steps, np.flatnonzero(np.diff(steps) > 1) + 1):
         if not len(run):
@@ -247,7 +247,7 @@ def leads_without_change(start: RoadLanelet, region: "BaseGeometry", network: Ro
 
 
 def _classes(under: list[RoadLanelet], focus: SiteFocus) -> list[frozenset[str]]:
-    """Return the OSM classes of the roads under a car in order, without the insides of junctions."""
+    """Return the OSM classes of the roads under a car in order; the insides of junctions are left out."""
     return [road_classes(focus.net.edges[lanelet.edge_id]) for lanelet in under if not lanelet.internal]
 
 

@@ -9,7 +9,7 @@
 ``read_map``: An operation that returns the facts of a map file, including its place and country.
 ``MapEntry``: An available map: its facts and its file.
 ``Closeness``: How closely a text must match the names on a map.
-``file_stem``: Returns a file's name without the endings of map files.
+``file_stem``: Returns a file's name without the extensions of map files.
 ``names_elsewhere``: Returns the keys of a place and of its names in other languages.
 ``settlements_called``: Returns the settlements of the world that have a name, largest first.
 ``MapMatch``: A map that contains the requested place, with the streets that the site must be on.
@@ -56,12 +56,12 @@
 ``SitePart``: One of the positions that were merged into a site.
 ``LONGEST_RING_M``: Maximum length around a roundabout in m.
 ``SiteFinder``: Finds the sites of one map by type.
-``MAP_ENDINGS``: File-name endings of maps.
+``MAP_ENDINGS``: File-name extensions of maps.
 ``is_binary``: Returns whether a file's name is that of a binary extract.
 ``is_large``: Returns whether a file is a binary extract that must be read into tiles.
 ``is_map``: Returns whether a file's name is that of a map.
 ``is_net``: Returns whether a file's name is that of an uncompressed SUMO network.
-``named_by_content``: Returns a map under a name with the ending of its format.
+``named_by_content``: Returns a map under a name with the extension of its format.
 ``root_element``: Returns the root element of a file if it is that of a map format.
 ``stored_name``: Returns the name under which a map is stored, uncompressed.
 ``unpacked``: Returns a map as a plain file, unpacked into a folder if it is compressed.

@@ -85,7 +85,7 @@ def facts_of(osm: OsmMap, request: ReadMapRequest) -> MapFacts:
 
 
 def _shown_name(path: Path) -> str:
-    """Return a file's name on one line, with its endings, which state its format."""
+    """Return a file's name on one line, with its extensions, which state its format."""
     stem, ending = next(
         ((path.name[: -len(end)], path.name[-len(end) :]) for end in MAP_ENDINGS if path.name.lower().endswith(end)),
         (path.stem, path.suffix),
@@ -188,7 +188,7 @@ def countries_near(bounds: tuple[float, float, float, float]) -> tuple[str, ...]
 
 @lru_cache(maxsize=1)
 def _table() -> tuple["STRtree", tuple[str, ...]]:
-    """Return a spatial tree of all areas, with the country code of each."""
+    """Return a spatial tree of all areas, and the country code of each area."""
     from shapely import STRtree
 
     rows = json.loads(gzip.decompress(BORDERS.read_bytes()))

@@ -193,7 +193,7 @@ class MapMatch:
 
     @property
     def widened(self) -> "MapMatch | None":
-        """Return a match of the whole map if streets are outside their place's circle, or None if that is a limit.
+        """A match of the whole map if streets are outside their place's circle, or None if that is a limit.
 
         The circle of a town is mostly a guess, and an intersection of streets is unique. A quarter, however, states
         which part of a single street is requested.
@@ -208,7 +208,7 @@ class MapMatch:
 
     @property
     def box(self) -> Box | None:
-        """Return the box to search: around ``area``, and within the part of a fetched map whose roads are complete.
+        """The box to search: around ``area``, and within the part of a fetched map whose roads are complete.
 
         The box is None if neither limits it. If they don't overlap, it is the part with complete roads.
         """
@@ -410,7 +410,7 @@ def _is_town_of(part: str, facts: MapFacts) -> bool:
 
 
 def _add_incomplete_roads(shown: list[MapMatch], found: list[MapMatch], text: str, level: Closeness) -> list[MapMatch]:
-    """Add the roads that begin with the given text, since its last word may be only half typed.
+    """Return the matches with the roads added that begin with the text, since its last word may be half typed.
 
     ``Rue de B`` is a spelling of ``B Street``, and the beginning of ``Rue de Bretagne``. This adds no roads to a place,
     to a road with exactly this name, or to one that the text abbreviates (``Main St``: ``Main Street``).
@@ -647,7 +647,7 @@ def _without_area(reading: "_Reading", area: PlaceArea) -> "_Reading":
 
 
 def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words of the map's file name although nothing on the map has this name: people name files after places."""
+    """Return the reading with words of the map's file name accepted, since people name files after places."""
     named = _words_of_file_name(file_stem(facts.file_name))
     rest = replace(reading, unnamed=())
     for part in reading.unnamed:
@@ -657,7 +657,7 @@ def _match_file_name(reading: "_Reading", facts: MapFacts) -> "_Reading":
 
 
 def _match_road_names(reading: "_Reading", facts: MapFacts) -> "_Reading":
-    """Accept words that a road of the map is named after, if the text gives the map's place.
+    """Return the reading with words accepted that a road of the map is named after, if the text gives the map's place.
 
     For example, ``Northgate`` is accepted because of ``NE Northgate Way``, although no place on the map has this name.
     """
@@ -887,7 +887,7 @@ def _same_place(area: PlaceArea, facts: MapFacts) -> list[PlaceArea]:
 
 
 def file_stem(name: str) -> str:
-    """Return a file's name without the endings of maps; a converted map has a different ending from its file."""
+    """Return a file's name without the extensions of maps; a converted map has another extension than its source."""
     return _FILE_ENDINGS.sub("", name)
 
 
@@ -937,7 +937,7 @@ def _read_road(
     """Read the text as a road.
 
     ``short``: a single distinctive word suffices, as people write the roads of an intersection. ``whole``: the text
-    must be the whole name. ``core``: the text is everything that distinguishes the road from others.
+    must be the whole name. ``core``: the text is everything that distinguishes the road from other roads.
     """
     roads = roads_called(part, facts, short=short, whole=whole) if not core else _roads_after(part, facts)
     if not roads and not whole and (unnumbered := _HOUSE_NUMBER.sub("", part)) != part:
@@ -1070,7 +1070,7 @@ def _two_roads(words: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _read_inflected(part: str, facts: MapFacts) -> _Reading | None:
-    """Read the text as the roads that it names in another grammatical form, or as a road with exactly its name."""
+    """Read the text as roads with this name in another grammatical form, or as a road with exactly this name."""
     if (found := _read_road(part, facts, whole=True)) is not None:
         return found
     index = _road_index((*facts.streets, *facts.refs), facts.road_names)
@@ -1178,7 +1178,7 @@ def roads_called(part: str, facts: MapFacts, *, short: bool = False, whole: bool
 
 
 def _is_spelling(typed: str, name: str) -> bool:
-    """Return True if a name is the typed one, abbreviated or with its numbers written otherwise."""
+    """Return True if a name is the typed name, abbreviated or with its numbers written differently."""
     return (
         fold(name) == fold(typed)
         or is_abbreviated(typed, name)

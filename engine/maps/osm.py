@@ -59,7 +59,7 @@ class OsmNode:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Latitude and longitude in degrees."""
+        """The latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
 
@@ -73,7 +73,7 @@ class OsmWay:
 
     @property
     def road_class(self) -> str:
-        """OSM's ``highway`` value; empty if the way is not a road."""
+        """The value of OSM's tag ``highway``; empty if the way is not a road."""
         return self.tags.get("highway", "")
 
     @property
@@ -118,7 +118,7 @@ class OsmMap:
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(south, west, north, east) in degrees: as declared, or around all roads if that is not plausible."""
+        """The box (south, west, north, east) in degrees: as declared, or around all roads if that is not plausible."""
         declared = self.declared_bounds
         if declared is not None and _is_area(declared) and _fits(declared, self.nodes.values()):
             return declared

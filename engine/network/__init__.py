@@ -4,10 +4,10 @@
 ``remove_hairpins``: Deletes the connections of all lanes without valid bounds from a net, in place.
 ``Digraph``: A directed graph with searches: cheapest and shortest routes, costs, reachable nodes.
 ``GeoReference``: The location of a network's coordinates on earth: a PROJ string and an offset in m.
-``lights_begin_at``: Returns a net with lights that, after some simulated time, are in their initial states.
+``lights_begin_at``: Returns a net with lights that are in their initial states after a given simulated time.
 ``net_over_lanelets``: Returns the ``.net.xml`` over a lanelet network, and the lanelets for vehicles as plain values.
 ``LaneletGraph``: Lanelet ids with their lengths in m, successors, predecessors and neighbours of the same direction.
-``MOTOR_CLASSES``: SUMO's classes of motor vehicles on roads.
+``MOTOR_CLASSES``: SUMO's vehicle classes for motor vehicles on roads.
 ``NetEdge``: A road in one direction between two junctions, or the inside of a junction (``internal``).
 ``SumoNet``: A SUMO net as plain values.
 ``read_net``: Reads a SUMO net from an untrusted file.
@@ -30,7 +30,7 @@
 ``LaneletLookup``: Finds lanelets of one network by position and heading.
 ``RoadLanelet``: A lanelet with the SUMO lane that it was made from.
 ``RoadNetwork``: All lanelets by id, with signs, lights and intersections.
-``SpeedSign``: A speed limit in m/s that applies to some lanelets.
+``SpeedSign``: A speed limit in m/s, and the lanelets that it applies to.
 ``TrafficLight``: A light at the end of one lanelet, its cycle in steps.
 ``WIDEST_TURN_RAD``: A vehicle at a larger angle to a lanelet does not drive along it.
 ``check_file``: Runs all rules on a CommonRoad file.

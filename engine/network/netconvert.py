@@ -138,7 +138,7 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
 def add_connections(net: Path, pairs: Iterable[tuple[str, str]], scratch: Path) -> tuple[str, ...]:
     """Connect the lanes of edges with those of the next edge in a net, in place; return netconvert's warnings.
 
-    Each lane leads to the lane of the same index, or to the last one.
+    Each lane leads to the lane of the same index, or to the last lane.
     """
     lanes = {edge: len(known.lane_ids) for edge, known in read_net(net).edges.items()}
     root = etree.Element("connections")

@@ -37,6 +37,7 @@
 ``Predictor``: A function that predicts one track.
 ``predictor``: Returns the function that predicts one track on a network, by the name of a prediction.
 ``check_modes``: Raises ``InvalidRequest`` if a prediction cannot be combined with the traffic.
+``check_world``: Raises ``InvalidRequest`` if a planner would see what the sensors of a world do not.
 ``CarefulDriver``: The competent and careful driver of UN R157.
 ``FuzzyDriver``: The driver of the fuzzy safety model.
 ``RssDriver``: The driver of Responsibility-Sensitive Safety.
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
         PLANNERS,
         built_in_version,
         check_modes,
+        check_world,
         known_planner,
         make_planner,
         own_planner,

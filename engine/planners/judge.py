@@ -53,7 +53,7 @@ class Judge:
         self._last_stay: EgoState | None = None
 
     def before_the_run(self, initial: EgoState) -> Verdict | None:
-        """Return why no planner can solve the problem, or None."""
+        """Return the verdict if no planner can solve the problem, otherwise None."""
         hit = self._traffic.hit_by(initial, self._vehicle)
         if hit:
             return Verdict.invalid(

@@ -255,7 +255,8 @@ def _strata_of(runs: RunSet, factor: str, level_of: Callable[[RunSet, RunRecord]
 
 
 def _conditions(_: RunSet, record: RunRecord) -> str:
-    return f"{record.prediction.replace('_', ' ')}, {record.traffic}"
+    world = "" if record.world.is_perfect else f", {record.world.in_words()}"
+    return f"{record.prediction.replace('_', ' ')}, {record.traffic}{world}"
 
 
 def _road(runs: RunSet, record: RunRecord) -> str:

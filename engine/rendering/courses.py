@@ -141,7 +141,7 @@ def terms(runs: RunSet) -> Drawing:
 
 
 def _stacked(steps: RunSteps) -> tuple[list[str], Values]:
-    """Return the terms by mean, largest first and small ones combined, and their values (terms, steps)."""
+    """Return the terms by mean, largest first and small terms combined, and their values (terms, steps)."""
     count = min([len(steps.plan_steps), *(len(values) for values in steps.costs.values())])
     series = {name: np.maximum(np.array(values[:count]), 0.0) for name, values in steps.costs.items()}
     order = sorted((name for name in series if series[name].any()), key=lambda name: (-series[name].mean(), name))

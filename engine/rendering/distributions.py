@@ -28,7 +28,7 @@ _Pair = tuple[float, float]
 
 
 def distributions(runs: RunSet) -> Drawing:
-    """Draw a panel per metric: runs are dots, the middle half is a box, the median a line, and pairs are joined.
+    """Draw a panel per metric: runs are dots, a box spans the middle half, a line is the median, and pairs are joined.
 
     Raises:
         NotPossible: No valid run has a metric.
@@ -157,7 +157,7 @@ def _draw_pairs(
 def _pairs(spec: MetricSpec, before: Sequence[RunRecord], after: Sequence[RunRecord]) -> list[_Pair]:
     def by_problem(records: Sequence[RunRecord]) -> dict[tuple[object, ...], float]:
         return {
-            (one.scenario_id, one.problem_id, one.prediction, one.traffic, one.seed): value
+            (one.scenario_id, one.problem_id, one.prediction, one.traffic, one.seed, one.world): value
             for one in records
             if (spec.basis == "valid" or one.outcome == "goal_reached") and (value := spec.value(one)) is not None
         }

@@ -96,7 +96,7 @@ def describe(request: DescribeRequest, report: ProgressReporter) -> Description:
 
 
 def _present_at(scene: Scene, tracks: Mapping[int, Track], step: int) -> dict[int, Track]:
-    """Return the vehicles that are present at a step.
+    """Return the vehicles that are present at a step, by id.
 
     Raises:
         NotPossible: no vehicle is present at the step.
@@ -209,7 +209,7 @@ def _vehicles(
 
 
 def _with_role(scene: Scene, vehicle: DescribedVehicle, roles: Mapping[int, str]) -> DescribedVehicle:
-    """Return the vehicle with its role: the ego's recording, not drivable, or ``lead``/``follow`` in another lane."""
+    """Return the vehicle with its role: the ego's recording, undrivable, or ``lead``/``follow`` in another lane."""
     track = scene.tracks.get(vehicle.vehicle_id)
     if track is not None and scene.ego is not None and is_own_recording(track, scene.ego):
         return vehicle.model_copy(update={"where": OWN_RECORDING, "gap_m": None})
@@ -310,7 +310,7 @@ def vehicle_words(name: str) -> str:
 
 
 def _goal_words(problem: "PlanningProblem", step_s: float, start: Any, lanelets: tuple[int, ...]) -> str:
-    """Return those of the goal's position, time, speed and heading that it states, as text."""
+    """Return the position, time, speed and heading that a goal states, as text."""
     states = problem.goal.state_list
     if not states:
         return "not stated"

@@ -124,7 +124,7 @@ def _has_oncoming(line: Points, here_m: float, tracks: dict[int, Track]) -> bool
 
 
 def is_near_line(line: Points, positions: Points, reach_m: float) -> NDArray[np.bool_]:
-    """Return which positions (n, 2) are in the box around a line, extended by a reach; all others are farther away."""
+    """Return which positions (n, 2) are in a line's box, extended by a reach; all other positions are farther away."""
     low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
     inside: NDArray[np.bool_] = ((positions >= low) & (positions <= high)).all(axis=1)
     return inside

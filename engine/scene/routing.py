@@ -78,7 +78,7 @@ def start_lanelets(network: "LaneletNetwork", position: Points, heading_rad: flo
 
 
 def goal_lanelets(network: "LaneletNetwork", goal: "GoalRegion") -> list[int] | None:
-    """Return the lanelets that a goal lists, else those under its regions' centres, else touched ones; ascending.
+    """Return the lanelets that a goal lists, else those under its regions' centres, else those that it touches, sorted.
 
     The result is None if a goal state leaves the position free. A planner aims at these lanelets, so a region next to
     the lanes still has a lanelet. The function :func:`goal_center_lanelets` is narrower: of the 195 available public
@@ -111,7 +111,7 @@ def _lanelets_of(network: "LaneletNetwork", shape: object) -> set[int]:
 def straight_on(
     network: "LaneletNetwork", graph: LaneletGraph, route: tuple[int, ...], ahead_m: float
 ) -> tuple[int, ...]:
-    """Extend the route by its straightest successors until these are ``ahead_m`` long or the network ends."""
+    """Return the route extended by its straightest successors, ``ahead_m`` long or up to the network's end."""
     longer, passed, length = list(route), set(route), 0.0
     while length < ahead_m:
         following = [key for key in graph.successors.get(longer[-1], ()) if key not in passed]
@@ -308,7 +308,7 @@ class _Round:
 def _round(
     network: "LaneletNetwork", graph: LaneletGraph, lanelets: tuple[int, ...], start: Points, goal: Points | None
 ) -> list[_Round]:
-    """Return the ways of a route round roundabouts.
+    """Return the passages of a route around roundabouts.
 
     The directions of the arms are those of the route over one diameter of the roundabout before and after it. The
     lanelets on these stretches belong to the roundabout.

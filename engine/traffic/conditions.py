@@ -129,7 +129,10 @@ def published_calibrations() -> dict[str, Calibration]:
 
 
 def _british(roads: str, limit_mph: float, *, over: float, far_over: float) -> Calibration:
-    """Return cars' free speeds: the normal distribution with given shares over the limit and over it by 10 mph."""
+    """Return a calibration of cars' free speeds: the normal distribution with two given shares.
+
+    The shares are those over the limit and over the limit by 10 mph.
+    """
     at_limit, above = (NormalDist().inv_cdf(1 - share) for share in (over, far_over))
     deviation_mph = _OVER_MPH / (above - at_limit)
     factor = Spread(1 - at_limit * deviation_mph / limit_mph, deviation_mph / limit_mph)

@@ -19,7 +19,7 @@ def preset_configuration(planner: str, preset: str | None = None) -> PlannerConf
     """Return the unchanged configuration of a preset (by default the planner's first) with the default settings.
 
     Raises:
-        UnknownName: No such planner or preset.
+        UnknownName: There is no such planner or preset.
     """
     name, tuning = known_planner(planner), tuning_of(planner)
     chosen = tuning.presets[tuning.first_preset] if preset is None else tuning.preset(preset)
@@ -80,7 +80,7 @@ def from_file(file: WeightFile) -> PlannerConfiguration:
     A file in our own form needs no template: the configuration follows from its values alone.
 
     Raises:
-        UnknownName: No such planner, weight or setting.
+        UnknownName: There is no such planner, weight or setting.
         InvalidRequest: A value is out of its range.
     """
     made, _ = changed_configuration(preset_configuration(file.planner), None, file.weights, file.settings)

@@ -71,7 +71,7 @@ class PlannerTuning:
 
     @property
     def limits(self) -> dict[str, tuple[float, float]]:
-        """Ranges of the weights that differ from 0 to 1e6."""
+        """The ranges of the weights that have a range other than 0 to 1e6, by name."""
         ranges = {name: (weight.lowest, weight.highest) for name, weight in self.weights.items()}
         return {name: limits for name, limits in ranges.items() if limits != (0.0, LARGEST_WEIGHT)}
 
@@ -79,7 +79,7 @@ class PlannerTuning:
         """Return a preset by its name, short name or usual synonym, ignoring case.
 
         Raises:
-            UnknownName: No such preset; the error lists the names, likeliest first.
+            UnknownName: There is no such preset; the error lists the names, likeliest first.
         """
         folded = word.strip().lower()
         for preset in self.presets.values():
@@ -112,7 +112,7 @@ def tuning_of(planner: str) -> PlannerTuning:
     """Return the options of a planner.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user-supplied planner cannot be imported.
     """
     name = known_planner(planner)

@@ -323,7 +323,7 @@ class Workspace:
         return " AND ".join(conditions), values
 
     def newest_made(self, limit: int) -> list[Artifact]:
-        """Return the newest artifacts: created and imported ones first, then searches and starter scenarios."""
+        """Return the newest artifacts: created and imported artifacts first, then searches and starter scenarios."""
         rows: list[sqlite3.Row] = []
         for is_wanted in (f"NOT ({_LISTED_LAST})", _LISTED_LAST):
             query = f"SELECT {_COLUMNS} FROM artifacts WHERE {is_wanted} ORDER BY sequence DESC LIMIT ?"  # noqa: S608 - fixed words only
@@ -486,7 +486,7 @@ def _size_of(artifact: NewArtifact) -> int:
 
 
 def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
-    """Copy the files of an artifact into a new folder on the workspace's disk.
+    """Copy the files of an artifact into a new folder on the workspace's disk; return the artifact with this folder.
 
     It does not use the database, so any thread may call it.
 

@@ -82,7 +82,7 @@ def refuse_existing(paths: Sequence[Path]) -> None:
     """Raise if a file exists, before anything is written.
 
     Raises:
-        NotPossible: A file exists; the error lists the first ones.
+        NotPossible: A file exists; the error lists the first files.
     """
     taken = [str(path) for path in paths if path.exists()]
     if taken:

@@ -123,7 +123,7 @@ def repair(workspace: Workspace) -> list[tuple[Disagreement, Path]]:
     """Remove every artifact with an unreadable or inconsistent record; everything else stays.
 
     Returns:
-        The problem of each, and the folder below ``taken_out`` with its row and its files.
+        For each removed artifact: its problem, and the folder below ``taken_out`` with its row and files.
 
     Raises:
         ResourceFailure: The database is damaged, or something cannot be moved.
@@ -182,7 +182,7 @@ class Quota:
         self._taken_bytes, self._look_again_at = 0, 0.0
 
     def admit(self, size_bytes: int) -> None:
-        """Admit something of this size.
+        """Make sure that there is room for something of this size, and remove caches if necessary.
 
         Raises:
             ResourceFailure: There is no space, and no cache that may be removed.

@@ -1,6 +1,6 @@
 """The requests of the modification bench: ground truth of the corpus as edits, drawn edits, and requests to be refused.
 
-For a request to be refused, the corpus gives a reason code and the text; the edits here express the text as arguments.
+For a request to be refused, the corpus gives a reason code and the text; here, the text becomes typed edits.
 The code and the failing edit determine what a refusal must state.
 """
 
@@ -322,7 +322,7 @@ def drawn_refusals(scene: Scene) -> list[EditRequest]:
 
 
 def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what a refusal for a reason must state about the failing edit."""
+    """Return the texts that a refusal for a reason must contain about the failing edit."""
     if reason == "infeasible_time":
         return ("out of reach", "goal_time")
     if reason == "unreachable_target" and failing["op"] == "set_goal":
@@ -351,7 +351,7 @@ def _lanelet_of(edit: Mapping[str, Any]) -> object:
 
 
 def _vehicle(scene: Scene) -> int | None:
-    """Return a vehicle that can be edited; one with the planning problem's id would count as the ego."""
+    """Return a vehicle that can be edited; a vehicle with the planning problem's id would count as the ego."""
     return next((key for key in scene.tracks if key != _ego_id(scene) and not not_drivable(scene, key)), None)
 
 

@@ -87,7 +87,7 @@ def _cheapest(
     begin: Iterable[tuple[float, int]],
     onward: Callable[[float, "Lanelet"], Iterable[tuple[float, int]]],
 ) -> dict[int, float]:
-    """Return the lowest costs of all lanelets reachable from some with their costs (Dijkstra 1959)."""
+    """Return the lowest costs of all lanelets that can be reached from the starts with their costs (Dijkstra 1959)."""
     best: dict[int, float] = {}
     queue = sorted(begin)
     while queue:
@@ -100,7 +100,7 @@ def _cheapest(
 
 
 def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -> frozenset[int]:
-    """Return some lanelets, all their successors, and so on."""
+    """Return the given lanelets, their successors, the successors of these, and so on."""
     known, queue = set(begin), list(begin)
     while queue:
         more = {int(key) for key in following(queue.pop())} - known
@@ -110,12 +110,12 @@ def all_after(begin: Iterable[int], following: Callable[[int], Iterable[int]]) -
 
 
 def ways_to_m(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
-    """Return the shortest distance in m from the start of every lanelet to that of any target, if there is a route."""
+    """Return, by lanelet, the shortest distance in m from its start to that of any target, if there is a route."""
     return _costs_to(network, targets, lambda lanelet: length_m(lanelet.center_vertices), change_cost=0.0)
 
 
 def changes_to(network: "LaneletNetwork", targets: frozenset[int]) -> dict[int, float]:
-    """Return the fewest lane changes on any route from every lanelet to any target, if there is a route."""
+    """Return, by lanelet, the fewest lane changes on any route to any target, if there is a route."""
     return _costs_to(network, targets, lambda _: 0.0, change_cost=1.0)
 
 
@@ -175,7 +175,7 @@ def places_along(network: "LaneletNetwork", position: Points, offset_m: float) -
 
 
 def nearest_m(point: Points, places: Iterable[Points]) -> float:
-    """Return the distance in m to the nearest of some places; infinite if there are none."""
+    """Return the distance in m to the nearest of the places; infinite if there are none."""
     return min((float(np.linalg.norm(point - place)) for place in places), default=math.inf)
 
 

@@ -53,15 +53,15 @@ Every name that an answer, a table or a legend prints is accepted."""
 
 
 class CompareResultsArguments(Arguments):
-    """A against B, paired per scenario: tests, intervals, effect sizes, flips each way, which weights changed."""
+    """A against B, paired per scenario: tests, intervals, effect sizes, flips, changed weights."""
 
     results: list[str] = Field(
         [],
         max_length=50,
         description="run or batch ids, baseline first, or one batch of configurations; default: the newest",
     )
-    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all that can be compared")
-    limit: int = Field(10, ge=1, le=100, description="flipped scenarios shown per direction")
+    metrics: list[UnlistedMetric] = Field([], description="risk_score, duration_s …; default: all comparable")
+    limit: int = Field(10, ge=1, le=100, description="flips shown per direction")
 
 
 class Side(Model):
@@ -161,7 +161,7 @@ class SuccessTest(Model):
 
     @property
     def excludes_zero_alone(self) -> bool:
-        """Return whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
+        """Whether the interval excludes 0 although the test, adjusted for all tests, shows nothing."""
         if self.low is None or self.high is None or self.low <= 0 <= self.high:
             return False
         return self.p_holm is None or self.p_holm >= SIGNIFICANCE_LEVEL
@@ -236,7 +236,7 @@ class Comparison(Model):
     to_failure_count: int = Field(description="number of these")
     weights: tuple[WeightChange, ...] = Field(description="cost weights that differ")
     conditions: tuple[str, ...] = Field(description="other differences between the sides")
-    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions or traffic modes")
+    strata: tuple[Stratum, ...] = Field((), description="if a side has several predictions, traffic modes or worlds")
     unpaired: int = Field(description="runs of either side without a partner")
     invalid_pairs: int = Field(description="pairs in which a run could not be attempted")
     headline_code: HeadlineCode = Field(description="stable code of what the pairs show about success")
@@ -392,7 +392,7 @@ def _strata(comparison: Comparison) -> list[str]:
 
 
 def _edited(comparison: Comparison) -> list[str]:
-    """Return what the edits changed between the scenarios of pairs by lineage."""
+    """Return lines on what the edits changed between the scenarios of pairs by lineage."""
     if not comparison.edited_count:
         return []
     lines = []

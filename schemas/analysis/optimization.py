@@ -10,6 +10,7 @@ from ..planning import WeightChange
 from ..results import figure
 from ..runs import Prediction, Traffic
 from ..text import counted, p_in_words
+from ..worlds import PERFECT, PERFECT_NAME, World
 from .comparison import HeadlineCode
 
 StudyCode = Literal[
@@ -44,6 +45,8 @@ class OptimizePlannerArguments(Arguments):
     prediction: Prediction = "constant_velocity"
     """As in `run_planner`."""
     traffic: Traffic = "recorded"
+    """As in `run_planner`."""
+    world: str = PERFECT_NAME
     """As in `run_planner`."""
     wait_s: float = Field(45, ge=0, le=50)
     """How long to wait for the study, in s. Afterwards the answer gives the job's id."""
@@ -188,12 +191,12 @@ class HeldOut(Model):
 
     @property
     def is_better(self) -> bool:
-        """Return whether the gain is shown."""
+        """Whether the gain is shown."""
         return self.gain.low > 0 and self.shown
 
     @property
     def is_worse(self) -> bool:
-        """Return whether a loss is shown."""
+        """Whether a loss is shown."""
         return self.gain.high < 0 and self.shown
 
 
@@ -210,6 +213,9 @@ class StudyRecord(Model):
     constraints: tuple[str, ...] = Field(description="constraints on every candidate")
     prediction: Prediction
     traffic: Traffic
+    world: World = Field(
+        PERFECT, exclude_if=lambda world: world.is_perfect, description="the sensors of its runs; absent: perfect"
+    )
     base_id: str = Field(description="id of the initial configuration")
     base_name: str = Field(description="its name")
     best_id: str = Field(description="id of the found configuration")

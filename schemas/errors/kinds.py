@@ -123,7 +123,7 @@ class InvalidRequest(PlannerForgeError):
 
 
 class UnknownName(InvalidRequest):
-    """A name or id that does not exist; ``valid`` lists the nearest ones first."""
+    """A name or id that does not exist; ``valid`` lists the nearest names first."""
 
     code = "unknown_name"
     names_valid = True
@@ -169,7 +169,8 @@ class Faults:
         """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: with the class and reason of the first fault, and the valid values of all faults.
+            InvalidRequest: there are faults; the error has the class and reason of the first fault, and the valid
+                values of all.
         """
         if not self._found:
             return
@@ -223,7 +224,7 @@ class _Collecting:
 
 
 def _common_remedies(faults: Sequence[InvalidRequest]) -> list[Remedy]:
-    """Return one remedy for all faults: the first change from each of them, otherwise the first call."""
+    """Return one remedy for all faults: the first change from each fault, otherwise the first call."""
     changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
     if all(remedy is not None for remedy in changing):
         return [Remedy(tuple(change for remedy in changing if remedy is not None for change in remedy.changes))]

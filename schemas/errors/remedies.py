@@ -64,7 +64,7 @@ class Remedy:
 
 
 def instead(word: str, other: object, *fields: str) -> Remedy:
-    """Return the call with a word replaced; ``fields`` are the only ones that contain it, if known."""
+    """Return the call with a word replaced; ``fields`` are the only fields that contain it, if known."""
     return Remedy((Change(words={word: str(other)}, fields=fields),))
 
 
@@ -154,7 +154,7 @@ class NextCall:
 
     @property
     def text(self) -> str:
-        """Return the call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
+        """The call in words: ``call again with {…}``, or ``call describe_scenario with {…}``."""
         name = "again" if self.changed is not None else self.tool
         arguments = cited_parts(dict(self.arguments))
         if self.changed is not None:  # what the caller wrote stays as it was written

@@ -202,7 +202,8 @@ class RequestedGoal:
         """Parse ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
 
         Raises:
-            InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
+            InvalidRequest: the text has none of these forms, or a value is outside 10 … 1000 steps, 5 … 2000 m, or a
+                rectangle of 0.5 … 500 m.
         """
         if text == THROUGH:
             return cls(text)
@@ -228,7 +229,7 @@ class RequestedGoal:
 
     @property
     def is_through(self) -> bool:
-        """Return whether the goal is beyond the site."""
+        """Whether the goal is beyond the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:
@@ -261,7 +262,7 @@ class RequestedEgo:
         """Parse ``first``, ``index:N`` or ``type:CLASS``.
 
         Raises:
-            InvalidRequest: none of these.
+            InvalidRequest: the text has none of these forms.
         """
         match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", text)
         if match is None:
@@ -338,7 +339,7 @@ class ScenarioSpec(Model):
         """Refuse a turn that no ego makes at a site of this type.
 
         Raises:
-            InvalidRequest: with the turns that are possible at this site.
+            InvalidRequest: no ego makes this turn there; the error lists the possible turns.
         """
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
@@ -357,7 +358,7 @@ class ScenarioSpec(Model):
 
     @property
     def on_wheels(self) -> tuple[VehicleDemand, ...]:
-        """The requested vehicles, without pedestrians."""
+        """The requested vehicles, excluding pedestrians."""
         return tuple(demand for demand in self.vehicles if demand.vehicle_class != "pedestrian")
 
 

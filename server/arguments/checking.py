@@ -174,7 +174,7 @@ def _corrected(
 
 
 def _correct_fault(model: type[BaseModel], detail: ErrorDetails, values: Any) -> bool:
-    """Replace an invalid value by the nearest valid one, or remove it; return whether that was possible."""
+    """Replace an invalid value by the nearest valid value, or remove it; return whether that was possible."""
     *holder, last = detail["loc"] or ("",)
     place: Any = values
     try:

@@ -13,6 +13,7 @@ from support.builders import town_road
 from plannerforge.engine.planners import Observation, Plan, PlannedTrajectory, PlanningTask
 from plannerforge.library import Workspace
 from plannerforge.schemas.errors import InvalidRequest, NotPossible, UnknownName
+from plannerforge.schemas.worlds import World
 from plannerforge.tools.registry import TOOLS
 
 METHODS = {
@@ -200,3 +201,11 @@ def test_importing_the_package_loads_only_the_standard_library() -> None:
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=Path.home())
     loaded = {name.partition(".")[0] for name in done.stdout.split()}
     assert loaded <= {"plannerforge", *sys.stdlib_module_names}
+
+
+def test_a_world_is_given_as_text_or_as_an_object(workspace: Workspace) -> None:
+    scenario = scenario_of(workspace)
+    by_text = workspace.run(scenario, Straight(), world="occlusion, seed=2")
+    by_object = workspace.run(scenario, Straight(), world=World(visible=0.2, seed=2))
+    assert by_text.result_ids == by_object.result_ids
+    assert by_object[0].record.world == World(visible=0.2, seed=2)

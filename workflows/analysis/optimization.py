@@ -12,7 +12,7 @@ from statistics import fmean
 from typing import Literal
 
 from ...engine.execution import JobProgress
-from ...engine.planners import check_modes
+from ...engine.planners import check_modes, check_world
 from ...engine.tuning import (
     Constraint,
     Dimension,
@@ -47,6 +47,7 @@ from ...schemas.errors import Faults, InvalidRequest, NotPossible, with_values
 from ...schemas.planning import PlannerConfiguration
 from ...schemas.runs import RunRecord
 from ...schemas.text import counted, shown_name
+from ...schemas.worlds import PERFECT, World, world_of
 from ..configurations import BY_SEARCH, resolve_configuration, store_configuration
 from ..context import WorkflowContext
 from ..operations import JUDGE_GAIN, PROPOSE, SENSITIVITY_DESIGN, SENSITIVITY_EFFECTS
@@ -100,6 +101,7 @@ class _Plan:
     places: tuple[tuple[str, ...], tuple[str, ...]]
     roots: Mapping[str, str]
     notes: tuple[str, ...]
+    world: World = PERFECT
 
     def values(self, runs: Sequence[RunRecord]) -> tuple[float, ...]:
         """Return the mean objectives over runs: their sum, or each objective separately for a front."""
@@ -128,7 +130,7 @@ class _Plan:
     def cell(self, scenario: ChosenScenario, configuration: PlannerConfiguration) -> Cell:
         """Return the run of a scenario under a configuration."""
         modes = (self.arguments.prediction, self.arguments.traffic)
-        return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes)
+        return Cell(scenario.scenario_id, scenario.problem_id, configuration, *modes, world=self.world)
 
 
 @dataclass
@@ -231,7 +233,7 @@ class _Search:
     async def tried(
         self, candidates: Sequence[tuple[PlannerConfiguration, tuple[float, ...]]], *, prune: bool
     ) -> list[_Trial]:
-        """Run candidates on the training scenarios in parts, and abandon those that fall behind."""
+        """Run candidates on the training scenarios in parts, abandon those that fall behind, and return all trials."""
         training, best = self.plan.training, self.best() if self.trials else None
         runs: list[list[RunRecord | None]] = [[] for _ in candidates]
         alive, done = list(range(len(candidates))), 0
@@ -256,7 +258,7 @@ class _Search:
         return made
 
     def _is_behind(self, runs: Sequence[RunRecord | None], best: Sequence[RunRecord | None]) -> bool:
-        """Return whether a candidate is worse than the best one by more than a standard error on the same scenarios."""
+        """Return whether a candidate is worse than the best one by over one standard error on the same scenarios."""
         paired = [
             self.plan.score(one) - self.plan.score(other)
             for one, other in zip(runs, best, strict=False)
@@ -269,7 +271,7 @@ class _Search:
         return mean < 0 and mean + error <= 0
 
     async def _run(self, cells: Sequence[Cell]) -> list[RunRecord | None]:
-        """Return the runs of some cells in order; lost runs are None."""
+        """Return the runs of the cells in order; lost runs are None."""
         if not cells:
             return []
         for configuration in {cell.configuration.config_id: cell.configuration for cell in cells}.values():
@@ -318,7 +320,7 @@ class _Search:
         self.progress.report(0.9 * self.driven / most, f"{self.driven} of at most {most} configurations run, {found}")
 
     async def _ended(self) -> StudyRecord:
-        """Revert useless changes, then evaluate once on the held-out scenarios."""
+        """Revert useless changes, evaluate once on the held-out scenarios, and return the record of the study."""
         lines = tuple(self.line(trial) for trial in self.trials)
         best, front = self.best(), self._front()
         changes: tuple[ChangeShare, ...] = ()
@@ -388,7 +390,7 @@ class _Search:
         return sum(self.plan.values(trial.valid)) - sum(self.plan.values(other.valid))
 
     def _without(self, configuration: PlannerConfiguration, names: Sequence[str]) -> PlannerConfiguration:
-        """Return a configuration with the base's values of some weights and settings."""
+        """Return a configuration with the named weights and settings reset to the base's values."""
         weights = configuration.weights | configuration.external_weights
         changes = differences(self.plan.base, configuration)
         assignments = [f"{one.name}={one.before!r}" for one in changes if one.name in names]
@@ -477,6 +479,7 @@ def _study_record(
         constraints=tuple(plan.arguments.constraints),
         prediction=plan.arguments.prediction,
         traffic=plan.arguments.traffic,
+        world=plan.world,
         base_id=plan.base.config_id,
         base_name=shown_name(plan.base.name),
         best_id=best.config_id,
@@ -595,8 +598,11 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     """
     faults = Faults()
     objectives, constraints = list[Objective](), list[Constraint]()
+    world = PERFECT
     with faults.collecting():
-        check_modes(arguments.traffic, arguments.prediction)
+        world = world_of(arguments.world)
+    with faults.collecting():
+        check_modes(arguments.traffic, arguments.prediction, world)
     for text in arguments.objective:
         with faults.collecting():
             objectives.append(parse_objective(text))
@@ -606,6 +612,7 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
     with faults.collecting():
         base = resolve_configuration(arguments.base, context)
         space = dimensions(base.planner, arguments.vary)
+        check_world(base.planner, world)
     with faults.collecting():
         choice = choose_scenarios(arguments.scenarios, context)
     with faults.collecting():
@@ -637,6 +644,7 @@ def _plan(arguments: OptimizePlannerArguments, context: WorkflowContext) -> _Pla
         places=places,
         roots=roots,
         notes=(*choice.notes, *notes),
+        world=world,
     )
 
 
@@ -644,7 +652,8 @@ def _check_design(method: Literal["morris", "sobol"], weights: int, most: int) -
     """Refuse a sensitivity analysis if its smallest design needs more runs than allowed.
 
     Raises:
-        InvalidRequest: with the number of runs needed, and the number of weights that fit.
+        InvalidRequest: the design is too large; the error gives the number of runs needed and the number of weights
+            that fit.
     """
     needed = 1 + fewest_configurations(method, weights)
     if needed > most:
@@ -712,7 +721,8 @@ def _grouped(
 
 def _recipe(plan: _Plan) -> Recipe:
     """Return the recipe of a study; it leaves out how long a call waits."""
-    arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed"})
+    arguments = plan.arguments.model_dump(mode="json", exclude={"wait_s", "scenarios", "base", "seed", "world"})
+    arguments |= {} if plan.world.is_perfect else {"world": plan.world.stated}
     scenarios = [[one.scenario_id, one.problem_id] for one in (*plan.training, *plan.held_out)]
     packages = ("optuna", "cmaes", "SALib", "frenetix", "commonroad-io", "commonroad-drivability-checker")
     return Recipe(

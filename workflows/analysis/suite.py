@@ -44,7 +44,7 @@ ReportProgress = Callable[[int, int, str], None]
 
 
 def limits_of(suite: Suite) -> list[Limit]:
-    """Return the limits, including a default one on lost runs, because a gate cannot judge those.
+    """Return the limits, including a default limit on lost runs, because a gate cannot judge lost runs.
 
     Raises:
         InvalidRequest, UnknownName: there are invalid limits; all are reported together.
@@ -78,7 +78,7 @@ async def carry_out(suite: Suite, folder: Path, context: WorkflowContext, report
     words, notes = await _scenarios(suite, folder, context)
     choice = choose_scenarios(words, context)
     cells = [
-        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed)
+        Cell(one.scenario_id, one.problem_id, configuration, suite.prediction, suite.traffic, suite.seed, suite.world)
         for configuration in configurations.values()
         for one in choice.scenarios
     ]
@@ -230,7 +230,7 @@ def _baseline(word: str, folder: Path, context: WorkflowContext) -> _Baseline:
     """Return the runs of a baseline: a file that ``--save-baseline`` wrote, or a stored batch.
 
     Raises:
-        UnknownName: there is neither.
+        UnknownName: there is no such file or batch.
         InvalidRequest: the file is not a baseline.
     """
     if word.startswith("batch_"):

@@ -39,9 +39,9 @@ _ADVICE = "the default planner cannot run here; another seed gives other traffic
 async def make_scenario(
     context: WorkflowContext, request: GenerationRequest, share: tuple[float, float]
 ) -> ScenarioSummary:
-    """Return one scenario: the stored one with the same recipe, otherwise a new one.
+    """Return one scenario: the stored scenario with the same recipe, otherwise a new one.
 
-    Of a million scenarios, some dozens would get the id of another scenario. These scenarios are generated again, with
+    Of a million scenarios, a few dozen would get the id of another scenario. These scenarios are generated again, with
     other digits of their digests in the ids.
 
     Raises:
@@ -125,7 +125,7 @@ def summarise(
 
 
 def _ego_words(ego: GeneratedEgo, request: GenerationRequest) -> str:
-    """Return how many vehicles the ego was chosen from, and its speed; if it is not a car, also its size and limits."""
+    """Return text on the vehicles that the ego was chosen from, its speed and, if not a car, its size and limits."""
     count = ego.cars_to_choose_from
     chosen = "" if request.ego.text == USUAL_EGO else f" (ego={request.ego})"
     one_of = (
@@ -153,7 +153,7 @@ def _shares(scenario: GeneratedScenario, request: GenerationRequest) -> Iterator
 
 
 def _other_type_note(realised: str, requested: str) -> str:
-    """Return the requested type of site, if the realised one differs."""
+    """Return the requested type of site, if the realised type differs."""
     return "" if requested in ("any", realised) else f" (instead of the requested {requested})"
 
 

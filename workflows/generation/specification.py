@@ -85,8 +85,8 @@ def read_specification(arguments: GenerateScenariosArguments) -> GenerationSpec:
         arguments: the call, with the content of its tables instead of their names.
 
     Raises:
-        UnknownName: an unknown class of vehicles or roads, or an unknown condition.
-        InvalidRequest: an invalid goal, ego, box, condition, or number of vehicles.
+        UnknownName: a class of vehicles or roads, or a condition, is unknown.
+        InvalidRequest: the goal, the ego, the box, a condition or a number of vehicles is invalid.
     """
     faults = Faults()
     read = _ReadConditions()
@@ -241,7 +241,7 @@ def _weather(value: str) -> tuple[Weather, str]:
     known = next((weather for weather in WEATHERS if weather == name), None)
     if known is None:
         raise UnknownName(
-            f"there is no weather {value!r}; if none is given, the weather is good",
+            f"there is no weather {value!r}; without a weather, it is good",
             valid=closest(value, WEATHERS) or WEATHERS,
             next_step="choose one of these, or leave the weather out",
             remedies=misspelt(value, [*WEATHERS, *WEATHER_WORDS]),
@@ -366,8 +366,8 @@ def read_vehicles(
     """Parse the vehicles of a call, including the classes of its ego and actor, with notes on their words.
 
     Raises:
-        UnknownName: a vehicle class that does not exist.
-        InvalidRequest: invalid numbers of vehicles.
+        UnknownName: a vehicle class does not exist.
+        InvalidRequest: the numbers of vehicles are invalid.
     """
     in_our_words = [_normalised_demand(text) for text in texts]
     demands = _vehicle_demands(texts, [words for words, _ in in_our_words])
@@ -514,7 +514,7 @@ def _with_ego_class(demands: tuple[VehicleDemand, ...], ego: RequestedEgo) -> tu
 def _with_actor_class(
     demands: tuple[VehicleDemand, ...], others: RequestedManoeuvre | None
 ) -> tuple[VehicleDemand, ...]:
-    """Return the demands with the class of a manoeuvre's actor, if it is given and missing from them.
+    """Return the demands with the class of a manoeuvre's actor, if the class is given and missing from the demands.
 
     Raises:
         InvalidRequest: vehicles excludes the class.
@@ -542,7 +542,7 @@ def _box(bbox: list[float] | None) -> Box | None:
     """Return the checked box of the arguments.
 
     Raises:
-        InvalidRequest: it is not a box.
+        InvalidRequest: the numbers are not a box.
     """
     if bbox is None:
         return None

@@ -95,8 +95,8 @@ def is_with_kind(typed: str, name: str) -> bool:
 def is_inflected(typed: str, name: str) -> bool:
     """Return whether the typed text has a name's words in other grammatical forms (``Marszałkowskiej``: ``...ska``).
 
-    The words differ at most in their last letters. The text may lack a word for the kind of road. Both the words of a
-    language and its names change so, so this alone does not identify a name.
+    The words differ at most in their last letters. The text may lack a word for the kind of road. Ordinary words have
+    these forms, too, so this alone does not identify a name.
     """
     words, held = words_of_name(typed), list(words_of_name(name))
     for word in sorted(words, key=len, reverse=True):
@@ -108,7 +108,7 @@ def is_inflected(typed: str, name: str) -> bool:
 
 
 def beginning(word: str) -> str:
-    """Return the letters that a word's grammatical forms share at least."""
+    """Return the first letters of a word, which all of its grammatical forms share."""
     return word[:SHORTEST_BEGUN]
 
 

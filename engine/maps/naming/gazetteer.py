@@ -2,7 +2,7 @@
 
 The table (``scripts/pack_settlements.py``) has settlements of 5,000 or more inhabitants, with all alternate names: 24
 MB of unpacked JSON. Parsing it all would cost a second and 200 MB. A name is therefore searched in its bytes, which
-takes some 20 ms, and only the records that contain it are parsed.
+takes about 20 ms, and only the records that contain it are parsed.
 """
 
 import gzip

@@ -68,7 +68,7 @@ class _Outline:
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """All names, starting with the one in the local language."""
+        """All names, starting with the name in the local language."""
         return tuple(dict.fromkeys((*filter(None, (self.tags.get("name", "").strip(),)), *self.names)))
 
     @property
@@ -118,9 +118,9 @@ def places_shown(osm: OsmMap) -> list[str]:
 
 
 def _rank_of_addressed(near: Sequence[Settlement], middle: Position, bounds: Box) -> float:
-    """Return the rank of a town in addresses among ``PLACE_KINDS``, by GeoNames's entries of its name near the map.
+    """Return the rank in ``PLACE_KINDS`` of a town in addresses, from GeoNames entries of its name near the map.
 
-    A town that the map is only in the outskirts of comes after the map's own towns, and one farther away after its
+    A town with only its outskirts on the map comes after the map's own towns, and a town farther away comes after its
     villages: addresses also name post towns, municipalities and provinces.
     """
     people = max((one.population for one in near), default=0)

@@ -201,7 +201,7 @@ def words_for_crossings() -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 @cache
 def _endings() -> dict[str, str]:
-    """Return the word endings that mean a kind of road (``Hauptstr``, ``Storgatan``), longest first."""
+    """Return the kind of road that each word ending means (``Hauptstr``, ``Storgatan``), longest ending first."""
     meant: dict[str, str] = {}
     for kind, spellings in _table()["suffixes"].items():
         kinds = [word for word in _meanings().get(kind, ()) if word in _KINDS]
@@ -245,7 +245,7 @@ def _meanings() -> dict[str, tuple[str, ...]]:
 
 @lru_cache(maxsize=MOST_KEPT)
 def road_readings(name: str) -> frozenset[frozenset[str]]:
-    """Return what the words of a road name may mean, as sets of words; empty for a name without letters and digits."""
+    """Return the possible readings of a road name, as sets of words; empty for a name without letters and digits."""
     readings = [_chinese(name)] if _chinese(name) else []
     words = [word for word in map(latin, _split(name)) if word]
     choices = [list(_word_readings(word)) for word in words]

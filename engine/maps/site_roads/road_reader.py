@@ -297,7 +297,7 @@ def _opens_to_buses(tags: Mapping[str, str]) -> bool:
 
 
 def _along(nodes: Sequence[OsmNode]) -> list[OsmNode]:
-    """Return evenly spaced points on a line without its ends, at least one."""
+    """Return evenly spaced points on a line, at least one, excluding its ends."""
     pairs = list(pairwise(nodes))
     steps = [ground_distance_m(a.position, b.position) for a, b in pairs]
     total = sum(steps)
@@ -320,7 +320,7 @@ def _lanes_of_type(way: OsmWay) -> int:
 
 @cache
 def _base_types() -> dict[str, Mapping[str, str]]:
-    """Return the attributes of SUMO's types of roads by OSM's class."""
+    """Return the attributes of SUMO's road types, by OSM road class."""
     import sumo
 
     path = Path(sumo.SUMO_HOME) / "data" / "typemap" / "osmNetconvert.typ.xml"

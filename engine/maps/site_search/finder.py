@@ -1,7 +1,7 @@
 """Finds the sites on a map: its roundabouts, signalised intersections, ramps, motorways and so on.
 
 A map of any kind and size is searched in at most n log n time: ``nearness`` finds what is nearby. If hundreds of roads
-meet, or hundreds of sites share one position, only the first ones are named.
+meet, or hundreds of sites share one position, only the first roads or sites are named.
 """
 
 import math
@@ -79,7 +79,7 @@ class Site:
 
     ``parts``: the spots that were merged into the site, at most ``MOST_NAMED``; the streets are those of all parts.
     ``only_passed``: the requested streets pass the site, but no part is on all of them. ``by_links``: one of the
-    streets reaches the junction only over a link road with the street's name.
+    streets reaches the junction only via a link road with the street's name.
     """
 
     kind: SiteType
@@ -93,7 +93,7 @@ class Site:
 
     @property
     def position(self) -> tuple[float, float]:
-        """Its middle as latitude and longitude in degrees."""
+        """The site's middle as latitude and longitude in degrees."""
         return self.latitude, self.longitude
 
     @property
@@ -176,7 +176,7 @@ class SiteFinder:
         self._found: dict[SiteType, tuple[Site, ...]] = {}
 
     def find(self, kind: SiteType) -> list[Site]:
-        """Return all sites of a kind, with nearby ones merged; empty if the map has hardly any roads."""
+        """Return all sites of a kind, with nearby sites merged; empty if the map has hardly any roads."""
         if kind not in self._found:
             sites = _merged(_SPOTS[kind](self)) if self._road_m > LEAST_ROAD_M else []
             self._found[kind] = tuple(
@@ -187,7 +187,7 @@ class SiteFinder:
     def find_by_links(self, kind: SiteType) -> list[Site]:
         """Return sites of a kind that ``find`` leaves out because links belong to them.
 
-        At these junctions, a street reaches a second street over a link with its name; if a junction is signalised, the
+        At these junctions, a street reaches a second street via a link with its name; if a junction is signalised, the
         network decides whether it gets lights. At these roundabouts, the ring consists of links, or links with a
         street's name enter it.
         """
@@ -231,7 +231,7 @@ class SiteFinder:
         return tuple(name for way in roads for key in ("name", "ref") if (name := way.tags.get(key)))
 
     def kinds(self) -> dict[SiteType, int]:
-        """Count the sites of each kind on the map; kinds without sites are left out."""
+        """Return the number of sites of each kind on the map; kinds without sites are left out."""
         counts = {kind: len(self.find(kind)) for kind in _SPOTS}
         return {kind: count for kind, count in counts.items() if count}
 
@@ -263,23 +263,23 @@ class SiteFinder:
 
     @cached_property
     def _streets(self) -> _Crossings:
-        """Junctions of roads that lead somewhere, without slip roads, which only leave their road and cross nothing."""
+        """The junctions of roads that lead somewhere; slip roads, which cross nothing, are left out."""
         return _Crossings([way for way in self._roads if way.road_class not in LINKS])
 
     @cached_property
     def _with_named_links(self) -> _Crossings:
-        """Junctions of roads that lead somewhere, and of links with the name of one of them."""
+        """The junctions of roads that lead somewhere, and of links with the name of one of these roads."""
         names = {way.tags["name"] for way in self._roads if way.road_class not in LINKS and "name" in way.tags}
         return _Crossings([way for way in self._roads if way.road_class not in LINKS or way.tags.get("name") in names])
 
     @cached_property
     def _with_links(self) -> _Crossings:
-        """Junctions of roads that lead somewhere and their links."""
+        """The junctions of roads that lead somewhere and their links."""
         return _Crossings(self._roads)
 
     @cached_property
     def _everywhere(self) -> _Crossings:
-        """Junctions with driveways but without links and tracks, which netconvert closes to cars."""
+        """The junctions with driveways but without links and tracks, which netconvert closes to cars."""
         return _Crossings(self.osm.roads((frozenset(ROADS) - {"track"}) & self._classes))
 
     @cached_property
@@ -309,7 +309,7 @@ class SiteFinder:
         return spots
 
     def ring_faults(self) -> list[tuple[SitePart, str]]:
-        """Return the ways that are tagged as a roundabout without being one, and why each of them is none."""
+        """Return the ways that are tagged as a roundabout without being one, each with the reason."""
         tagged = [way for way in self._roads if way.tags.get("junction") in RING_TAGS]
         rings = Rings(self.osm, self.osm.roads(self._without_links | frozenset(LINKS)) if tagged else ())
         faults = []
@@ -568,7 +568,7 @@ def _middle(positions: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _merged(spots: list[_Spot]) -> list[Site]:
-    """Merge candidates of one kind that are close together into sites with the streets of all of them."""
+    """Return sites merged from candidates of one kind that are close together, with the streets of all of them."""
     groups: list[list[_Spot]] = []
     firsts = Gathering(MERGE_M)
     for spot in spots:

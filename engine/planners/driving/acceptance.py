@@ -204,7 +204,7 @@ class _Steps:
         )
 
     def judged(self, vehicle: VehicleParameters, step_s: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which steps have a clear verdict, and which of the steps are drivable.
+        """Return two masks of the steps: those with a clear verdict, and those that are drivable.
 
         The errors in x, y, speed and heading are nearly linear in acceleration and steering rate. Gauss-Newton
         iterations from the mean acceleration, within the limits, therefore replace the search.

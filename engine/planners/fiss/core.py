@@ -1,9 +1,9 @@
 """The C++ core of FISS (fiss-planner 1.0.0): its inputs, its outputs, and its pitfalls.
 
 The core plans the centre of the vehicle in the Frenet frame of a reference line. Lateral motions are quintic and
-longitudinal ones quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own default
-is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a lane. Its
-coordinates are world coordinates. Lengths in m, headings in rad.
+longitudinal motions quartic polynomials of time. A candidate ends after 0.6 to 1 times the horizon (the core's own
+default is 3 to 5 s), at one of several speeds between 0 and the desired speed, and at one of several offsets within a
+lane. Its coordinates are world coordinates. Lengths in m, headings in rad.
 
 Pitfalls (tested by ``tests/engine/planners/test_fiss_traps.py``):
 
@@ -124,7 +124,7 @@ def core_configuration(
         settings: The settings for the search, the horizon and the number of samples.
         step_s: The time step of the plans.
         offsets: The number of lateral offsets per lane, to override the settings.
-        care: The distances that a candidate must keep from others.
+        care: The distances that a candidate must keep from other road users.
         every_candidate: True to generate, check and return every candidate, whatever the search.
     """
     configuration = fiss_planner.PlannerConfig()
@@ -257,9 +257,7 @@ def copied_trajectory(
 
 
 def costs_of(candidate: "fiss_planner.Trajectory") -> dict[str, float]:
-    """Return the weighted cost terms of a candidate; ``proximity`` combines headway, time to collision and
-    clearance.
-    """
+    """Return the weighted costs of a candidate by term; ``proximity`` is headway, time to collision and clearance."""
     terms = candidate.cost
     return {
         "acceleration": terms.accel,
@@ -286,7 +284,7 @@ class DrivenPlan:
         return index if is_on_plan(self.trajectory, index, ego, FOLLOWED_WITHIN_M) else None
 
     def rest(self, index: int) -> PlannedTrajectory:
-        """Return the rest of the plan."""
+        """Return the part of the planned trajectory from the given state on."""
         return self.trajectory.since(index)
 
 

@@ -1,11 +1,11 @@
 """Predicts which candidates the core would reject, and lower bounds of the costs, before the core generates them.
 
 The core takes ten times as long to generate, check and copy a candidate as the closed forms below, and of 800
-candidates a planning step uses only some dozens. This module therefore computes the constraints and the cheap cost
+candidates a planning step uses only a few dozen. This module therefore computes the constraints and the cheap cost
 terms of all candidates at once, with the core's formulas, from the coefficients of their polynomials. The last digits
 differ from the core's. A candidate is *clear* only if every value is farther from its limit than rounding can move it;
-the core decides on all others. The driven motion, its costs and the number of rejected candidates are exactly the
-core's.
+the core decides on all other candidates. The driven motion, its costs and the number of rejected candidates are exactly
+the core's.
 
 Arrays have the shape (n, m) for n candidates at m steps. "along" is s, "across" is d; second derivatives are halved, as
 in the core (see ``core.py``).
@@ -53,7 +53,7 @@ class Screening:
     def of(
         cls, matrix: Points, step: PlanningStep, vehicle: VehicleParameters, weights: dict[str, float]
     ) -> "Screening":
-        """Screen the rows of a sampling matrix; at low speed no candidate is clear."""
+        """Return the screening of the rows of a sampling matrix; at low speed no candidate is clear."""
         count = len(matrix)
         if step.low_speed:
             return cls(np.zeros(count, bool), np.zeros((count, len(CONSTRAINTS)), bool), np.zeros(count))
@@ -79,7 +79,7 @@ class _Steps:
 
     @classmethod
     def of(cls, durations_s: Values, step_s: float, count: int) -> "_Steps":
-        """Return the steps of candidates that reach their end states after some durations (n,)."""
+        """Return the steps of candidates that reach their end states after the given durations (n,)."""
         ends, index = (1.0 + durations_s / step_s).astype(np.intp), np.arange(count)
         reached = np.minimum(index, ends[:, None] - 1)
         times_s = np.asarray(step_s * reached, dtype=np.float64)
@@ -157,7 +157,7 @@ class _Motions:
         )
 
     def exceeded(self, vehicle: VehicleParameters, step_s: float) -> list[tuple[_Flags, _Flags]]:
-        """Return for every constraint which candidates certainly break it, and which may break it, (n,) each."""
+        """Return for every constraint two masks (n,): the candidates that certainly break it, and those that may."""
         curvature = np.tan(vehicle.maximum_steering_rad) / vehicle.wheelbase_m
         error = _ROUNDING * (1.0 + np.abs(self.curvature))
         error += _ROUNDING_OF_CURVATURE / np.where(self.is_slow, 1.0, self.speed) ** 2
@@ -197,7 +197,10 @@ class _Motions:
 
 
 def _excess(above: Points, error: Points | float, counted: _Flags, unknown: _Flags) -> tuple[_Flags, _Flags]:
-    """Return in which rows a value is certainly above zero, and in which it may be; ``unknown`` allows any."""
+    """Return two masks of rows: those where a value is certainly above zero, and those where it may be.
+
+    ``unknown`` marks entries that may have any value.
+    """
     sure = (above > error) & counted & ~unknown
     maybe = ((above > -error) & counted) | unknown
     return np.asarray(sure.any(axis=1)), np.asarray(maybe.any(axis=1))

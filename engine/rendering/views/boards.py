@@ -57,6 +57,7 @@ class _Side:
     prediction: str
     traffic: str
     seed: int
+    world: str
 
 
 def board_view(request: ViewRequest, report: ProgressReporter) -> BoardView:
@@ -105,7 +106,8 @@ def _placed(request: ViewRequest) -> Iterable[tuple[_Side, RunSource]]:
         by_side: dict[_Side, list[RunSource]] = {}
         for run in runs:
             record = run.record
-            side = _Side(batch_id, record.config_id, record.prediction, record.traffic, record.seed)
+            modes = (record.prediction, record.traffic, record.seed, record.world.in_words())
+            side = _Side(batch_id, record.config_id, *modes)
             by_side.setdefault(side, []).append(run)
         for side, members in by_side.items():
             yield from ((side, run) for run in members)
@@ -122,6 +124,7 @@ def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
         ("prediction", side.prediction.replace("_", " ")),
         ("traffic", f"{side.traffic} traffic"),
         ("seed", f"seed {side.seed}"),
+        ("world", f"{side.world} world"),
         ("batch_id", side.batch_id),
     ):
         if len({getattr(one, name) for one in sides}) > 1:
