@@ -1,12 +1,11 @@
 """``explore_boundary``: its arguments, the worker's requests, the stored map, and the answer."""
 
-from typing import Final
+from typing import Any, Final
 
 from pydantic import Field, PrivateAttr
 
 from .base import Answer, Arguments, Model, Result
 from .exploration import EncounterSetting, Evaluation, LogicalScenario, Parameter, PointOutcome
-from .modification import Edit
 from .runs import Prediction, Traffic
 from .text import counted
 
@@ -89,9 +88,9 @@ class MapArea(Model):
     """The share of the mapped range with an outcome, from 0 to 1, with its bounds."""
 
     outcome: PointOutcome
-    share: float
-    low: float
-    high: float
+    share: float = Field(description="share of the mapped range")
+    low: float = Field(description="its lower bound")
+    high: float = Field(description="its upper bound")
 
     def in_words(self) -> str:
         """Return the share with its bounds in percent."""
@@ -154,10 +153,10 @@ class FailureExample(Model):
     """A failure that a careful driver avoids: its parameters, and the edits that repeat it."""
 
     config_id: str
-    values: dict[str, float]
-    what: str
+    values: dict[str, float] = Field(description="values of all parameters")
+    what: str = Field(description="what happens, in words")
     base_id: str = Field(description="the scenario to edit")
-    edits: tuple[Edit, ...] = Field(description="edits for modify_scenario")
+    edits: tuple[dict[str, Any], ...] = Field(description="edits for modify_scenario")
 
 
 class MapSummary(Model):
@@ -168,7 +167,7 @@ class MapSummary(Model):
     is_reference: bool = Field(False, description="whether it is a reference driver")
     at: dict[str, float] = Field(default_factory=dict, description="values of the other parameters")
     points: int = Field(description="number of evaluated points")
-    areas: tuple[MapArea, ...]
+    areas: tuple[MapArea, ...] = Field(description="share of each outcome")
 
     def in_words(self) -> str:
         """Return the planner, the values of the other parameters, and the shares with their bounds."""

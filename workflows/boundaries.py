@@ -444,5 +444,7 @@ def _example(record: BoundaryRecord, one: BoundaryMap, point: MapPoint) -> Failu
         values=values,
         what=f"{one.config_name}: {shown}: {evaluation.run_outcome or 'failure'}{met}{when}",
         base_id=record.base_id,
-        edits=concrete_edits(record.scenario, values),
+        edits=tuple(
+            edit.model_dump(mode="json", exclude_defaults=True) for edit in concrete_edits(record.scenario, values)
+        ),
     )

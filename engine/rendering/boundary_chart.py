@@ -47,9 +47,9 @@ def boundary_chart(record: BoundaryRecord) -> Drawing:
         words.append(_in_words(one))
     shown = list(dict.fromkeys(point.evaluation.outcome for one in maps for point in one.points))
     one, other = record.axes
-    subtitle = f"{record.scenario.summary}; {one.name} × {other.name}, traffic {record.traffic}"
+    subtitle = f"{record.scenario.summary} ({one.name} × {other.name})"
     write_title(figure, f"Boundary: {record.scenario.name}", shortened(subtitle, width_px // 8))
-    write_legend(figure, 0.012, 4 if columns > 1 else 3, handles=_legend(shown, record))
+    write_legend(figure, 0.012, 4 if columns > 1 else 2, handles=_legend(shown, record))
     return Drawing(figure, f"Boundary of {record.scenario.name}: {subtitle}. {' '.join(words)}")
 
 

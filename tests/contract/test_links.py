@@ -43,7 +43,7 @@ MAKING: tuple[tuple[str, dict[str, Any]], ...] = (
     ),
     (
         "explore_boundary",
-        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False, "wait_s": 50},
+        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False, "seed": 5, "wait_s": 50},
     ),
 )
 MAKES_NOTHING_TO_LINK = {"cancel_job", "export_artifacts"}
