@@ -30,6 +30,7 @@ from ..planners import (
     EgoState,
     ScenarioFile,
     check_modes,
+    check_world,
     driven_ego,
     ended_after,
     lane_line,
@@ -74,12 +75,13 @@ class Evaluator:
         setting: what all points share.
 
     Raises:
-        InvalidRequest: the prediction does not fit the traffic.
+        InvalidRequest: the prediction does not fit the traffic or the world, or the planner does not fit the world.
         UnknownName: no such planner.
     """
 
     def __init__(self, setting: EncounterSetting) -> None:
-        check_modes(setting.traffic, setting.prediction)
+        check_modes(setting.traffic, setting.prediction, setting.world)
+        check_world(setting.configuration.planner, setting.world)
         self._setting = setting
         self._reads_file = needs_file(setting.configuration.planner)
 
@@ -173,6 +175,8 @@ class Evaluator:
                 silent,
                 traffic,
                 vehicle,
+                world=setting.world,
+                seed=setting.seed,
                 is_over=ending.is_over,
             )
         return _Judged(setting, point, problem, vehicle, run).evaluation(ending), run
@@ -361,6 +365,7 @@ class _Judged:
             prediction=setting.prediction,
             traffic=setting.traffic,
             seed=setting.seed,
+            world=setting.world,
             step_s=self._step_s,
             outcome=verdict.outcome,
             reason=verdict.reason,

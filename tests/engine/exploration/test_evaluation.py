@@ -16,6 +16,7 @@ from plannerforge.schemas.exploration import EncounterSetting
 from plannerforge.schemas.modification import Edit
 from plannerforge.schemas.planning import RunRequest
 from plannerforge.schemas.runs import Traffic
+from plannerforge.schemas.worlds import world_of
 
 ALONE = town_road().with_vehicles(driving(32, (5, 3.5), 6.0, 151))
 LEAD = {"op": "add_vehicle", "vehicle_class": "car", "at": "ego", "offset_m": 20.0, "speed": "10m/s"}
@@ -151,3 +152,12 @@ def test_scripts_without_other_vehicles_move_as_among_others(tmp_path: Path) -> 
     count = min(len(walked.positions), len(paths[0][0]))
     assert count > 20
     assert walked.positions[:count].tolist() == paths[0][0][:count] == paths[1][0][:count]
+
+
+def test_what_the_sensors_do_not_report_is_not_braked_for(base: Path) -> None:
+    short = world_of("range_m=8")
+    with Evaluator(setting_of(base)) as evaluator:
+        assert evaluator.evaluate(edits_of(LEAD, BRAKES)).outcome == "safe"
+    with Evaluator(setting_of(base, world=short)) as evaluator:
+        blind = evaluator.evaluate(edits_of(LEAD, BRAKES))
+    assert blind.outcome == "failed_avoidably"
