@@ -28,6 +28,7 @@ Pitfalls (tested by ``test_frenetix_traps.py``):
 import math
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import frenetix
 import frenetix.trajectory_functions as functions
@@ -75,12 +76,11 @@ class FrenetFrame:
 
     @classmethod
     def of(cls, path: Points, angle_rad: float) -> "FrenetFrame":
-        """Return the frame of a path, turned so that the heading ``angle_rad`` becomes 0."""
-        origin = np.array(path[0])
-        inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
-        system = frenetix.CoordinateSystemWrapper(inner)
-        system.ref_theta = tangents(np.array(system.ref_theta))
-        return cls(origin, angle_rad, system)
+        """Return the frame of a path, turned so that the heading ``angle_rad`` becomes 0.
+
+        The last frames are kept, because a search repeats the same path, and the core takes long to make its system.
+        """
+        return _frame(np.ascontiguousarray(path, dtype=np.float64).tobytes(), angle_rad)
 
     def inwards(self, points: Points) -> Points:
         """Convert world coordinates, shape (…, 2), to the frame."""
@@ -95,6 +95,20 @@ class FrenetFrame:
     def heading_inwards(self, heading_rad: float) -> float:
         """Convert a heading to the frame, in [−π, π)."""
         return (heading_rad - self.angle_rad + math.pi) % math.tau - math.pi
+
+
+_KEPT = 4
+"""Frames that a process keeps (chosen), some MB each."""
+
+
+@lru_cache(maxsize=_KEPT)
+def _frame(path_bytes: bytes, angle_rad: float) -> FrenetFrame:
+    path = np.frombuffer(path_bytes, dtype=np.float64).reshape(-1, 2)
+    origin = np.array(path[0])
+    inner = np.ascontiguousarray((path - origin) @ _rotation(angle_rad))
+    system = frenetix.CoordinateSystemWrapper(inner)
+    system.ref_theta = tangents(np.array(system.ref_theta))
+    return FrenetFrame(origin, angle_rad, system)
 
 
 class FrameKeeper:

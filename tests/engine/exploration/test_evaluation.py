@@ -118,8 +118,9 @@ def test_edits_of_the_whole_scene_are_evaluated_too(base: Path) -> None:
         assert evaluator.evaluate(edits_of(wet, LEAD)).end in ("judged", "horizon", "encounter_over")
 
 
-def test_the_same_edits_have_the_same_evaluation(base: Path) -> None:
-    with Evaluator(setting_of(base, traffic="reactive")) as evaluator:
+@pytest.mark.parametrize("planner", ["idm", "frenetix"])
+def test_the_same_edits_have_the_same_evaluation(planner: str, base: Path) -> None:
+    with Evaluator(setting_of(base, planner, traffic="reactive", horizon_s=3.0)) as evaluator:
         first = evaluator.evaluate(edits_of(LEAD, TRIGGERED))
         evaluator.evaluate(edits_of(WALLED))
         assert evaluator.evaluate(edits_of(LEAD, TRIGGERED)) == first
