@@ -8,6 +8,7 @@ between the corners. The sequence depends only on labels and seed, so an interru
 that it has.
 """
 
+import math
 import random
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +21,7 @@ Place = tuple[int, int]
 
 START, LEVELS = 4, 4
 """Cells along each side of the first grid, and how often a cell may be halved: 64 cells along a side (chosen)."""
-SIZE = START * 2**LEVELS
+SIZE: int = START * 2**LEVELS
 """Cells of the finest lattice along each side."""
 _BISECTED = SIZE // 8
 """Cells of this size are small enough to bisect their sides (chosen): an eighth of a range."""
@@ -44,7 +45,7 @@ class Cell:
 
     @property
     def center(self) -> Place:
-        """The centre; a cell of size 1 has none on the lattice."""
+        """The centre; the centre of a cell of size 1 is not on the lattice."""
         return self.low[0] + self.size // 2, self.low[1] + self.size // 2
 
     @property
@@ -283,7 +284,7 @@ def _upper_share(count: int, of: int) -> float:
     """Return the upper end of the Wilson interval of a share."""
     z = NormalDist().inv_cdf(0.5 + _CONFIDENCE / 2)
     share = count / of
-    middle, spread = share + z * z / (2 * of), z * ((share * (1 - share) + z * z / (4 * of)) / of) ** 0.5
+    middle, spread = share + z * z / (2 * of), z * math.sqrt((share * (1 - share) + z * z / (4 * of)) / of)
     return (middle + spread) / (1 + z * z / of)
 
 

@@ -43,7 +43,7 @@ def logical_scenario_in(path: Path, name: str = "") -> LogicalScenario:
     Raises:
         UnsafeInput: the file is too large or cannot be read.
         InvalidRequest: it does not contain logical scenarios.
-        UnknownName: it has none with this name.
+        UnknownName: it has no logical scenario with this name.
     """
     try:
         if path.stat().st_size > _LARGEST_BYTES:

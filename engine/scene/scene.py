@@ -211,7 +211,7 @@ class Scene:
 
 
 def _last_goal_step(loaded: LoadedScenario) -> int:
-    """Return the last step of any goal: a scenario without moving road users lasts until then; 0 without a goal."""
+    """Return the last step of any goal, which ends a scenario without moving road users; 0 without a goal."""
     problems = loaded.planning_problems.planning_problem_dict.values()
     steps = [getattr(state, "time_step", 0) for problem in problems for state in problem.goal.state_list]
     return max((int(getattr(step, "end", step)) for step in steps), default=0)

@@ -72,7 +72,7 @@ def reactive_traffic(
         roles = TrafficRoles.of(loaded, ego.step)
         if not roles.scene.layout.edges:
             raise NotPossible("no lanelet is drivable, so no vehicle can react", next_step="run with traffic recorded")
-        if not roles.driven:  # nobody reacts but by scripts, so there is nothing to simulate
+        if not roles.driven:  # road users react only by scripts, so there is nothing to simulate
             yield _ScriptedTraffic(roles, ego, vehicle)
             return
         net = folder / "scenario.net.xml"
