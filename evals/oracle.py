@@ -190,7 +190,7 @@ class _Conversation:
     runs: dict[int, list[str]] = field(default_factory=dict)
 
     async def held(self, turns: Sequence[EvalTurn]) -> Any:
-        """Return the calls of all turns; a turn that builds on a refused one calls nothing."""
+        """Return the calls of all turns; a turn that builds on a refused turn calls nothing."""
         for number, turn in enumerate(turns):
             for action in turn.action.split("+"):
                 call = self.call_of(action, turn)
@@ -201,7 +201,7 @@ class _Conversation:
                 yield made
 
     def call_of(self, action: str, turn: EvalTurn) -> Call | None:
-        """Return the call of an action of a turn, or None if its basis is missing."""
+        """Return the call for a turn's action, or None if the result that it builds on is missing."""
         truth = turn.truth
         if action == "generate":
             request = EvalRequest("", "generation", "generation", turn.text, truth, "ok", map_file=truth["map"])

@@ -100,7 +100,7 @@ def print_requests(
     console: Console | None = None,
     wait: Callable[[str], object] = input,
 ) -> int:
-    """Print requests as JSON lines without their truth; with ``marks``, one by one, with when each begins and ends."""
+    """Print requests as JSON lines without their truth; with ``marks``, one by one, and record their times."""
     shown = console or Console(highlight=False)
     with _reporting_errors() as errors:
         paths = corpus_files(corpus or packaged_corpora(), task)
@@ -136,7 +136,7 @@ def make_own_corpora(workspace: Path, out: Path, *, tasks: Sequence[str], count:
 
 
 def public_view(request: EvalRequest) -> dict[str, Any]:
-    """Return a request as another client may see it, without the expected result."""
+    """Return a request as another client may see it, without the expected result, as fields of JSON."""
     given = {
         "id": request.request_id,
         "task": request.task,

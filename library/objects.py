@@ -22,7 +22,7 @@ class Home(Protocol):
 
     @property
     def stored(self) -> Workspace:
-        """Return the workspace with the stored artifacts."""
+        """The workspace with the stored artifacts."""
 
     def render(self, *things: Any, **arguments: Any) -> tuple["Picture", ...]:
         """Draw artifacts."""

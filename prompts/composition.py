@@ -1,8 +1,7 @@
 """Compose the prompts for the paper's tasks from the parts in ``parts/`` and the vocabularies of the schemas.
 
 The five conditions are those of the paper (Methodology, Prompting Techniques): the task alone (``baseline``), the task
-with context (``cp``), and the latter with demonstrations (``icl``), with reasoning steps (``cot``), or with the two
-together.
+with context (``cp``), and the task with context and demonstrations (``icl``), reasoning steps (``cot``), or both.
 """
 
 from collections.abc import Mapping, Sequence
@@ -50,13 +49,13 @@ class WorkspaceFacts:
 
 
 def system_prompt(task: str, condition: str, facts: WorkspaceFacts | None = None) -> str:
-    """Return the system prompt of a task with a condition.
+    """Return the system prompt of a task under a condition.
 
     Args:
         facts: the content of the workspace; without it, the prompt says where to look it up.
 
     Raises:
-        UnknownName: no such task or condition.
+        UnknownName: there is no such task or condition.
     """
     if task not in TASKS:
         raise UnknownName(f"there is no task {quoted(task)}", valid=closest(task, TASKS))

@@ -228,7 +228,7 @@ class FindScenariosResult(Result):
 
 
 def _covered(coverage: Coverage) -> str:
-    missed = f" (not {', '.join(coverage.missed)})" if coverage.missed else ""
+    missed = f" (not covered: {', '.join(coverage.missed)})" if coverage.missed else ""
     return f"{coverage.dimension} {', '.join(coverage.covered)}{missed}"
 
 

@@ -74,7 +74,7 @@ class NamedPlace(Model):
 
     @property
     def is_settlement(self) -> bool:
-        """Return whether the place is a settlement, a part of a settlement, or a region."""
+        """Whether the place is a settlement, a part of a settlement, or a region."""
         return self.kind in SETTLEMENTS
 
 

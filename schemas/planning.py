@@ -69,12 +69,12 @@ class PlannerSettings(Model):
 
     @property
     def states_vehicle(self) -> bool:
-        """Return whether the configuration names the vehicle, so the ego's class does not decide."""
+        """Whether the configuration names the vehicle, so the ego's class does not decide."""
         return self.vehicle_stated or self.vehicle != 2
 
     @property
     def stated_values(self) -> dict[str, float]:
-        """The settings by name, as written in a file or call, without those that the ego's class determines."""
+        """The settings by name, in the notation of a file or call, except those that the ego's class determines."""
         left_out = {"vehicle_stated"} if self.states_vehicle else {"vehicle_stated", "vehicle"}
         return self.model_dump(exclude_none=True, exclude=left_out)
 

@@ -1,15 +1,15 @@
-"""What a look at a run adds to its record: who hit whom, who was at fault, pace, comfort and broken rules.
+"""Reviews of runs, in addition to their records: who hit whom, who was at fault, pace, comfort and broken rules.
 
 ``engine/analysis`` computes it on request from the run's steps and its scenario. This module puts it into words.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from .base import Model
-from .text import measured
+from .text import REFERENCE_DRIVERS_DO, measured
 from .worlds import SightCode
 
 ContactKind = Literal[
@@ -43,15 +43,8 @@ DriverStart = Literal["before_contact", "start"]
 """What a driver does until it reacts: it follows the ego's own motion, or it keeps its initial lane and speed."""
 
 
-REFERENCE_DRIVERS_DO = (
-    "full braking at once; or UN R157's careful and fuzzy drivers or RSS, which keep the ego's speed until they see a "
-    "danger"
-)
-"""The drivers of a verdict and what they do, for each statement that no driver prevents a collision."""
-
-
 class DriverVerdict(Model):
-    """Whether one reference driver prevents a collision from one start. Times are in s of the run.
+    """The verdict on one reference driver: whether it prevents a collision from one start. Times are in s of the run.
 
     ``until_s`` is the latest time at which it can take over and still prevent the collision, or null if it cannot.
     ``reacts_at_s`` is when it first brakes or steers if it takes over at the start, or null if it does not react.
@@ -65,7 +58,7 @@ class DriverVerdict(Model):
 
 
 class Prevention(Model):
-    """Whether reference drivers in the ego's place prevent a collision if the others move as before (see docs/runs.md).
+    """The verdicts of reference drivers on a collision: whether they prevent it in the ego's place (see docs/runs.md).
 
     ``drivers`` holds the verdict on each driver from each start, and is empty in runs of older versions. The other
     fields state the verdicts from ``before_contact``. ``by_braking_until_s`` is the latest time at which full braking
@@ -87,46 +80,45 @@ class Prevention(Model):
 
     @property
     def possible(self) -> bool:
-        """Return whether any reference driver prevents it, either from just before the contact or from the start."""
+        """Whether a reference driver prevents the collision, from just before the contact or from the start."""
         by_driver = self.by_careful_driver or self.by_rss or self.by_fuzzy_driver
         return self.by_braking_until_s is not None or by_driver or bool(self._from_start(prevents=True))
 
     @property
     def attributable(self) -> bool:
-        """Return whether UN R157's careful or fuzzy driver prevents it from both starts."""
+        """Whether UN R157's careful or fuzzy driver prevents the collision from both starts."""
         if not self.drivers:
             return self.by_careful_driver or self.by_fuzzy_driver
         return any(self.prevented_by(name, "both") for name in ("r157_careful", "fsm"))
 
     def prevented_by(self, driver: ReferenceDriverName, start: Literal["before_contact", "start", "both"]) -> bool:
-        """Return whether a driver prevents it from a start, or from both."""
+        """Return whether a driver prevents the collision from a start, or from both."""
         starts = ("before_contact", "start") if start == "both" else (start,)
         found = {verdict.start for verdict in self.drivers if verdict.driver == driver and verdict.prevents}
         return found.issuperset(starts)
 
     def in_words(self) -> str:
-        """Return which drivers prevent it from which start, and until when."""
+        """Return which drivers prevent the collision from which start, and until when, as text."""
         until = self.by_steering_until_s
         aside = "" if until is None else f"; swerving as late as {until:.1f} s prevents it"
         if not self.possible:
-            starts = " or from the start" if self.drivers else ""
-            return (
-                f"no reference driver prevents it from just before the contact{starts} ({REFERENCE_DRIVERS_DO}){aside}"
-            )
+            starts = " or at the start" if self.drivers else ""
+            takes_over = f"takes over just before the contact{starts}"
+            return f"no reference driver that {takes_over} prevents it ({REFERENCE_DRIVERS_DO}){aside}"
         prevents = (
             [] if self.by_braking_until_s is None else [f"full braking as late as {self.by_braking_until_s:.1f} s"]
         )
         prevents += [] if until is None else [f"swerving as late as {until:.1f} s"]
         prevents += self._drivers(prevents=True)
         if self.by_braking_until_s is None and not self._drivers(prevents=True):
-            none = f"no reference driver prevents it from just before the contact ({REFERENCE_DRIVERS_DO}){aside}"
-            return f"{none}{self._start_in_words()}"
+            none = "no reference driver that takes over just before the contact prevents it"
+            return f"{none} ({REFERENCE_DRIVERS_DO}){aside}{self._start_in_words()}"
         others = [*self._drivers(prevents=False), *(["swerving"] if self.steering_tried and until is None else [])]
         without = f", not by {_listed(others, 'or')}" if others else ""
         return f"preventable by {_listed(prevents, 'and')}{without}{self._start_in_words()}"
 
     def _start_in_words(self) -> str:
-        """Return which drivers prevent it from the start; empty for runs of older versions."""
+        """Return which drivers prevent the collision from the start, as text; empty for runs of older versions."""
         if not self.drivers:
             return ""
         yes, no = self._from_start(prevents=True), self._from_start(prevents=False)
@@ -138,7 +130,7 @@ class Prevention(Model):
         return f"; if in control from the start, {_listed(yes, 'and')} {verb} it"
 
     def _from_start(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers that do or do not prevent it from the start, without steering aside."""
+        """Return the reference drivers that do or do not prevent the collision from the start; steering is left out."""
         drivers = [
             verdict.driver
             for verdict in self.drivers
@@ -146,23 +138,23 @@ class Prevention(Model):
         ]
         names = {name: _DRIVERS_IN_WORDS[name] for name in drivers}
         if {"r157_careful", "fsm"} <= names.keys():
-            names["r157_careful"] = "UN R157's careful and fuzzy drivers"
+            names["r157_careful"] = "UN regulation R157's careful and fuzzy drivers"
             del names["fsm"]
         return list(names.values())
 
     def _drivers(self, *, prevents: bool) -> list[str]:
-        """Return the reference drivers, other than full braking, that do or do not prevent it."""
+        """Return the reference drivers, other than full braking, that do or do not prevent the collision."""
         named = {"careful": self.by_careful_driver, "fuzzy": self.by_fuzzy_driver}
         of_r157 = [name for name, does in named.items() if does == prevents]
-        drivers = [f"UN R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
-        return [*drivers, *(["RSS"] if self.by_rss == prevents else [])]
+        drivers = [f"UN regulation R157's {' and '.join(of_r157)} driver{'s' * (len(of_r157) - 1)}"] if of_r157 else []
+        return [*drivers, *([_DRIVERS_IN_WORDS["rss"]] if self.by_rss == prevents else [])]
 
 
 _DRIVERS_IN_WORDS: dict[ReferenceDriverName, str] = {
     "full_braking": "full braking",
-    "r157_careful": "UN R157's careful driver",
-    "fsm": "UN R157's fuzzy driver",
-    "rss": "RSS",
+    "r157_careful": "UN regulation R157's careful driver",
+    "fsm": "UN regulation R157's fuzzy driver",
+    "rss": "the driver of Responsibility-Sensitive Safety",
     "keep_lane": "keeping lane and speed",
     "evading": "swerving",
 }
@@ -203,7 +195,7 @@ EGOS_OWN: tuple[PaceCode, ...] = ("stood_at_green", "stood_without_cause", "brak
 
 
 class PaceMoment(Model):
-    """A span of a run in which the ego stood, was held up by a slower vehicle, or braked at 2 m/s² or more, and why.
+    """A span of a run in which the ego stood, was held up, or braked at 2 m/s² or more, and the reason.
 
     ``obstacle_id`` is the road user that caused it. ``distance_m`` is the gap to it, or from the ego's front to the
     stop line, at the beginning. ``largest_mps2`` is the hardest braking, as a positive number.
@@ -219,7 +211,7 @@ class PaceMoment(Model):
 
     @property
     def is_the_egos(self) -> bool:
-        """Return whether nothing on the road required it."""
+        """Whether nothing on the road required the ego to stand or brake."""
         return self.code in EGOS_OWN
 
     @property
@@ -271,6 +263,14 @@ CollisionCause = Literal["ego", "recording", "perception", "prediction", "planni
 - ``planning``: the prediction placed the other road user correctly, and the collision is attributable
 - ``neither``: the collision is not attributable: neither UN R157's careful nor its fuzzy driver prevents it from both
   starts"""
+COLLISION_CAUSES: Mapping[CollisionCause, str] = {
+    "ego": "the ego",
+    "recording": "the recording",
+    "prediction": "the prediction",
+    "planning": "the plan",
+    "neither": "neither side",
+}
+"""Noun phrases for the causes."""
 OwnFault = Literal["slowed", "cut_in", "wrong_side", "red_light", "right_of_way"]
 """How an ego causes a collision that no reference driver on its path prevents.
 
@@ -278,7 +278,7 @@ It stood or braked without a reason, cut in, was on an oncoming lane, ran a red 
 
 
 class EgoFault(Model):
-    """What the ego did that led to a collision, and when; ``moment`` is the stop or braking, if there was one."""
+    """The ego's action that led to a collision, and its time; ``moment`` is the stop or braking, if there was one."""
 
     code: OwnFault = Field(description="stable code of what the ego did")
     time_s: float = Field(description="when it did it")
@@ -370,12 +370,12 @@ class Contact(Model):
 
     @property
     def is_unpreventable(self) -> bool:
-        """Return whether no reference driver prevents it and the ego did not cause it."""
+        """Whether no reference driver prevents the collision and the ego did not cause it."""
         return self.prevention is not None and not self.prevention.possible and self.laid_to != "ego"
 
     @property
     def unforeseen(self) -> bool:
-        """Return whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
+        """Whether the two would have stayed apart if the other had moved as predicted 1 s earlier."""
         return self.predicted_gap_m is not None and self.predicted_gap_m > 0
 
     def in_words(self) -> str:
@@ -389,13 +389,15 @@ class Contact(Model):
         prevention = self.prevention if self.laid_to != "ego" else None
         judged = "" if prevention is None else f"; {prevention.in_words()}"
         if self.unforeseen:
-            judged += f"; unforeseen: 1 s earlier, the prediction left a gap of {self.predicted_gap_m:.1f} m"
+            judged += (
+                f"; unforeseen: as predicted 1 s earlier, they would have stayed {self.predicted_gap_m:.1f} m apart"
+            )
         if self.sight is not None:
             judged += f"; {self.sight.in_words(self.other, self.time_s)}"
         if self.fault is not None:
             judged += f"; attributed to {self.fault.in_words()}"
         elif self.laid_to is not None:
-            judged += f"; attributed to {'the recording' if self.laid_to == 'recording' else self.laid_to}"
+            judged += f"; attributed to {COLLISION_CAUSES[self.laid_to]}"
         return f"{self._what} at {self.time_s:.1f} s ({speeds}){also}{judged}"
 
     @property
@@ -458,7 +460,7 @@ class Encounter(Model):
 
     @property
     def place(self) -> str:
-        """Position: ``ahead``, ``behind``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
+        """The position, such as ``ahead``, ``on the left``, ``oncoming on the right`` or ``standing on the right``."""
         where = {"front": "ahead", "rear": "behind", "left": "on the left", "right": "on the right"}[self.side]
         return where if self.direction == "same" else f"{self.direction} {where}"
 
@@ -473,7 +475,7 @@ class LargestMotion(Model):
 
 
 class ComfortExcess(Model):
-    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and when that window ends."""
+    """A motion above a comfort limit, averaged over ``window_s`` (0 for a single step), and the end of that window."""
 
     name: Literal["acceleration", "braking", "braking jerk", "lateral acceleration", "lateral jerk"] = Field(
         description="the motion"
@@ -510,10 +512,10 @@ class RunReview(Model):
     def pace_in_words(self) -> str:
         """Return a sentence on stops, slow driving and braking without an external cause; empty if there are none."""
         own = [moment.in_words() for moment in self.pace if moment.is_the_egos]
-        return f"Without an external cause, the ego {'; '.join(own)}." if own else ""
+        return f"The ego {'; '.join(own)}." if own else ""
 
     def nearness_in_words(self) -> str:
-        """Return a line on the smallest gap and the shortest time to collision, or why there is no such value."""
+        """Return a line on the smallest gap and the shortest time to collision, or on why there is no such value."""
         if self.closest is None:
             return "Closest: no other road user within 60 m."
         near, urgent = self.closest, self.most_urgent
@@ -553,7 +555,7 @@ class RuleVerdict(Model):
 
     @property
     def violated(self) -> bool:
-        """Return whether the run broke the rule."""
+        """Whether the run broke the rule."""
         return self.first_s is not None
 
     @property
@@ -566,11 +568,11 @@ class RuleVerdict(Model):
         more = [f"from {self.first_s:.1f} s on"] if self.first_s != self.time_s else []
         more += [f"obstacle {self.obstacle_id}"] if self.obstacle_id is not None else []
         details = f" ({', '.join(more)})" if more else ""
-        return f"{self.rule} {self.name} by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
+        return f"{self.rule} ({self.name}) by {measured(self.degree)} {self.unit} at {self.time_s:.1f} s{details}"
 
 
 class RunLook(Model):
-    """The stored result of one look at a run's steps and scenario.
+    """The stored review of a run, computed from its steps and its scenario.
 
     ``out_of_reach`` is True if no ego could reach the goal in time. ``trivial`` states why the goal required no
     driving, and is empty if it required some.
@@ -585,7 +587,7 @@ class RunLook(Model):
 
 
 class LooksResponse(Model):
-    """A look at each run, in the order of the request."""
+    """The review of each run, in the order of the request."""
 
     looks: tuple[RunLook, ...]
 

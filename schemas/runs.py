@@ -199,7 +199,7 @@ class LimitExcess(Model):
     def in_words(self) -> str:
         """Return text such as ``steering rate 0.75 rad/s at 2.3 s (limit 0.4)``."""
         if self.name == "rolling":
-            return f"wheels would slide in {100 * self.value:.0f} % of the steps, from {self.time_s:.1f} s on"
+            return f"wheels would slide in {100 * self.value:.0f}% of the steps, from {self.time_s:.1f} s on"
         return f"{self.name} {measured(self.value)} {self.unit} at {self.time_s:.1f} s (limit {measured(self.limit)})"
 
 
@@ -210,7 +210,7 @@ def excesses_in_words(excesses: Sequence[LimitExcess]) -> str:
 
 
 class TriggerOutcome(Model):
-    """Whether the trigger of an edit fired in a run with reactive traffic, and which motion it started.
+    """The outcome of an edit's trigger in reactive traffic: whether it fired, and which motion it started.
 
     ``time_s`` counts from the start of the run and is None if the trigger never fired.
     """
@@ -224,7 +224,7 @@ class TriggerOutcome(Model):
     time_s: float | None = Field(description="start of the motion; null if it never started")
 
     def in_words(self) -> str:
-        """Return when the motion started, with the code and the trigger."""
+        """Return text on when the motion started, with the code and the trigger."""
         motion = f"{self.obstacle_id}'s {_BEGUN[self.begins]}"
         if self.time_s is None:
             return f"{motion} never started because its trigger did not fire ({self.code}): {self.trigger}"

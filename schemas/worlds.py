@@ -18,7 +18,7 @@ from .errors import InvalidRequest, UnknownName, closest, instead
 from .grammar import parse_assignment
 
 LARGEST_RANGE_M = 80.0
-"""Planners are never given road users whose centres are farther away (``engine/planners/prediction.py``)."""
+"""Planners are never given road users with centres farther away (``engine/planners/prediction.py``)."""
 _MOST_S = 10.0
 """The longest time of a world's field (chosen: longer than any prediction or latency that a planner could use)."""
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -155,7 +155,7 @@ class Preset(Model):
 def _axis_error(mean_distance: float) -> float:
     """Return the standard deviation along each axis of a two-dimensional error with this mean length.
 
-    The length of such an error has a Rayleigh distribution, whose mean is √(π/2) standard deviations.
+    The error's length has a Rayleigh distribution with a mean of √(π/2) standard deviations.
     """
     return round(mean_distance / math.sqrt(math.pi / 2), 2)
 
@@ -333,7 +333,7 @@ def bounds_of(name: str) -> tuple[float, float]:
 
 
 def _differing(first: Mapping[str, float | str], second: Mapping[str, float | str]) -> list[str]:
-    """Return the fields of two stated worlds whose values differ, in the order of the model."""
+    """Return the fields in which two stated worlds differ, in the order of the model."""
     defaults = {name: field.default for name, field in World.model_fields.items()}
     return [name for name in defaults if first.get(name, defaults[name]) != second.get(name, defaults[name])]
 

@@ -332,7 +332,7 @@ class PlannerForgeServer(MCPServer[Services]):
 
 
 def _page(entries: list[_Entry], request: PaginatedRequestParams) -> tuple[list[_Entry], str | None]:
-    """Return the requested page of a list, and the cursor of the next one.
+    """Return the requested page of a list, and the cursor of the next page.
 
     Raises:
         MCPError: the cursor is invalid (-32602).

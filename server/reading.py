@@ -212,7 +212,7 @@ class ResourceReading:
         """Run a query of the workspace in its own thread.
 
         Raises:
-            MCPError: with the text of the refusal (-32602).
+            MCPError: the query was refused; the error has the text of the refusal (-32602).
         """
         try:
             return await self._threads.run(look)
@@ -221,7 +221,7 @@ class ResourceReading:
 
 
 def page_of(entries: list[_Found], cursor: str | None, size: int) -> tuple[list[_Found], str | None]:
-    """Return one page of a list, and the cursor of the next one; None after the last.
+    """Return one page of a list, and the cursor of the next page; None after the last page.
 
     Raises:
         InvalidRequest: the cursor is not from this list.

@@ -67,7 +67,7 @@ class TaskAnswers(TaskParameters):
 
 
 class Caller(Protocol):
-    """Runs calls: the server."""
+    """The server, which runs calls."""
 
     def spec_for(self, client: ClientIdentity, name: str) -> ToolSpec | None:
         """Return the tool of this name, if the client may use it."""
@@ -88,7 +88,7 @@ class Caller(Protocol):
 
 @dataclass
 class _Work:
-    """A call that runs separately: its means of stopping, and its result."""
+    """A call that runs separately: the means to stop it, and its result."""
 
     spec: ToolSpec
     arguments: Mapping[str, Any]
@@ -175,7 +175,7 @@ class Tasks(Extension):
         self._background.start_soon(self._carry_out, work, link)
 
     async def _carry_out(self, work: _Work, link: "_Link") -> None:
-        """Run the call and record its end, or leave it to the next server if this one stops."""
+        """Run the call and record its end, or leave it to the next server if this server stops."""
         try:
             async with anyio.create_task_group() as tasks:
                 tasks.start_soon(self._watch, work)

@@ -85,7 +85,7 @@ def answer_text(result: CallToolResult) -> str:
 
 
 def linked_by(call: ToolCall) -> list[ResourceLink]:
-    """Return links to what a call created, the last ones if there are many; with type, title and size."""
+    """Return links to what a call created, only the last links if there are many; with type, title and size."""
     if not call.services.links:
         return []
     links: list[ResourceLink] = []
@@ -168,7 +168,7 @@ def _bounded(text: str) -> str:
 
 
 def _shown_images(result: ImageAnswer, most_bytes: int) -> tuple[list[ImageContent], int]:
-    """Return the first pictures that fit into an answer, and the number of the remaining ones."""
+    """Return the first pictures that fit into an answer, and the number of the remaining pictures."""
     shown: list[ImageContent] = []
     size = 0
     for image in result.images:

@@ -86,7 +86,9 @@ def test_worked_examples_name_existing_code(title: str) -> None:
     quoted = re.findall(r"`([^`]+)`", section)
     folders = {(CHECKOUT / path).parent for path in quoted if path.endswith(".py") and "/" in path}
     code = "".join(file.read_text(encoding="utf-8") for folder in folders for file in folder.glob("*.py"))
-    words = {word for text in quoted if not re.search(r"[/.]\w*$", text) for word in re.findall(r"[A-Za-z_]{4,}", text)}
+    words = {
+        word for text in quoted if not re.search(r"[/.]\w*$", text) for word in re.findall(r"[A-Za-z_]\w{3,}", text)
+    }
     assert len(words) > 5
     assert words - set(re.findall(r"\w+", code)) <= {"stop_at"}
 

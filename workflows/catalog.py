@@ -67,7 +67,7 @@ async def describe_catalog(arguments: DescribeCatalogArguments, context: Workflo
 
 
 def _within(word: str, context: WorkflowContext) -> frozenset[str]:
-    """Return the scenarios of a search, a coverage plan, a country or a place, which may be empty.
+    """Return the scenarios of a search, a coverage plan, a country or a place; the set may be empty.
 
     Raises:
         UnknownName: there is no such search or plan.

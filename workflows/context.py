@@ -45,13 +45,13 @@ Ask = Callable[[Question], Awaitable[str | None]]
 
 
 async def cannot_ask(question: Question) -> str | None:
-    """Answer for a client that cannot ask."""
+    """Return None, the answer for a client that cannot ask its user."""
     del question
     return None
 
 
 class Recent:
-    """What one client made or chose, latest last. It determines what the client's ``latest`` and ``current`` mean.
+    """The artifacts and jobs that one client made or chose, latest last: the meaning of its ``latest`` and ``current``.
 
     A client is a session of the protocol. Other clients of the workspace do not affect it.
     """
@@ -62,7 +62,7 @@ class Recent:
         self._reported: set[MadeKind] = set()
 
     def note(self, kind: MadeKind, made_id: str) -> None:
-        """Remember an artifact or a job as the latest one."""
+        """Remember an artifact or a job as the latest of its kind."""
         with self._lock:
             self._made.pop((kind, made_id), None)
             self._made[kind, made_id] = None
@@ -70,7 +70,7 @@ class Recent:
                 del self._made[next(iter(self._made))]
 
     def last(self, kinds: Collection[MadeKind]) -> list[tuple[MadeKind, str]]:
-        """Return what the client made or chose of some kinds, latest first."""
+        """Return the kind and id of what the client made or chose of the given kinds, latest first."""
         with self._lock:
             return [entry for entry in reversed(self._made) if entry[0] in kinds]
 
@@ -150,7 +150,7 @@ class WorkflowContext:
             self.made_here[kind, made_id] = None
 
     def newest(self, *kinds: ArtifactKind, count: int = 1) -> list[Artifact]:
-        """Return the client's latest artifacts of some kinds, then those of others with a single remark."""
+        """Return the client's latest artifacts of the given kinds, then those of other clients with a single remark."""
         last = self.services.recent.last(kinds)[:count]
         own = [self.workspace.get(key, kind) for kind, key in last if kind != "job"]
         if len(own) == count:
@@ -216,7 +216,7 @@ class WorkflowContext:
         """Run an engine operation in a warm worker; its progress fills ``share`` of the call's progress.
 
         Raises:
-            PlannerForgeError: an error of the operation, a timeout, or the death of the worker.
+            PlannerForgeError: the operation failed or timed out, or the worker died.
         """
         begin, end = share
 

@@ -182,7 +182,7 @@ async def _write_report(
     """Write one page on scenarios and batches, in the given order, with the view of each next to it.
 
     Raises:
-        InvalidRequest: an artifact that a report cannot show.
+        InvalidRequest: a report cannot show one of the artifacts.
     """
     for artifact in artifacts:
         if artifact.kind not in ("scenario", "batch"):

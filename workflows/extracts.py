@@ -1,7 +1,7 @@
 """Extracts of whole countries, which a job splits into tiles in their own folder of the workspace.
 
 An extract becomes a map like any other when its index is complete. The next job for the same file resumes an
-interrupted one.
+interrupted job.
 """
 
 import shutil
@@ -46,7 +46,7 @@ def map_recipe(path: Path, known: StatedPlace) -> Recipe:
 
 
 def start_indexing(context: WorkflowContext, path: Path, known: StatedPlace) -> Job:
-    """Start the job that splits an extract into tiles, or join a running one.
+    """Start the job that splits an extract into tiles, or join a running job.
 
     Raises:
         UnsafeInput: the file is gone.
@@ -83,7 +83,7 @@ def _state_of(path: Path) -> tuple[int, int]:
 
 
 async def _indexed(context: WorkflowContext, path: Path, known: StatedPlace) -> Artifact:
-    """Return the extract as a map: the one with the same content, or a new one.
+    """Return the extract as a map: the stored map with the same content, or a new one.
 
     An existing index is checked, and created again if it is gone or damaged.
 

@@ -1,4 +1,4 @@
-"""The maps of a call: those of the package, of the user's map folders, and the imported ones."""
+"""The maps of a call: those of the package, of the user's map folders, and the imported maps."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,7 +84,7 @@ async def _reread_outdated(context: WorkflowContext) -> list[str]:
 
 
 def inventory_of_read_maps(context: WorkflowContext) -> MapInventory:
-    """Return all known maps without reading a file; a note counts unread ones."""
+    """Return all known maps without reading a file; a note counts unread maps."""
     seen = SeenFiles(context.workspace.database)
     notes: list[str] = []
     unread = 0
@@ -109,7 +109,7 @@ def _whole_inventory(context: WorkflowContext, notes: list[str]) -> MapInventory
         if not entry.facts.cut_of:
             imported.append(entry)
     more = len(notes) - _SHOWN_NOTES
-    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{more} more map files were skipped"]
+    shown = notes if more <= 0 else [*notes[:_SHOWN_NOTES], f"{counted(more, 'more map file')} skipped"]
     return MapInventory((*imported, *built_in_maps()), tuple(shown))
 
 
@@ -143,7 +143,7 @@ def _skipped_note(path: Path, file: SeenFile) -> str:
 
 
 async def _import_folder(context: WorkflowContext, seen: SeenFiles, folder: Path) -> list[str]:
-    """Import the maps of a folder; return notes on skipped and unfinished ones."""
+    """Import the maps of a folder; return notes on skipped and unfinished maps."""
     paths, notes = _files(folder)
     for path in paths:
         try:

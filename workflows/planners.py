@@ -46,15 +46,16 @@ async def list_planners(arguments: ListPlannersArguments, context: WorkflowConte
         if arguments.config_id:
             raise InvalidRequest(
                 f"{configuration.config_id} is a configuration of {configuration.planner}, not of {arguments.planner}",
-                next_step="give planner or config_id",
+                next_step="give either planner or config_id, not both",
             )
         configuration = resolve_configuration(arguments.planner, context)
+    is_chosen = bool(arguments.planner or arguments.config_id)
     tuning = tuning_of(configuration.planner)
     made = made_configurations(context, LISTED_CONFIGURATIONS)
     return ListPlannersResult(
         planners=(
-            *(_listed(name) for name in planner_names()),
-            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners()),
+            *(_listed(name) for name in ([configuration.planner] if is_chosen else planner_names())),
+            *(PlannerInfo(name="refused", summary=why, presets=()) for why in refused_planners() if not is_chosen),
         ),
         predictions=get_args(Prediction),
         config_id=configuration.config_id,
@@ -79,7 +80,10 @@ async def list_planners(arguments: ListPlannersArguments, context: WorkflowConte
 async def configure_planner(arguments: ConfigurePlannerArguments, context: WorkflowContext) -> ConfigurePlannerResult:
     """Return a new configuration from a preset and changes of weights."""
     base = resolve_configuration(arguments.base, context)
+    left_out: tuple[str, ...] = ()
     if arguments.planner is not None and known_planner(arguments.planner) != base.planner:
+        if "base" in arguments.model_fields_set:
+            left_out = (f"base {base.config_id} is not used, because it is a configuration of {base.planner}",)
         base = resolve_configuration(arguments.planner, context)
     made, notes = changed_configuration(base, arguments.preset, arguments.weights, arguments.settings)
     known = context.workspace.find("config", made.config_id) is not None
@@ -106,7 +110,7 @@ async def configure_planner(arguments: ConfigurePlannerArguments, context: Workf
         base=base.config_id,
         against=shown_name(reference.name),
         changes=differences(reference, stored),
-        notes=notes,
+        notes=(*left_out, *notes),
         yaml=to_yaml(stored),
         reused=known,
     )
@@ -145,7 +149,7 @@ async def run_planner(arguments: RunPlannerArguments, context: WorkflowContext) 
 
 
 def _listed(name: str) -> PlannerInfo:
-    """Return a planner's entry; an external one that cannot be imported says so."""
+    """Return a planner's entry; the entry of an external planner that cannot be imported says so."""
     try:
         tuning = tuning_of(name)
     except PlannerFailure as error:

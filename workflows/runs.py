@@ -7,7 +7,7 @@ runs, so that overlapping batches and servers do not run it twice.
 import logging
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -74,7 +74,7 @@ class Cell:
 
     @property
     def scenario(self) -> str:
-        """The scenario as written in a call."""
+        """The scenario in the notation of a call: its id, with ``#`` and the planning problem if one is given."""
         return self.scenario_id if self.problem_id is None else f"{self.scenario_id}#{self.problem_id}"
 
     def recipe(self) -> Recipe:
@@ -169,7 +169,7 @@ async def _isolated(context: WorkflowContext, cell: Cell) -> CellResult | None:
 
 
 async def _attempt(context: WorkflowContext, cell: Cell, *, notify_client: bool) -> CellResult | None:
-    """Return the cell's run, or None if another call or server is making it."""
+    """Return the cell's run, or None if another call or server is making this run."""
     recipe = cell.recipe()
     stored = context.workspace.find_by_recipe("run", recipe)
     if stored is not None:
@@ -220,7 +220,7 @@ async def _made(context: WorkflowContext, cell: Cell, recipe: Recipe, *, notify_
 async def resume_run(run_id: str, time_s: float, planner: str, context: WorkflowContext) -> RunResponse:
     """Continue a stored run from one of its times with another configuration; nothing is stored.
 
-    The ego starts in its driven state at that time. The others follow their recordings.
+    The ego starts in its driven state at that time. The other road users follow their recordings.
 
     Args:
         run_id: the stored run.
@@ -229,9 +229,9 @@ async def resume_run(run_id: str, time_s: float, planner: str, context: Workflow
         context: the resources of the workflow.
 
     Raises:
-        UnknownName: an unknown run or configuration.
+        UnknownName: the run or the configuration is unknown.
         InvalidRequest: the run has no state at this time.
-        NotPossible: its traffic was reactive, so the others are not on their recordings at that time.
+        NotPossible: its traffic was reactive, so the other road users are not on their recordings at that time.
     """
     record = context.workspace.get(run_id, "run").read(RunRecord)
     if record.traffic == "reactive":
@@ -316,7 +316,7 @@ async def run_many(
 
 
 async def _confirm(context: WorkflowContext, runs: int) -> None:
-    """Ask the user before very many runs; if the client cannot ask, or no answer comes, run them.
+    """Ask the user before very many runs; if the client cannot ask, or no answer comes, the runs go ahead.
 
     Raises:
         NotPossible: the user declines.
@@ -332,7 +332,7 @@ async def _confirm(context: WorkflowContext, runs: int) -> None:
 
 
 def own_share(finished: Sequence[CellResult], known: int, total: int) -> float:
-    """Return the share done of the runs that were not stored before, since stored ones do not predict the rest."""
+    """Return the share done of the runs that were not stored before, since stored runs do not predict the rest."""
     reused = sum(result.reused for result in finished)
     return (len(finished) - min(reused, known)) / max(total - known, 1)
 
@@ -358,19 +358,19 @@ def _batch_recipe(cells: Sequence[Cell], lost: Sequence[str] = ()) -> Recipe:
 
 
 def _versions(cells: Sequence[Cell]) -> dict[str, str]:
-    """Return the versions that the runs of a grid depend on, including those of all planners."""
+    """Return the versions, by name, that the runs of a grid depend on, including those of all planners."""
     first = {cell.configuration.planner: cell for cell in reversed(cells)}
     return {name: version for cell in first.values() for name, version in cell.recipe().versions.items()}
 
 
 def own_versions(planners: Iterable[str]) -> dict[str, str]:
-    """Return the source digests of external planners for recipes."""
+    """Return the source digests of external planners, by their keys in recipes."""
     known = {version_key(name): planner_version(name) for name in planners}
     return {name: version for name, version in known.items() if version}
 
 
 def _mark_latest(context: WorkflowContext, batch: BatchRecord) -> None:
-    """Make a batch and its runs the client's latest ones."""
+    """Make a batch and its runs the client's latest batch and runs."""
     context.made("run", *batch.runs)
     context.made("batch", batch.batch_id)
 
@@ -472,7 +472,7 @@ def _notes(records: Sequence[RunRecord]) -> Iterator[str]:
     if lengths_m := sorted(record.eased_over_m for record in records if record.eased_over_m is not None):
         span = f"{lengths_m[0]:g} m" if lengths_m[0] == lengths_m[-1] else f"{lengths_m[0]:g} to {lengths_m[-1]:g} m"
         eased = "" if len(records) == 1 else f" in {counted(len(lengths_m), 'run')}"
-        yield f"the ego starts off its lane's centre{eased} and joins it within {span}"
+        yield f"the ego does not start on its lane's centre line{eased}, but reaches it within {span}"
     for name in sorted({record.ego_class for record in records} - {"car"}):
         count = sum(record.ego_class == name for record in records)
         known, where = ego_class(name), "" if count == len(records) else f" in {counted(count, 'run')}"
@@ -522,13 +522,19 @@ def _line(record: RunRecord, reviews: Mapping[str, RunReview]) -> RunLine:
     )
 
 
+def after_batch(batch_id: str, config_ids: Collection[str]) -> str:
+    """Return the next step after a batch; only several configurations can be compared."""
+    compare = " or compare_results" if len(config_ids) > 1 else ""
+    return f"analyze_results{compare} with results ['{batch_id}']"
+
+
 def _next_step(records: Sequence[RunRecord], batch_id: str | None, job_id: str | None, state: JobState) -> str:
     if state == "running":
         return f"get_job with job_id '{job_id}'"
     if state != "done":
         return "repeat run_planner: finished runs are reused"
     if batch_id:
-        return f"analyze_results or compare_results with results ['{batch_id}']"
+        return after_batch(batch_id, {record.config_id for record in records})
     if not records:
         return "correct the error, then repeat run_planner"
     run = records[0]

@@ -139,6 +139,6 @@ async def _store_in_order(
 
 
 def _received(receive: MemoryObjectReceiveStream[_Outcome]) -> Iterator[_Outcome]:
-    """Yield what has arrived, without waiting for more."""
+    """Yield the outcomes that have arrived, without waiting for more."""
     while receive.statistics().current_buffer_used:
         yield receive.receive_nowait()

@@ -48,7 +48,7 @@ from plannerforge.server.assembly import create_server
 from ..analysis.public_runs import RawRuns
 from ..analysis.recomputed import METRICS, Pairs, goal, holm
 from ..harness import Figures, SeededBench, ask, ask_to_the_end, import_scenarios, scenario_files, settings_for, share
-from ..told_figures import unknown_in_fields
+from ..stated_figures import unknown_in_fields
 
 SCENARIOS, SEARCHED = 40, 8
 """Numbers of public scenarios for runs and for searches (chosen)."""

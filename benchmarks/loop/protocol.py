@@ -222,7 +222,7 @@ def _step_ms(path: Path) -> tuple[list[float], list[float]]:
         times: tuple[list[float], list[float]] = ([], [])
         for observation in _ROUNDS * seen:
             for planner, taken in zip((inside, outside), times, strict=True):
-                taken.append(_taken_ms(planner, observation))
+                taken.append(_plan_ms(planner, observation))
     return times
 
 
@@ -241,7 +241,7 @@ def _before_all_others() -> Iterator[None]:
         os.sched_setscheduler(0, *before)
 
 
-def _taken_ms(planner: Planner, observation: Observation) -> float:
+def _plan_ms(planner: Planner, observation: Observation) -> float:
     began = perf_counter()
     planner.plan(observation)
     return 1000 * (perf_counter() - began)

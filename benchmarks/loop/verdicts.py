@@ -406,7 +406,7 @@ def _careful_prevents(made: Made) -> bool:
     return found is not None and bool(found.by_careful_driver)
 
 
-def _of_told(found: Any) -> dict[tuple[str, str], bool]:
+def _reported_verdicts(found: Any) -> dict[tuple[str, str], bool]:
     return {(verdict.driver, verdict.start): verdict.prevents for verdict in found.drivers}
 
 
@@ -447,7 +447,7 @@ def measure(bench: SeededBench) -> Figures:
                 right.append(False)
                 sys.stderr.write(f"{made.name}: no verdict\n")
                 continue
-            for (driver, start), prevented in _of_told(found).items():
+            for (driver, start), prevented in _reported_verdicts(found).items():
                 truth = _truth(made, driver, start, touch)
                 if truth is None:
                     edges += 1

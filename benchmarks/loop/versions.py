@@ -175,10 +175,10 @@ async def _versions_of(author: _Author, client: Client, limit: int | None) -> li
         made.append(_Version(author.name, words, batch_id))
     digests: dict[str, str] = {}
     couples = list(combinations(made, 2))[:limit]
-    return [await _is_told(before, after, digests, client) for before, after in couples]
+    return [await _is_reported(before, after, digests, client) for before, after in couples]
 
 
-async def _is_told(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
+async def _is_reported(before: _Version, after: _Version, digests: dict[str, str], client: Client) -> bool:
     """Return True if the comparison of two versions, the list of batches and an analysis of both name them
     correctly.
     """

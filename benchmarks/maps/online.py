@@ -299,7 +299,7 @@ class _FaultCase:
 
 
 _MIRRORS = ("one", "two", "three", "four")
-_TOLD: Mapping[FaultKind, str] = {
+_NOTES_BY_KIND: Mapping[FaultKind, str] = {
     "429": "429",
     "504": "504",
     "403": "refuses (403)",
@@ -320,7 +320,7 @@ def _fault_cases() -> list[_FaultCase]:
     service.
     """
     cases: list[_FaultCase] = []
-    for kind, told in _TOLD.items():
+    for kind, told in _NOTES_BY_KIND.items():
         often = Fault(kind, 2)
         cases.append(_FaultCase(f"{kind} of the first", {"one": (often,)}, True, (told,)))
         cases.append(

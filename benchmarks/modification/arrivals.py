@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from commonroad.scenario.lanelet import LaneletNetwork
 
-BESIDE_M, ON_ROUTE_SHARE = 1.0, 0.95
+MARGIN_M, ON_ROUTE_SHARE = 1.0, 0.95
 """A vehicle follows lanelets if this share of its positions is on them or at most this far from them."""
 LINE_M = 0.5
 """A vehicle with its bumper at most this far past the end of a lanelet stands at the end."""
@@ -89,7 +89,7 @@ def follows(network: "LaneletNetwork", lanelets: Collection[int], positions: Poi
         *lanelets,
         *(key for lanelet in lanelets for key in adjacent_lanelets(network.find_lanelet_by_id(lanelet))),
     }
-    areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(BESIDE_M) for key in sorted(every)]
+    areas = [network.find_lanelet_by_id(key).polygon.shapely_object.buffer(MARGIN_M) for key in sorted(every)]
     area = shapely.union_all(areas)
     return float(np.mean(shapely.contains_xy(area, positions[:, 0], positions[:, 1]))) >= ON_ROUTE_SHARE
 
@@ -223,7 +223,7 @@ class Journey:
     def _has_no_gap(self, index: int) -> bool:
         """Return True if it has to change lanes and another road user is alongside."""
         side = self._side_to_change_to(index)
-        return side is not None and not self._is_free_beside(index, side)
+        return side is not None and not self._is_free_on_side(index, side)
 
     def _others_at(self, index: int) -> Iterator[tuple[float, float, Track, int]]:
         """Return every other road user present: its centre's distance ahead and to the left, itself and its own
@@ -285,10 +285,10 @@ class Journey:
 
     def _longest_gap_s(self, side: int) -> float:
         """Return the longest time for which the neighbouring lane was free enough for a change."""
-        free = (self._is_free_beside(index, side) for index in range(len(self.track.positions)))
+        free = (self._is_free_on_side(index, side) for index in range(len(self.track.positions)))
         return max(len(list(run)) if is_free else 0 for is_free, run in groupby(free)) * self.step_s
 
-    def _is_free_beside(self, index: int, side: int) -> bool:
+    def _is_free_on_side(self, index: int, side: int) -> bool:
         """Return True if no vehicle is alongside or so close ahead or behind there that a driver would not change
         lanes.
         """
@@ -383,7 +383,7 @@ def _route_length_m(
     ``among``: the lanelets on which it begins; all lanelets under it if None or empty.
     """
     heading_rad = float(track.headings_rad[index])
-    aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * BESIDE_M
+    aside = np.array([-math.sin(heading_rad), math.cos(heading_rad)]) * MARGIN_M
     here = _inside(network, track, index)
     points = (here, here + aside, here - aside, fronts(track)[index])
     reached = [distances_m(network, point, heading_rad, among=among or None) for point in points]

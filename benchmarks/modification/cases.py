@@ -52,7 +52,7 @@ from .judges import (
 )
 from .round_trip import round_trip
 from .safety import Shift, executed, new_id, planner_run, shifts_of
-from .written import Written, enter_later_as_asked, is_strictly_valid, is_valid
+from .written import Written, enter_later_on_request, is_strictly_valid, is_valid
 
 POSITION_M, SPEED_MPS = 0.01, 0.01
 """Tolerances of the round trip."""
@@ -307,11 +307,11 @@ def _checked(
             arrives(written, key, frozenset(truth["target_lanelets"]))
             for index, truth in enumerate(written.truths)
             if truth["op"] == "reroute"
-            for key in sorted(written.meant_by(index))
+            for key in sorted(written.vehicles_of_edit(index))
         ),
         valid=is_valid(written),
         strictly_valid=is_strictly_valid(written),
-        enter_later=len(enter_later_as_asked(written)),
+        enter_later=len(enter_later_on_request(written)),
         untouched_identical=is_untouched_identical(written),
         touched=len(outcome.touched),
         handed_over=len(outcome.handed_over),

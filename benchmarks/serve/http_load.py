@@ -42,7 +42,7 @@ _READ_BYTES = 700_000
 """Largest resource to read: the SDK's client accepts no event of more than 1 MiB (docs/http.md)."""
 
 
-class Told(NamedTuple):
+class ReportedArtifact(NamedTuple):
     """An artifact reported to a client."""
 
     kind: ArtifactKind
@@ -59,7 +59,7 @@ class Tally:
     errors: list[str] = field(default_factory=list)
     memory: list[tuple[float, float]] = field(default_factory=list)
     """Seconds since the start, megabytes of the server's process."""
-    told: set[Told] = field(default_factory=set)
+    told: set[ReportedArtifact] = field(default_factory=set)
     """Artifacts reported to clients, by kind and id."""
 
 
@@ -136,7 +136,7 @@ class LoadClient:
         if made is None:
             return
         self._edited = made["scenario_id"]
-        self._tally.told.add(Told("scenario", self._edited))
+        self._tally.told.add(ReportedArtifact("scenario", self._edited))
         told = await self._call("describe_scenario", scenario_id="latest")
         own = (told or {}).get("scenario_id")
         self._expect(told is None or own == self._edited, "latest", f"{own} is not {self._edited}")
@@ -146,7 +146,7 @@ class LoadClient:
         made = await self._call("configure_planner", base="frenetix:Default", weights=[weight])
         if made is None:
             return
-        self._tally.told.add(Told("config", made["config_id"]))
+        self._tally.told.add(ReportedArtifact("config", made["config_id"]))
         told = await self._call("list_planners")
         own = (told or {}).get("config_id")
         self._expect(told is None or own == made["config_id"], "current", f"{own} is not the own one")
@@ -158,7 +158,7 @@ class LoadClient:
         ran = await self._call("run_planner", scenarios=[self._edited], configs=["idm"], wait_s=50)
         if ran is None:
             return
-        self._tally.told |= {Told("run", run["run_id"]) for run in ran["runs"]}
+        self._tally.told |= {ReportedArtifact("run", run["run_id"]) for run in ran["runs"]}
         self._expect(ran["finished"] == 1, "run_planner", f"not one run: {ran}")
 
     async def _resources(self) -> None:

@@ -626,7 +626,7 @@ def _parked_row(choice: random.Random, root: etree._Element) -> None:
             size = choice.uniform(4.0, 5.0), choice.uniform(1.65, 1.95)
             station += size[0] / 2
             point, heading = point_at(line, station)
-            place = shapely.Point(_beside(point, heading, side * (size[1] / 2 + choice.uniform(0.2, 0.6))))
+            place = shapely.Point(_shifted(point, heading, side * (size[1] / 2 + choice.uniform(0.2, 0.6))))
             if station < length_m(line) and not area.intersects(place) and there.distance(place) > _APART_M:
                 way = heading + math.pi if turned else heading
                 state = (place.x, place.y, math.remainder(way, 2 * math.pi), 0.0)
@@ -648,7 +648,7 @@ def _pedestrians(choice: random.Random, root: etree._Element) -> None:
         begin = choice.uniform(0.0, length_m(way) / 2)
         stations = begin + speed * step_s * np.arange(steps + 1)
         places = [point_at(way, float(station)) for station in stations[stations < length_m(way)]]
-        states = [(*_beside(point, heading, outside * aside).tolist(), heading, speed) for point, heading in places]
+        states = [(*_shifted(point, heading, outside * aside).tolist(), heading, speed) for point, heading in places]
         if len(states) > _FEWEST_STATES:
             _add_road_user(root, "pedestrian", (0.5, 0.6), states)
 
@@ -682,7 +682,7 @@ def _kerbs(choice: random.Random, root: etree._Element, count: int) -> Iterator[
         yield _bound(lanelet, side), sides[side]
 
 
-def _beside(point: Points, heading_rad: float, left_m: float) -> Points:
+def _shifted(point: Points, heading_rad: float, left_m: float) -> Points:
     return np.asarray(point + left_m * np.array([-math.sin(heading_rad), math.cos(heading_rad)]))
 
 

@@ -31,9 +31,10 @@ from ...schemas.analysis.comparison import (
     WeightChange,
 )
 from ...schemas.errors import InvalidRequest, NotPossible
+from ...schemas.measures import metric_words
 from ...schemas.results import ConfigWeights, MetricName
 from ...schemas.runs import Lineage, RunRecord, configuration_id
-from ...schemas.text import figure, measured, p_figure, p_in_words
+from ...schemas.text import counted, figure, measured, p_figure, p_in_words
 from ..execution import ProgressReporter
 from .moments import contact_of, review
 from .run_set import METRICS, MetricSpec, RunSet, reached_goal
@@ -55,7 +56,7 @@ _Pairs = Sequence[tuple[RunRecord, RunRecord]]
 
 
 def compare(request: CompareRequest, report: ProgressReporter) -> CompareResultsResult:
-    """Compare every side with the first one, or the pairs of sides that the request gives.
+    """Compare every side with the first side, or the pairs of sides that the request gives.
 
     Raises:
         NotPossible: there are fewer than two sides, or they have no pair in common.
@@ -141,7 +142,7 @@ class _Draft:
 
 
 def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunRecord], request: CompareRequest) -> _Draft:
-    """Pair two sides and test them.
+    """Pair two sides and test them; return the comparison before its tests are adjusted.
 
     Raises:
         NotPossible: they have no problem in common.
@@ -149,7 +150,8 @@ def _drafted(before: Side, after: Side, runs: RunSet, records: dict[str, RunReco
     pairing = _pair(before, after, records, {lineage.scenario_id: lineage for lineage in request.lineage})
     if not pairing.pairs and not pairing.invalid:
         raise NotPossible(
-            f"{before.label} and {after.label} have no scenario and planning problem in common, not even as versions",
+            f"{before.label} and {after.label} have no planning problem in common, not even in edited versions of one "
+            "scenario",
             valid=[_conditions(side, records) for side in (before, after)],
             next_step="run both configurations on the same scenarios in one run_planner call, or use analyze_results",
         )
@@ -319,7 +321,7 @@ def _mode(record: RunRecord) -> str:
 
 
 def _strata(pairs: _Pairs) -> tuple[Stratum, ...]:
-    """Return the pairs grouped by prediction, traffic mode and world; empty if they have only one."""
+    """Return the pairs grouped by prediction, traffic mode and world; empty if all pairs are in one group."""
     groups: dict[str, list[tuple[bool, bool]]] = {}
     for pair in pairs:
         groups.setdefault(_mode(pair[1]), []).append(_mastered(pair))
@@ -374,7 +376,7 @@ def _direction(spec: MetricSpec, before: float, after: float) -> Literal["better
 
 
 def _edited(pair: tuple[RunRecord, RunRecord], lineages: Mapping[str, Lineage]) -> EditedPair:
-    """Return what distinguishes the scenarios of a pair by lineage: their edits, from the first difference."""
+    """Return the edits in which a pair's scenarios differ; the two scenarios were edited from a common ancestor."""
     before, after = (_lineage(record, lineages) for record in pair)
     shared = 0
     for first, second in zip(before.edits, after.edits, strict=False):
@@ -398,7 +400,7 @@ def _lineage(record: RunRecord, lineages: Mapping[str, Lineage]) -> Lineage:
 
 
 def _single(pair: tuple[RunRecord, RunRecord], request: CompareRequest) -> tuple[PairedRun, PairedRun]:
-    """Return how both runs of the only pair ended, with their reviews."""
+    """Return both runs of the only pair, with their outcomes and reviews."""
     runs = RunSet(request.runs, request.configs, request.scenarios)
     before, after = (
         PairedRun(run_id=one.run_id, outcome=one.outcome, reason=one.reason, review=review(runs, one)) for one in pair
@@ -410,7 +412,7 @@ def _with_holm(tests: "Sequence[SuccessTest | MetricTest]") -> "list[SuccessTest
     """Return the tests of one answer with Holm's adjustment within success and within the metrics.
 
     These two families share the level evenly (Bonferroni), so an answer with many metrics can still show a difference
-    in success. At most 5 % of the answers in which nothing differs report a difference. A test that cannot fall below 5
+    in success. At most 5% of the answers in which nothing differs report a difference. A test that cannot fall below 5
     %, regardless of the signs of its differences, is not counted and has no adjusted p (Tarone 1990, "A modified
     Bonferroni method for discrete data").
     """
@@ -496,7 +498,8 @@ def _conditions(side: Side, records: dict[str, RunRecord]) -> str:
     chosen = [records[run_id] for run_id in side.run_ids]
     scenarios = sorted({record.scenario_id for record in chosen})
     words = sorted({f"{_mode(record)}/seed {record.seed}" for record in chosen})
-    return f"{side.label}: {len(scenarios)} scenarios ({', '.join(scenarios[:2])}…), {', '.join(words)}"
+    more = "…" if len(scenarios) > 2 else ""
+    return f"{side.label}: {counted(len(scenarios), 'scenario')} ({', '.join(scenarios[:2])}{more}), {', '.join(words)}"
 
 
 @dataclass(frozen=True)
@@ -652,7 +655,7 @@ def _about_success(code: HeadlineCode, test: SuccessTest) -> str:
     if code in ("better", "worse", "mixed"):
         return f"{code.capitalize()}: {fact}."
     if _is_alike(test):
-        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95 %)."
+        return f"{fact}; the success rates differ by less than {100 * _MARGIN:.0f} percentage points (95%)."
     if test.scenarios < FEWEST_PAIRS:
         return f"{fact}; too few {'pairs' if test.scenarios == test.pairs else 'scenarios'} for a test."
     if code == "flips_too_few":
@@ -692,17 +695,21 @@ def _about_strata(test: SuccessTest, strata: Sequence[Stratum]) -> list[str]:
 
 
 def _about_metrics(success: SuccessTest, metrics: Sequence[MetricTest]) -> list[str]:
-    """Return the metrics shown to differ, with the better side; separately those that differ in some scenarios."""
+    """Return sentences on the metrics that differ, with the better side, and on those that differ in some scenarios."""
     telling = [test for test in metrics if _is_significant(test)]
     sides = {"after": ", better", "before": ", worse", None: ""}
     words = [
-        f"{test.name} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
+        f"{metric_words(test.name)} {'rises' if (test.shift or 0) > 0 else 'falls'} by {measured(abs(test.shift or 0))}"
         f"{'' if test.unit == '1' else f' {test.unit}'}{sides[test.better]}"
         for test in telling
     ]
-    sentences = [f"Differs after Holm's adjustment: {'; '.join(words)}."] if words else []
+    sentences = [f"After Holm's adjustment, these metrics differ: {'; '.join(words)}."] if words else []
     differing = [test for test in metrics if test.p_holm is not None and test.p_holm < LEVEL]
-    few = [f"{test.name} (in {test.higher} higher, in {test.lower} lower)" for test in differing if test not in telling]
+    few = [
+        f"{metric_words(test.name)} (in {test.higher} higher, in {test.lower} lower)"
+        for test in differing
+        if test not in telling
+    ]
     if few:
         sentences.append(f"In some scenarios only, with an equal median: {'; '.join(few)}.")
     if sentences:

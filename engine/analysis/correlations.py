@@ -11,11 +11,12 @@ from statistics import fmean
 
 from ...schemas.results import Correlation
 from ...schemas.runs import RunRecord
+from ...schemas.text import counted
 from .run_set import RunSet, reached_goal
 from .statistics import holm, rank_correlation
 
 _FEWEST_SCENARIOS = 12
-"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5 %: too coarse to report."""
+"""Below this a rank correlation must exceed 0.58 to differ from 0 at 5%: too coarse to report."""
 _FEWEST_OF_A_ROAD = 3
 """A kind of road with fewer scenarios has no indicator of its own (chosen): it would only model their mean."""
 ROAD = "road"
@@ -38,7 +39,8 @@ def correlations(runs: RunSet) -> tuple[tuple[Correlation, ...], Note]:
     """Return Spearman correlations of features with success, strongest first, and a note if there are none."""
     seen = _scenarios(runs)
     if len(seen) < _FEWEST_SCENARIOS:
-        words = f"no correlations: valid runs cover {len(seen)} scenarios, at least {_FEWEST_SCENARIOS} are needed"
+        covered = counted(len(seen), "scenario")
+        words = f"no correlations: valid runs cover {covered}, but at least {_FEWEST_SCENARIOS} are needed"
         return (), (words, {"scenarios": len(seen), "least_scenarios": _FEWEST_SCENARIOS})
     if len({scenario.success for scenario in seen}) == 1:
         return (), ("no correlations: all scenarios ended alike", {})

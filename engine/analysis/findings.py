@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.results import Finding, FindingMoment, Suggestion
 from ...schemas.reviews import Contact, Encounter, PaceCode, PaceMoment, RunReview
 from ...schemas.runs import CRITICAL_GAP_M, CRITICAL_TIME_TO_COLLISION_S, RunRecord, is_close
-from ...schemas.text import p_figure
+from ...schemas.text import counted, p_figure
 from ..geometry import wrap_angles
 from .causes import sample_of
 from .moments import FROM_BEHIND, contact_of, review
@@ -54,7 +54,7 @@ class Evidence:
         return self._reviews[record.run_id]
 
     def pace(self, record: RunRecord) -> tuple[PaceMoment, ...]:
-        """Return the stretches in which the ego of a run stood, was held up or braked, and why."""
+        """Return the stretches in which the ego of a run stood, was held up or braked, each with its cause."""
         if record.run_id not in self._paces:
             self._paces[record.run_id] = pace_of(self.runs, record)
         return self._paces[record.run_id]
@@ -267,7 +267,7 @@ _WEAK_SHARE = 0.10
 
 
 def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, collisions in which obstacles made up under 10 % of the cost in the last second.
+    """Yield, per configuration, collisions in which obstacles made up under 10% of the cost in the last second.
 
     The chosen candidate passed the collision check against the prediction; a small share means that only that check
     kept the ego away from other road users. The finding needs at least half of the collisions that the ego could have
@@ -286,8 +286,8 @@ def _weak_obstacle_cost(evidence: Evidence) -> Iterator[Finding]:
             name="weak_obstacle_cost",
             statement=(
                 f"In {len(weak)} of {len(shares)} collisions of {records[0].config_name} that the ego could have "
-                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f} % of the plan's cost in the last second "
-                f"(median {100 * middle:.1f} %){evidence.among_hits}."
+                f"prevented, obstacles made up under {100 * _WEAK_SHARE:.0f}% of the plan's cost in the last second "
+                f"(median {100 * middle:.1f}%){evidence.among_hits}."
             ),
             figures={
                 "runs": len(weak),
@@ -345,7 +345,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
     """Yield findings on late runs: goals out of reach, what egos waited for, and what delayed the remaining runs.
 
     Each run counts for the first cause that holds: a goal out of reach, then the cause in ``_LATE`` that took most of
-    the drive, if it took at least 40 %. The remaining runs are reported per configuration with the median run's largest
+    the drive, if it took at least 40%. The remaining runs are reported per configuration with the median run's largest
     cost term. If that term is the speed offset, the planner is slow despite the cost, so the weight is too small. Any
     other term holds the ego back.
     """
@@ -375,7 +375,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
         if members:
             yield Finding(
                 name=name,
-                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f} % or more of the drive.",
+                statement=f"{len(members)} of {of} {words} for {100 * _HELD_UP_SHARE:.0f}% or more of the drive.",
                 figures={"runs": len(members), **all_late, "least_share": _HELD_UP_SHARE},
                 run_ids=_ids(members),
                 moments=_paces_of(evidence, members, codes),
@@ -388,7 +388,7 @@ def _late(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _late_by(evidence: Evidence, record: RunRecord) -> str:
-    """Return the cause that took most of a late drive and at least 40 % of it, else an empty string."""
+    """Return the cause that took most of a late drive and at least 40% of it, else an empty string."""
     if record.metrics is None or record.metrics.duration_s <= 0:
         return ""
     moments = evidence.pace(record)
@@ -439,7 +439,7 @@ def _figures_of(moment: PaceMoment) -> dict[str, float]:
 
 
 def _sample_figures(looked_at: int, **of: int) -> dict[str, float]:
-    """Return how many of the runs were examined, or nothing if all were."""
+    """Return the number of examined runs as a figure; empty if all runs were examined."""
     (count,) = of.values()
     return {} if looked_at == count else {"looked_at": looked_at, **of}
 
@@ -468,7 +468,7 @@ def _paces_of(evidence: Evidence, records: Iterable[RunRecord], codes: Iterable[
 
 
 def _hits_of(evidence: Evidence, records: Iterable[RunRecord]) -> tuple[FindingMoment, ...]:
-    """Return the times of the collisions of runs."""
+    """Return the time of each run's collision."""
     return tuple(
         FindingMoment(run_id=record.run_id, time_s=record.collision.time_s, code=contact.kind)
         for record in records
@@ -485,8 +485,8 @@ def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord
         name="held_back",
         subject=largest,
         statement=(
-            f"{len(records)} runs of {records[0].config_name} ran out of time or arrived too late; {largest} made up "
-            f"{100 * terms[largest]:.0f} % of the cost in the median run."
+            f"{counted(len(records), 'run')} of {records[0].config_name} ran out of time or arrived too late; "
+            f"{largest} made up {100 * terms[largest]:.0f}% of the cost in the median run."
         ),
         figures={"runs": len(records), "median_share": terms[largest]},
         run_ids=_ids(records),
@@ -496,7 +496,7 @@ def _findings_on_late_runs(runs: RunSet, config_id: str, records: list[RunRecord
 
 
 def _median_shares(runs: RunSet, records: Iterable[RunRecord]) -> dict[str, float]:
-    """Return the share of each term in the cost of the median run, over the runs that have a cost."""
+    """Return each term's share of the cost in the median run; runs without a cost are left out."""
     terms = [mean_terms(runs.steps[record.run_id]) for record in records if record.run_id in runs.steps]
     shares = [{term: value / total for term, value in mean.items()} for mean in terms if (total := sum(mean.values()))]
     names = sorted({term for share in shares for term in share})
@@ -520,7 +520,7 @@ def _rejecting_constraint(evidence: Evidence) -> Iterator[Finding]:
         subject=name,
         statement=(
             f"In {count} of {len(stuck)} infeasible runs, {name} rejected most candidates: "
-            f"{100 * median(shares):.0f} % of the rejected ones in the median run."
+            f"{100 * median(shares):.0f}% of the rejected ones in the median run."
         ),
         figures={"runs": count, "of": len(stuck), "median_share": median(shares)},
         run_ids=run_ids,
@@ -559,7 +559,8 @@ def _near_misses(evidence: Evidence) -> Iterator[Finding]:
             name="near_misses",
             statement=(
                 f"In {len(own)} of {of} of {records[0].config_name}, the ego came within "
-                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another ahead or crossing{others}."
+                f"{CRITICAL_GAP_M} m or {CRITICAL_TIME_TO_COLLISION_S} s of another road user ahead or crossing"
+                f"{others}."
             ),
             figures={
                 "runs": len(own),
@@ -650,7 +651,7 @@ _DOMINATING_SHARE = 0.8
 
 
 def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
-    """Yield, per configuration, a term with over 80 % of the chosen candidates' cost in the median run."""
+    """Yield, per configuration, a term with over 80% of the chosen candidates' cost in the median run."""
     runs = evidence.runs
     for records in runs.by_config(runs.valid).values():
         for term, share in _median_shares(runs, records).items():
@@ -659,7 +660,7 @@ def _dominating_cost(evidence: Evidence) -> Iterator[Finding]:
                     name="dominating_cost",
                     subject=term,
                     statement=(
-                        f"{term} is {100 * share:.0f} % of the cost in the median run of {records[0].config_name}."
+                        f"{term} is {100 * share:.0f}% of the cost in the median run of {records[0].config_name}."
                     ),
                     figures={"median_share": share},
                     run_ids=_ids(record for record in records if record.run_id in runs.steps),
@@ -706,7 +707,7 @@ _HARDER_POINTS = 0.2
 
 
 def _harder_group(evidence: Evidence) -> Iterator[Finding]:
-    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than the others.
+    """Yield the classes of obstacles and kinds of road for which scenarios fail more often than other scenarios.
 
     The difference is tested by Fisher's exact test. A scenario counts once, and as a success if most of its runs
     reached the goal. The p values of all groups are adjusted by Holm. Collisions that are attributed to other road

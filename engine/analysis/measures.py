@@ -161,7 +161,7 @@ class Leaders:
 
     @cached_property
     def times_to_collision_s(self) -> Values:
-        """Gap ÷ closing speed; infinite if the gap is not closing."""
+        """The gaps divided by the closing speeds; infinite if the gap is not closing."""
         return _ratio(self.gaps_m, self.closing_mps)
 
     @cached_property
@@ -265,7 +265,7 @@ class MeasuredDrive:
         )
 
     def _accelerations(self, states: NDArray[np.intp], tracks: NDArray[np.intp]) -> Values:
-        """Return other road users' accelerations at some states of the ego: differences of speed, within ±8 m/s²."""
+        """Return other road users' accelerations at the ego's given states: differences of speed, within ±8 m/s²."""
         found = np.zeros(len(states))
         for number in np.unique(tracks):
             track, chosen = self.others[int(number)], tracks == number

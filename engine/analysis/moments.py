@@ -148,7 +148,7 @@ def _fault(runs: RunSet, record: RunRecord, contact: Contact) -> EgoFault | None
 
 
 def _drive(runs: RunSet, record: RunRecord, steps: RunSteps) -> "_Drive":
-    """Return a run with the tracks of all other road users and its predictor."""
+    """Return the drive of a run, with the tracks of all other road users and its predictor."""
     path = runs.scenario_path(record)
     if path is None:
         return _Drive(record, steps, tracks_in(runs, record, steps))
@@ -185,7 +185,7 @@ class Course:
 
 
 def course_of(runs: RunSet, record: RunRecord) -> Course | None:
-    """Return a run over time, or None if its steps are missing."""
+    """Return the course of a run, or None if the run's steps are missing."""
     steps = runs.steps.get(record.run_id)
     if steps is None or not steps.x_m:
         return None
@@ -353,7 +353,7 @@ class _Drive:
     def _attribution(
         self, kind: ContactKind, prevention: Prevention | None, predicted_m: float | None, *, unseen: bool
     ) -> CollisionCause | None:
-        """Return what the collision is attributed to: the first match of recording, neither, perception, prediction and
+        """Return the cause of the collision: the first that applies of recording, neither, perception, prediction and
         planning.
 
         ``neither``: neither UN R157's careful driver nor the fuzzy driver prevents it from both starts. ``unseen``: the

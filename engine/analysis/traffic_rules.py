@@ -115,7 +115,7 @@ def rule_shares(runs: RunSet) -> tuple[RuleShare, ...]:
 
 
 def _share(runs: RunSet, judged: Sequence[tuple[RunRecord, RuleVerdict]]) -> RuleShare:
-    """Return how many runs of a configuration broke one rule."""
+    """Return the share of a configuration's runs that broke one rule."""
     applicable = [(record, verdict) for record, verdict in judged if verdict.robustness is not None]
     broken = sorted((-verdict.degree, record.run_id) for record, verdict in applicable if verdict.violated)
     run_ids = tuple(run_id for _, run_id in broken)

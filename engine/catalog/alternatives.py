@@ -38,7 +38,7 @@ _KINDS = {
 _KIND_NAMES = {
     "tag": "a tag",
     "feature": "a feature",
-    CIRCUMSTANCE: "a circumstance",
+    CIRCUMSTANCE: "weather or time of day",
     "obstacle": "an obstacle",
     "sign@ego": "a sign on the ego's lane",
     "sign@map": "a sign on the map",
@@ -72,7 +72,7 @@ def notes_on_names(connection: sqlite3.Connection, constraints: Sequence[Constra
                 other = "features" if kind == "tag" else "tags"
                 if (computed if kind == "tag" else tagged) > 0 and tagged != computed:
                     counts = (tagged, computed) if kind == "tag" else (computed, tagged)
-                    sentences.append(f"'{word}': {counts[0]} as {kind} (searched), {counts[1]} in {other}.")
+                    sentences.append(f"'{word}': {counts[0]} as a {kind} (searched), {counts[1]} in {other}.")
     return sentences
 
 
@@ -170,11 +170,11 @@ _LETTERS = 5
 
 
 def emptied_note(connection: sqlite3.Connection, funnel: Funnel, reason: EmptiedBy) -> str:
-    """Return the conditions that left nothing, and what the candidates of their stage have instead."""
+    """Return a note on the conditions that left no candidate, and on the values that the candidates have instead."""
     entering = funnel.entering()
     names = ", ".join(constraint.label for constraint in reason.constraints)
     if reason.together:
-        return f"some of the {len(entering)} candidates satisfy each of {names}, but no candidate satisfies all"
+        return f"each of {names} is satisfied by some of the {len(entering)} candidates, but no candidate satisfies all"
     alternatives = [_alternatives(connection, constraint, funnel, entering) for constraint in reason.constraints]
     existing = "; ".join(values for values in alternatives if values)
     return f"0 of the {len(entering)} candidates satisfy {names}" + (f"; available: {existing}" if existing else "")

@@ -2,7 +2,7 @@
 
 A file is identified by the SHA-256 of its content, so an interrupted import continues where it stopped. A file with a
 known id and different content is a *version*. It is stored under its own id, which is also written into the stored
-copy, and the catalogue lists it instead of the earlier one. Several servers may import into one workspace at the same
+copy, and the catalogue lists it instead of the earlier file. Several servers may import into one workspace at the same
 time.
 """
 
@@ -189,7 +189,7 @@ class ScenarioIntake:
         return family(self._workspace.database.connection(), scenario_id)
 
     async def _put(self, decided: Sequence[_Decision], folder: Path) -> list[_Decision]:
-        """Store new files; a file that is still new afterwards lost its id to another server."""
+        """Store new files, and return all decisions; a file that is still new then lost its id to another server."""
         new = [decision for decision in decided if isinstance(decision, _New)]
         failures: dict[str, PlannerForgeError] = {}
         if new:
@@ -228,7 +228,7 @@ def _staged(all_new: Sequence[_New], folder: Path) -> tuple[list[NewArtifact], d
 
 
 def _renamed(file: ReadFile, target: Path) -> ScenarioRecord:
-    """Write a copy of a changed file with a new id in its text; the file itself is unchanged.
+    """Write a copy of a changed file under a new id, and return its record; the file itself is unchanged.
 
     Raises:
         NotPossible: the text of the file does not contain the id.

@@ -43,12 +43,12 @@ class PlainStates:
 
     @property
     def headings_rad(self) -> Values:
-        """Headings (n,)."""
+        """The headings in rad, shape (n,)."""
         return self.columns["orientation"]
 
     @property
     def speeds_mps(self) -> Values:
-        """Speeds (n,), NaN if there are none."""
+        """The speeds in m/s, shape (n,); NaN if there are none."""
         given = self.columns.get("velocity")
         return np.full(len(self.positions), np.nan) if given is None else given
 

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 class XmlLimits:
     """Limits for an XML file before any library parses it.
 
-    Chosen well above real files and below harmful ones: the largest of about 200 measured CommonRoad scenarios is 1.4
+    Chosen well above real files and below harmful files: the largest of about 200 measured CommonRoad scenarios is 1.4
     MB in size, with 8 levels, 46,000 elements and 370 lanelets.
 
     ``size_bytes``: bytes of the file. ``depth``: levels of elements, which parsers follow by recursion. ``elements``:
@@ -80,8 +80,8 @@ class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and its source file.
 
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
-    headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the friction coefficient
-    of the roads, or None if the file has none.
+    headings. ``ego_classes``: the ego's class by planning problem; cars are left out. ``friction``: the friction
+    coefficient of the roads, or None if the file has none.
     """
 
     scenario: "Scenario"
@@ -113,7 +113,7 @@ class LoadedScenario:
 
     @property
     def step_s(self) -> float:
-        """Duration of one time step in seconds."""
+        """The duration of one time step in seconds."""
         return float(self.scenario.dt)
 
     def problem(self, problem_id: int | None = None) -> "PlanningProblem":
@@ -343,7 +343,7 @@ def _split_document(content: bytes, limits: XmlLimits) -> "tuple[etree._Element,
 
 
 def _small_content(path: Path) -> bytes:
-    """Return the bytes of a small file; empty for a large one, or for an unreadable one, which a scan reports."""
+    """Return the bytes of a small file; empty for a large file, or for an unreadable one, which a scan reports."""
     try:
         return path.read_bytes() if path.stat().st_size <= _SMALL_BYTES else b""
     except OSError:
@@ -626,7 +626,7 @@ _SPLIT = "split the file, or remove parts of it"
 
 
 class _Scan:
-    """Counts depth and elements while expat reads; stops at a limit or a document type."""
+    """A scan that counts depth and elements while expat reads, and stops at a limit or a document type."""
 
     def __init__(self, name: str, limits: XmlLimits) -> None:
         self.name, self.limits, self.root = name, limits, ""

@@ -5,7 +5,7 @@
 ``usual_behaviour``: returns the ``Behaviour`` of an ordinary driver of a class.
 ``behaviour_from``: returns a ``Behaviour`` changed by a preset and by single parameters.
 ``own_minimum_gap_m``: returns the gap in m that a class keeps regardless of the preset; None for most classes.
-``parameters_set``: returns the parameters that an edit sets, each with whether its new value is independent of the old.
+``parameters_set``: returns, for each parameter that an edit sets, whether its new value is independent of the old.
 ``values_set``: returns single parameters as given, relative ones with the resulting value.
 ``DrivePlan``: a vehicle that SUMO drives from ``from_step`` on.
 ``recorded_plan``: returns the ``DrivePlan`` of a recorded vehicle along its recorded route.

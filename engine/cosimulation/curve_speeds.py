@@ -1,4 +1,4 @@
-"""Whether a vehicle can slow down enough for the curves of a lanelet route, and how fast it may enter one.
+"""Curves of a lanelet route: whether a vehicle can slow down enough for them, and how fast it may enter one.
 
 A curve is a piece of 20 m of a lanelet with a curved centre line; the curve's position is the start of the piece,
 because a long lanelet may curve only at its far end. Speeds in m/s, arc lengths in m, curvatures in 1/m.

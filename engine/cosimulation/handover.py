@@ -36,9 +36,9 @@ HISTORY_STEPS = 15
 FEWEST_STATES = 5
 """Least number of states of a motion if the scenario lasts long enough (chosen): speeds need some steps."""
 POSE_DECAY_S = 1.5
-"""Time in which a difference in position falls to 37 % (chosen)."""
+"""Time in which a difference in position falls to 37% (chosen)."""
 SPEED_DECAYS_S = (0.8, 1.6, 3.2)
-"""Times in which a difference in speed falls to 37 % (chosen).
+"""Times in which a difference in speed falls to 37% (chosen).
 
 Tried in this order, each time compensated for the excess, until the first step changes the speed by no more than
 ``LARGEST_SPEED_STEP_MPS``; a slower one moves the vehicle more.

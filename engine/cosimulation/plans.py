@@ -182,7 +182,7 @@ def shown_track(scene: Scene, plan: DrivePlan) -> Track:
 
 
 def lane_change_track(front: Points, expected: Points, onward: Points, within_m: float) -> tuple[Points, list[bool]]:
-    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and when it is across, by step.
+    """Return the front track (n, 2) of a vehicle that moves over to SUMO's track, and whether it is across, by step.
 
     Args:
         front: the recorded position of the front at the hand-over, shape (2,), in metres.
@@ -200,7 +200,7 @@ def lane_change_track(front: Points, expected: Points, onward: Points, within_m:
 
 
 def _directions_along(track: Points) -> Points:
-    """Return unit vectors (n, 2) along a track (n, 2); a stop repeats the last one, an initial stop uses the next."""
+    """Return unit vectors (n, 2) along a track (n, 2); a stop repeats the last vector, a first stop uses the next."""
     moved = np.diff(track, axis=0, append=track[-1:])
     length_m = np.linalg.norm(moved, axis=1)
     rolls = length_m > MOVED_M

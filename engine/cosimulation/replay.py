@@ -1,4 +1,4 @@
-"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, driven ones react to them.
+"""Hybrid re-simulation in SUMO: recorded vehicles replay exactly, and driven vehicles react to them.
 
 Before every step, replayed vehicles are placed at their recorded pose after that step. Their speed is set after the
 step, so that other vehicles see it. A driven vehicle is treated in the same way until its hand-over.
@@ -64,7 +64,7 @@ class SimulationSetup:
 class DrivenTrack:
     """SUMO's track of a driven vehicle: its front bumper (n, 2) in m at every step, starting at ``first_step``.
 
-    The first point is the recorded one. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
+    The first point is recorded. ``lanes``: SUMO's lane id at every step. ``leaves``: whether it left the
     network. ``blocked_by``: ids of vehicles that left no room for an ordered lane change that was not carried out,
     longest-blocking first.
     """
@@ -78,7 +78,7 @@ class DrivenTrack:
 
 @dataclass(frozen=True)
 class ShownState:
-    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, and speed."""
+    """A vehicle as SUMO reports it: front bumper (x, y) in m, angle in degrees clockwise from north, speed in m/s."""
 
     front: tuple[float, float]
     angle_deg: float
@@ -212,7 +212,7 @@ class _Surroundings:
         return places, reach_m
 
     def at(self, step: int, driven: Iterable[_Place]) -> set[str]:
-        """Return SUMO's ids of the replayed actors present after a step; ``driven``: the driven ones before it.
+        """Return the SUMO ids of the replayed actors to show after a step; ``driven``: the driven vehicles before it.
 
         Called for consecutive steps.
         """
@@ -245,7 +245,7 @@ def _reach_m(actor: Actor, speeds_mps: Values) -> Values:
 
 
 class _Run:
-    """The state of one simulation: the actors that are present, and the observed states of driven ones."""
+    """The state of one simulation: the actors that are present, and the observed states of driven vehicles."""
 
     def __init__(self, sumo: Sumo, actors: tuple[Actor, ...], surroundings: _Surroundings) -> None:
         self.astray: set[str] = set()
@@ -290,7 +290,7 @@ class _Run:
         return not self._under_way
 
     def tracks(self, last_step: int) -> dict[int, DrivenTrack]:
-        """Return the driven tracks up to the present step."""
+        """Return the driven tracks up to the present step, by vehicle id."""
         tracks = {}
         for key, rows in sorted(self._seen.items()):
             front = np.array([(x, y) for _, x, y, _ in rows])
@@ -300,7 +300,7 @@ class _Run:
         return tracks
 
     def _place_replayed(self, step: int) -> None:
-        """Insert, place and remove vehicles, so that all replayed ones that matter are in place after the step."""
+        """Insert, place and remove vehicles, so that all replayed vehicles that matter are in place after the step."""
         near = self._surroundings.at(step, self._driving)
         for actor in self._in_order(near | self._present | self._driven):
             index = actor.track.index_at(step)

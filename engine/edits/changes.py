@@ -44,7 +44,7 @@ class Changes:
     """Everything that a list of edits requests, up to one of the edits.
 
     ``added_by_edit``: the ids that each edit added, by the edit's index. ``next_id``: the id that the next added
-    vehicle gets. ``replays``: tracks that replace the recorded ones, and added road users that SUMO does not drive.
+    vehicle gets. ``replays``: tracks that replace the recorded tracks, and added road users that SUMO does not drive.
     ``ego``: a new start of the ego. ``ego_drive``: returns the ego's motion under an ordinary driver in the base
     scenario, None if there is no ego; edits that depend on the ego's position call it.
     """
@@ -83,7 +83,7 @@ class Changes:
 
     @property
     def scripted(self) -> frozenset[int]:
-        """The road users that move as prescribed or are parked: they do not react to others."""
+        """The road users that move as prescribed or are parked: they do not react to other road users."""
         return frozenset(key for key, replay in self.replays.items() if replay.is_scripted or replay.is_parked)
 
     def is_added(self, vehicle_id: int) -> bool:
@@ -99,8 +99,8 @@ class EditStep:
     ``added``: the vehicles that it added. ``aims``: by vehicle, sets of lanelets; the vehicle should reach at least one
     lanelet of each set. ``since``: the step from which aims count. ``speeds``: the speed in m/s that a vehicle should
     reach, and the step from which it counts. ``measure``: returns the results for the requested values, from the
-    ``EditedScene`` after the simulation. ``parameters``: the driver parameters that it sets, each with whether the new
-    value is independent of the old one. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
+    ``EditedScene`` after the simulation. ``parameters``: for each driver parameter that it sets, whether the new value
+    is independent of the old value. ``meant``: the vehicles that its selectors match, as text; "" for plain ids.
     """
 
     changes: Changes
@@ -225,7 +225,7 @@ def check_speed(speed_mps: float, largest_mps: float, refusal: str, next_step: s
     """Refuse a speed below 0 or above the maximum.
 
     Raises:
-        InvalidRequest: the refusal, with the valid speeds.
+        InvalidRequest: the speed is invalid; the error has the text ``refusal`` and the valid speeds.
     """
     if not 0.0 <= speed_mps <= largest_mps:
         nearest_mps = math.floor(10 * largest_mps) / 10 if speed_mps > 0.0 else 0.0

@@ -67,7 +67,7 @@ class EditedScene:
 
     @cached_property
     def after(self) -> Scene:
-        """The scene with simulated tracks in place of recorded ones, and without removed road users."""
+        """The scene with simulated tracks in place of recorded tracks, and without removed road users."""
         scene, removed = self.scene, self.changes.removed
         driven = {key: track.whole(self.result.plans[key].start) for key, track in self.result.tracks.items()}
         return replace(
@@ -102,7 +102,7 @@ class EditedScene:
 
     @cached_property
     def handed_over(self) -> frozenset[int]:
-        """The vehicles that are driven only because they would hit others, not because of an edit."""
+        """The vehicles that are driven only because they would hit other road users, not because of an edit."""
         return frozenset(key for key in self.result.tracks if self.result.plans[key].cause == "handed_over")
 
     @cached_property

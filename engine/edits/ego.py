@@ -81,11 +81,11 @@ def set_goal(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _routes_to(edit: Edit, scene: Scene, changes: Changes, starts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Return the ego's routes to the goal: to the given lanelet, or to those of the matching branch, in order."""
+    """Return the ego's routes to the goal, in order: to the given lanelet, or to those of the matching branch."""
     if bool(edit.to) == bool(edit.turn):
         near = reachable_lanelets(scene, starts)
         raise InvalidRequest(
-            "set_goal takes either a lanelet in 'to' or a 'turn' at the next fork",
+            "set_goal needs either a lanelet in 'to' or a 'turn' at the next fork, not both",
             valid=near,
             next_step="give one that the ego reaches, or turn=left, right or straight",
             remedies=[with_values(turn=None, to=[str(key)]) for key in near[:_AHEAD_TRIED]],
@@ -107,7 +107,7 @@ def _first_feasible(
     """Return the first route with an end that the ego can meet, and the goal there.
 
     Raises:
-        NotPossible: the refusal of the first route.
+        NotPossible: no route has an end that the ego can meet; the error is that of the first route.
     """
     refused: NotPossible | None = None
     for route in routes:
@@ -281,7 +281,7 @@ def _check_class(ego: Ego, scene: Scene, changes: Changes, edit: Edit) -> None:
     """Refuse a start if its lanelet is closed to the ego's class, or its speed or room does not suit the class."""
     name = ego.vehicle_class
     top_mps, lanelets = ego.vehicle.maximum_speed_mps, ego.lanelets[:1]
-    check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive {ego.speed_mps:.1f} m/s", "choose another speed")
+    check_speed(ego.speed_mps, top_mps, f"a {name} cannot drive at {ego.speed_mps:.1f} m/s", "choose another speed")
     if name != "car" and lanelets:
         check_allowed(name, lanelets[0], scene)
     if edit.vehicle_class is None and not edit.vehicles:
@@ -359,7 +359,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
     vehicle = ego_class(name).vehicle.on_road(scene.friction)
     speed = ego.speed_mps if edit.speed is None else parse_speed(edit.speed, vehicle.maximum_speed_mps)
     if edit.speed is not None:
-        check_speed(speed, vehicle.maximum_speed_mps, f"the ego cannot drive {edit.speed}", "choose another speed")
+        check_speed(speed, vehicle.maximum_speed_mps, f"the ego cannot drive at {edit.speed}", "choose another speed")
     if edit.at is None:
         start = replace(ego, speed_mps=speed, vehicle_class=name)
         return replace(changes, ego=start), f"the ego starts at {speed:.1f} m/s"
@@ -374,7 +374,7 @@ def _started(edit: Edit, scene: Scene, changes: Changes, ego: Ego) -> tuple[Chan
 
 
 def _former(scene: Scene, changes: Changes, ego: Ego) -> DrivePlan:
-    """Return the former ego as a vehicle of its class that drives to the former goal, or straight ahead."""
+    """Return a plan for the former ego: a vehicle of its class that drives to the former goal, or straight ahead."""
     if not ego.lanelets:
         raise NotPossible("the former ego is not on a lanelet", valid=["former_ego=vanish"], next_step=_LET_VANISH)
     goals = tuple(key for key in _goal_lanelet_ids(scene, changes, ego) if key in scene.layout.table.lanes)
@@ -459,8 +459,8 @@ class _GoalTask:
             latest = latest_passing_s(self.speed_mps, farthest, self.vehicle)
             if least > self.window_s[1] + 1e-9:
                 raise NotPossible(
-                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s is out of reach of any "
-                    f"{self.vehicle.vehicle_class} from {self.speed_mps:.1f} m/s",
+                    f"no {self.vehicle.vehicle_class} that starts at {self.speed_mps:.1f} m/s covers "
+                    f"{self.ahead_m:.1f} m within {self.window_s[1]:.1f} s",
                     valid=[f"goal_time of at least {math.ceil((self.start_s + least) * 10) / 10:.1f} s"],
                     next_step="give a later goal_time, or choose a nearer place",
                     remedies=[

@@ -39,7 +39,7 @@ _NO_CHANGES = Changes(next_id=0, driven={})
 
 @dataclass(frozen=True)
 class EgoRisk:
-    """The figures, and the ids of vehicles that they leave out: replayed ones that hit the ego from behind."""
+    """The figures, and the ids of vehicles that they leave out: replayed vehicles that hit the ego from behind."""
 
     figures: EgoDanger
     left_out: tuple[int, ...] = ()
@@ -192,7 +192,7 @@ class _Meetings:
 
     @classmethod
     def of(cls, ego: Track, others: tuple[Track, ...]) -> "_Meetings":
-        """Return the meetings of the ego with others."""
+        """Return the meetings of the ego with the other road users."""
         met = encounters(ego, others)
         times_s = times_to_collision_s(met.ego, met.other)
         times_s[times_s > _LONGEST_TIME_S] = math.inf

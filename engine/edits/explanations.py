@@ -125,7 +125,7 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
         if later is None and not len(speeds):
             continue
         if later is not None:
-            reason = f"another edit limits it to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
+            reason = f"another edit sets its speed to {later.speed_mps:.1f} m/s from {later.from_step * step_s:g} s"
         else:
             reason = _reason_speed_missed(edited.scene, track, speeds, wanted)
         closest = float(speeds[np.argmin(np.abs(speeds - wanted))]) if len(speeds) else 0.0
@@ -140,12 +140,12 @@ def speeds_reached(edited: EditedScene, step: EditStep) -> tuple[list[str], list
     for reason, closest_mps in missed.items():
         do = "does" if len(closest_mps) == 1 else "do"
         best = _range_of(closest_mps.values())
-        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed, {best} m/s at best: {reason}")
+        sentences.append(f"{listed(tuple(closest_mps))} {do} not reach the speed (closest: {best} m/s): {reason}")
     return sentences, achieved
 
 
 def _range_of(values: Iterable[float]) -> str:
-    """Return the range of some values to one decimal, or the single value if all are equal."""
+    """Return the range of the values as text, to one decimal, or the single value if all are equal."""
     ordered = sorted(values)
     low, high = f"{ordered[0]:.1f}", f"{ordered[-1]:.1f}"
     return low if low == high else f"{low} to {high}"
@@ -188,7 +188,7 @@ def stood_until_s(edited: EditedScene, key: int) -> float | None:
 
 
 def why_shifts_are_driven(edited: EditedScene, vehicles: tuple[int, ...]) -> list[str]:
-    """Return when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
+    """Return sentences on when and why the first three of an edit's time-shifted vehicles were handed over to SUMO."""
     driven = [key for key in edited.driven_shifts if key in vehicles]
     more = [f"{len(driven) - _MOST_NAMED} more are driven"] if len(driven) > _MOST_NAMED else []
     return [_why_shift_is_driven(edited, key) for key in driven[:_MOST_NAMED]] + more
@@ -207,7 +207,7 @@ def _why_shift_is_driven(edited: EditedScene, key: int) -> str:
 
 
 def why_handed_over(edited: EditedScene) -> dict[int, str]:
-    """Return which road user vehicles outside the edits would hit on their recording, and when.
+    """Return, for each handed-over vehicle, which road user it would hit on its recording, and when, as text.
 
     The result covers at most ten vehicles, in the order in which they were handed over. A vehicle that no longer hits
     any road user, because others react, has no reason.
@@ -249,7 +249,7 @@ class DrivenVehicle:
         return passed[:1] + self._reached(passed[1:])
 
     def gets_to(self, targets: frozenset[int], since: int | None = None) -> bool:
-        """Return True if the motion reaches one of some lanelets at or after a step (None: at any step).
+        """Return True if the motion reaches one of the target lanelets at or after a step (None: at any step).
 
         SUMO's bumper may pass a short lanelet while the vehicle is still changing over from the adjacent one.
         """
@@ -267,11 +267,11 @@ class DrivenVehicle:
         return () if route is None else route[len(self.lanelets[-1:]) :]
 
     def first_of(self, targets: frozenset[int]) -> int:
-        """Return the first target lanelet on the planned route, or the target with the lowest id if none is on it."""
+        """Return the first target lanelet on the planned route; if there is none, the target with the lowest id."""
         return next((key for key in self.plan.lanelets if key in targets), min(targets))
 
     def reason_not_reached(self, targets: frozenset[int], since: int) -> str:
-        """Return why the vehicle reaches none of some lanelets: no room to change lanes, else its final position.
+        """Return why the vehicle reaches none of the target lanelets: no room to change lanes, else its final position.
 
         ``since``: the step from which it should head there.
         """
@@ -316,7 +316,7 @@ class DrivenVehicle:
         return f"; in the way: {', '.join(names[:_MOST_NAMED])}{more}" if names else ""
 
     def _lanelets_passed(self, lanes: Iterable[str], first: Iterable[int] = ()) -> tuple[int, ...]:
-        """Return the lanelets of SUMO's lanes in order, after those of ``first``, with those passed in one step."""
+        """Return the lanelets of SUMO's lanes in order, after the lanelets ``first``, even if passed within a step."""
         passed = list(first)
         for lane, _ in groupby(lanes):
             for key in self.scene.layout.lanelets_of_lane.get(lane, ()):
@@ -332,7 +332,7 @@ class DrivenVehicle:
         return between if all(graph.length_m[key] < _SHORT_M for key in between) else ()
 
     def _reached(self, lanelets: tuple[int, ...], begin: int = 0) -> tuple[int, ...]:
-        """Return the lanelets without the last ones if the motion after an index does not reach them."""
+        """Return the lanelets; omit the last lanelets if the motion after an index does not reach them."""
         count = len(lanelets)
         while count and not self._gets_onto(lanelets[count - 1], begin):
             count -= 1
@@ -393,7 +393,7 @@ def delay(scene: Scene, track: HandoverTrack, others: Mapping[int, Track], drive
 
 
 def _behind(scene: Scene, track: HandoverTrack, others: Mapping[int, Track], steps: Sequence[int]) -> str:
-    """Return the road user that a vehicle was behind for most of some steps, as text; "" if there is none."""
+    """Return the road user that a vehicle was behind for most of the given steps, as text; "" if there is none."""
     leaders, indices = [], np.array(steps) - track.first_step
     for key, other in others.items():
         there = indices + (track.first_step - other.first_step)
@@ -460,7 +460,7 @@ def _slow_lanelet(scene: Scene, track: HandoverTrack) -> int | None:
 
 
 def _gaps_m(track: HandoverTrack, other: Track, indices: _Indices, there: _Indices) -> Values:
-    """Return the gap in m to another vehicle at some steps (n,); infinite if it is not directly ahead."""
+    """Return the gap in m to another vehicle at the given steps (n,); infinite if it is not directly ahead."""
     heading = track.headings_rad[indices]
     x, y = (other.positions[there] - track.positions[indices]).T
     ahead, aside = x * np.cos(heading) + y * np.sin(heading), y * np.cos(heading) - x * np.sin(heading)
@@ -505,7 +505,7 @@ def why_missed(values: Sequence[Achieved]) -> str | None:
     """Return why an edit counts as not done although its vehicles follow its orders; None if it is done.
 
     An edit is not done if its effect occurred for none of its vehicles. A value that only differs from the requested
-    one is reported as a value.
+    value is reported as a value.
     """
     missed = {one.vehicle_id: one.quantity for one in values if one.failed}
     if not missed or {one.vehicle_id for one in values} - set(missed):
@@ -521,7 +521,7 @@ _MISSED: Mapping[str, str] = {
 
 
 def _is_set_anew(step: EditStep, key: int, later: Sequence[EditStep]) -> bool:
-    """Return True if later edits set all of an edit's parameters to values independent of the earlier ones."""
+    """Return True if later edits set all of an edit's parameters to values independent of the earlier values."""
     of_vehicle = [other.parameters for other in later if key in other.vehicles]
     anew = {name for parameters in of_vehicle for name, is_whatever in parameters.items() if is_whatever}
     return bool(step.parameters) and anew.issuperset(step.parameters)
@@ -539,7 +539,7 @@ def _is_superseded_by_plan(step: EditStep, key: int, result: SimulationResult) -
 
 
 def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) -> bool:
-    """Return True if a later edit sends a vehicle (with this last plan) away from an edit's targets."""
+    """Return True if a later edit sends a vehicle, whose last plan is given, away from an edit's targets."""
     key = plan.start.obstacle_id
     own = step.changes.driven[key]
     lane_changes = [one for one in own.manoeuvres if one.lanes_left and one.from_step == step.since.get(key)]
@@ -551,7 +551,7 @@ def _sent_elsewhere(step: EditStep, plan: DrivePlan, targets: frozenset[int]) ->
 
 
 def _next_speed(step: EditStep, plan: DrivePlan) -> Manoeuvre | None:
-    """Return the first speed order that follows the one of an edit in time, or None."""
+    """Return the speed order that comes next in time after the edit's own order, or None."""
     wanted, first = step.speeds[plan.start.obstacle_id]
     own = Manoeuvre(first, speed_mps=wanted)
     after = plan.manoeuvres[plan.manoeuvres.index(own) + 1 :]

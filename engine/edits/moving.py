@@ -64,7 +64,7 @@ def move(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Put a vehicle elsewhere; it keeps its id, class, speeds and, if possible from there, its route.
 
     Raises:
-        InvalidRequest: several vehicles, or no position.
+        InvalidRequest: several vehicles are given, or no position is.
         NotPossible: the position is occupied, or the vehicle cannot be driven.
     """
     key = select_one(edit, scene, changes)
@@ -138,8 +138,8 @@ def replace_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Give vehicles a new class: they drive as before, with the type, size and limits of that class.
 
     Raises:
-        InvalidRequest: no class.
-        UnknownName: no such class.
+        InvalidRequest: no class is given.
+        UnknownName: there is no such class.
         NotPossible: the road is closed to the class, or a vehicle cannot be driven.
     """
     vehicles, vehicle_class = select(edit.vehicles, scene, changes), resolve_class(edit.vehicle_class)
@@ -257,7 +257,7 @@ def _next_light(scene: Scene, plan: DrivePlan) -> tuple[Signal, int, float]:
         if key in by_lanelet and line_m > 0.0:
             return by_lanelet[key], key, line_m
     raise NotPossible(
-        f"vehicle {plan.start.obstacle_id} has no traffic light with a cycle ahead",
+        f"no traffic light that has a cycle is ahead of vehicle {plan.start.obstacle_id} on its route",
         valid=[f"lights at lanelet {key}" for key in sorted(by_lanelet)] or ["set_light to=[LANELET] adds one"],
         next_step="choose a vehicle that reaches a light, or add one with set_light",
     )
@@ -301,14 +301,17 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     """Close lanelets with a barrier across each, permanently or for a time; vehicles that would hit it react.
 
     Raises:
-        InvalidRequest: no lanelet, or a time outside the scenario.
-        UnknownName: no such lanelet.
+        InvalidRequest: no lanelet is given, or a time is outside the scenario.
+        UnknownName: there is no such lanelet.
         NotPossible: a road user is where the barrier would be.
     """
     lanelets = sorted(target_lanelets(edit.to, scene, changes)) if edit.to else []
     if not lanelets:
         raise InvalidRequest(
-            "close_lane needs lanelets", valid=["to=['595']"], next_step="give them in 'to'", remedies=[LANELETS_LISTED]
+            "close_lane needs lanelets",
+            valid=["to=[LANELET]"],
+            next_step="give them in 'to'",
+            remedies=[LANELETS_LISTED],
         )
     begin = 0 if edit.time_s is None else round(edit.time_s / scene.step_s)
     last = scene.last_step if edit.duration_s is None else begin + round(edit.duration_s / scene.step_s)
@@ -344,7 +347,9 @@ def close_lane(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
         added.append(track.obstacle_id)
     when = "" if is_always else f" from {begin * scene.step_s:g} to {last * scene.step_s:g} s"
     where = ", ".join(map(str, lanelets))
-    what = f"lanelet {where} closed by a barrier at {edit.position or 'middle'}{when}: {', '.join(map(str, added))}"
+    what = (
+        f"lanelet {where} closed{when} by barrier {', '.join(map(str, added))} (position {edit.position or 'middle'})"
+    )
     return EditStep(changes, tuple(added), what, added=tuple(added))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...schemas.errors import InvalidRequest, NotPossible, UnknownName, closest, with_values
 from ...schemas.modification import Edit
+from ...schemas.text import counted
 from ..commonroad import Track
 from ..cosimulation import (
     DrivePlan,
@@ -29,7 +30,7 @@ from ..cosimulation import (
 from ..geometry import Points, length_m, point_at, project, without_repeats
 from ..network import station_m
 from ..scene import Scene
-from ..vehicles import VehicleClass, vehicle_class_of, vehicle_classes
+from ..vehicles import PEDESTRIAN, VehicleClass, vehicle_class_of, vehicle_classes
 from .changes import Changes, EditStep, check_speed, listed, parse_speed, within_time
 from .entries import CLEARANCE_M, PLACE_TAKEN, OccupiedPlaces, entry_speed, gaps_in_words
 from .placement import Place, advance_along_lane, first_place, read_trigger
@@ -73,16 +74,16 @@ class _Entering:
 
 
 def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add one or more vehicles of a class; further ones are placed downstream of the first, ``spacing_m`` apart.
+    """Add one or more vehicles of a class; further vehicles are placed downstream of the first, ``spacing_m`` apart.
 
     Raises:
-        UnknownName: no such class, lanelet or vehicle.
+        UnknownName: there is no such class, lanelet or vehicle.
         NotPossible: the place is occupied (the error lists the nearest free places), the vehicle behind cannot brake
             enough, or there is no such lane.
     """
     if edit.vehicle_class is not None and vehicle_class_of(edit.vehicle_class) == "pedestrian":
         return _add_pedestrian(edit, scene, changes)
-    vehicle_class = resolve_class(edit.vehicle_class)
+    vehicle_class = resolve_class(edit.vehicle_class, on_foot=True)
     if edit.side is not None:
         return _add_parked(edit, scene, changes, vehicle_class)
     if edit.dodge is not None:
@@ -121,7 +122,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     who += f" ({requested!r} read as {vehicle_class.name})" if requested.lower() != vehicle_class.name else ""
     where = f"{_where(places, spacing)}{_why_there(edit)}"
     why = f" ({entering[0].reason})" if entering[0].reason else ""
-    gaps = f"{entering[-1].ahead} and {entering[0].behind}"
+    gaps = f"{entering[-1].ahead}, {entering[0].behind}"
     stands = ", stands until another edit moves it" if changes.driven[added[0]].manoeuvres else ""
     what = f"{who} {where}, {_entries(edit, scene, changes, added)}{why}{stands}, gaps: {gaps}"
     aims = {key: (changes.driven[key].targets,) for key in added if changes.driven[key].targets}
@@ -129,7 +130,7 @@ def add_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
 
 
 def _why_there(edit: Edit) -> str:
-    """Return how the place was computed, if the edit gives no position on a lanelet."""
+    """Return text on how the place was computed; empty if the edit gives a position on a lanelet."""
     if edit.position is not None:
         return ""
     lane = f", lane {edit.lane}" if edit.lane else ""
@@ -139,7 +140,7 @@ def _why_there(edit: Edit) -> str:
 
 
 def _where(places: list[Place], spacing_m: float) -> str:
-    """Return where the vehicles enter: the place of a single vehicle, or those of the first and the last."""
+    """Return text on where the vehicles enter: the place of a single vehicle, or the first and the last place."""
     first, last = places[0], places[-1]
     begin, end = (f"lanelet {place.lanelet_id} at {place.station_m:.1f} m" for place in (first, last))
     if len(places) == 1:
@@ -155,8 +156,9 @@ def _no_more(error: NotPossible, number: int, count: int, spacing_m: float, vehi
     """Return the refusal if only some of several vehicles have a place; it proposes a smaller number or spacing."""
     least_m = math.ceil(10 * (vehicle_class.length_m + CLEARANCE_M + _ROUNDING_M)) / 10
     too_near = spacing_m < least_m
+    why = f"a {vehicle_class.name} is {vehicle_class.length_m:g} m long" if too_near else error.message
     return NotPossible(
-        f"{number} of {count} vehicles fit {spacing_m:g} m apart; the next does not: {error.message}",
+        f"only {number} of {count} vehicles fit {spacing_m:g} m apart: {why}",
         reason=error.reason,
         valid=[f"spacing_m={least_m:g}"] if too_near else [f"count={number}"],
         next_step="choose a larger spacing_m" if too_near else "add fewer, or choose another place or spacing_m",
@@ -176,28 +178,40 @@ def _entries(edit: Edit, scene: Scene, changes: Changes, added: list[int]) -> st
     return "; ".join(f"{key}: {entry}" for key, entry in zip(added, words, strict=True))
 
 
-def resolve_class(word: str | None) -> VehicleClass:
+def resolve_class(word: str | None, *, on_foot: bool = False) -> VehicleClass:
     """Return the class of vehicle that a word means.
+
+    Args:
+        word: a name of a class in any language of the table, or None.
+        on_foot: whether the edit also takes pedestrians, so that refusals list them.
 
     Raises:
         InvalidRequest: no word.
         UnknownName: no such class.
+        NotPossible: the word means a pedestrian, which is not a vehicle.
     """
     classes = vehicle_classes()
+    names = [*classes, PEDESTRIAN.name] if on_foot else [*classes]
     if word is None:
         raise InvalidRequest(
             "the edit needs a vehicle_class",
-            valid=[*classes, "pedestrian"],
+            valid=names,
             next_step="give one in 'vehicle_class'",
             remedies=[with_values(vehicle_class="car")],
         )
     known = vehicle_class_of(word)
-    if known is not None:
+    if known in classes:
         return classes[known]
+    if known == PEDESTRIAN.name:
+        raise NotPossible(
+            f"'{word}' is a pedestrian, but the edit needs a class of vehicle",
+            valid=names,
+            next_step="choose a class of vehicle, or add a pedestrian with op add_vehicle",
+        )
     if word.strip().lower() not in classes:
         raise UnknownName(
             f"there is no vehicle class '{word}' that can be added",
-            valid=closest(word, [*classes, "pedestrian"]),
+            valid=closest(word, names),
             next_step="give one of these in 'vehicle_class'",
         )
     return classes[word.strip().lower()]
@@ -223,7 +237,7 @@ def _plan(
     else:
         reason = ""
         largest_mps = vehicle_class.maximum_speed_mps
-        speed, refusal = parse_speed(edit.speed, largest_mps), f"a {vehicle_class.name} cannot drive {edit.speed}"
+        speed, refusal = parse_speed(edit.speed, largest_mps), f"a {vehicle_class.name} cannot drive at {edit.speed}"
         check_speed(speed, largest_mps, refusal, "choose another speed or class")
     plan = DrivePlan(
         start=_start(changes.next_id, vehicle_class, scene, place, step, speed),
@@ -258,8 +272,16 @@ def _free_step(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehicl
     steps = range(first, scene.last_step if edit.time_s else first + 1)
     free = (step for step in steps if OccupiedPlaces.at(scene, step, changes).occupant(place, size) is None)
     step = next(free, first)
-    OccupiedPlaces.at(scene, step, changes).check_free(place, size, "choose a free place or another departure")
+    OccupiedPlaces.at(scene, step, changes).check_free(
+        place, size, "choose a free place or another departure", side=_side_of(edit)
+    )
     return step
+
+
+def _side_of(edit: Edit) -> int:
+    """Return 1 if the edit places a vehicle ahead of another one in its lane, -1 if behind it, otherwise 0."""
+    offset_m = edit.gap_s if edit.offset_m is None else edit.offset_m
+    return 0 if not offset_m else 1 if offset_m > 0 else -1
 
 
 def _requested_step(edit: Edit, scene: Scene) -> int:
@@ -287,7 +309,7 @@ def _add_parked(edit: Edit, scene: Scene, changes: Changes, vehicle_class: Vehic
     """Park vehicles at a kerb: next to the outermost lane on a side of the road, clear of traffic.
 
     Raises:
-        InvalidRequest: arguments for driving vehicles.
+        InvalidRequest: arguments for driving vehicles are given.
         NotPossible: the place is occupied or belongs to another lane.
     """
     foreign = [name for name in ("to", "preset", "params", "speed", "time_s") if name in edit.given]
@@ -365,10 +387,10 @@ def _at_kerb(scene: Scene, place: Place, side: str, vehicle_class: VehicleClass)
 
 
 def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Add a pedestrian who walks along a footpath or crossing from the place, or there crosses a road to the left.
+    """Add a pedestrian who walks along a footpath or crossing from the place, or crosses the road there to its left.
 
     Raises:
-        InvalidRequest: an argument for vehicles, or an impossible speed or departure.
+        InvalidRequest: an argument for vehicles is given, or the speed or the departure is impossible.
         NotPossible: the road is a motorway, or the place is occupied.
     """
     foreign = [name for name in ("to", "preset", "params", "count", "spacing_m") if name in edit.given]
@@ -405,7 +427,7 @@ def _add_pedestrian(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     changes = replace(changes.with_replay(replay), next_id=changes.next_id + 1)
     what = f"pedestrian {track.obstacle_id} {where}, {speed:.1f} m/s, from {first * scene.step_s:.1f} s"
     if trigger is not None:
-        what += f"; in reactive runs, once {edit.when} holds for the planner's ego"
+        what += f"; in reactive runs it enters once {edit.when} holds for the planner's ego"
     return EditStep(changes, (track.obstacle_id,), what, added=(track.obstacle_id,))
 
 
@@ -467,7 +489,7 @@ def _across(scene: Scene, place: Place) -> Points:
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:
-    """Return the lanelets of a road at a place, including oncoming ones."""
+    """Return the lanelets of a road at a place, including oncoming lanelets."""
     row = [lanelet_id]
     for key in row:
         lanelet = scene.network.find_lanelet_by_id(key)
@@ -556,8 +578,8 @@ def _users(scene: Scene, lanelet_id: int) -> set[str]:
 
 
 def remove_vehicle(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
-    """Remove the selected vehicles; the others stay as recorded, and driven ones no longer see them."""
+    """Remove the selected vehicles; the others stay as recorded, and driven vehicles no longer see them."""
     vehicles = select(edit.vehicles, scene, changes)
     for vehicle_id in vehicles:
         changes = changes.without(vehicle_id)
-    return EditStep(changes, vehicles, f"removed {len(vehicles)}: {listed(vehicles, 12)}")
+    return EditStep(changes, vehicles, f"removed {counted(len(vehicles), 'road user')}: {listed(vehicles, 12)}")

@@ -77,7 +77,7 @@ def outcome_of(
 
 
 def _edit_reports(request: ModificationRequest, simulated: SimulatedEdits) -> tuple[EditReport, ...]:
-    """Return one report per edit of this request; those of earlier requests are not repeated.
+    """Return one report per edit of this request; the edits of earlier requests are not reported again.
 
     An edit counts as not done if later edits undo it completely.
     """
@@ -115,11 +115,14 @@ def _values_in_words(values: tuple[Achieved, ...]) -> list[str]:
         requested = "" if one.asked is None or one.reached else f" (requested: {one.asked:g} {one.unit})"
         words = f"{one.quantity.replace('_', ' ')} {one.value:.3g} {one.unit}{requested}"
         vehicles.setdefault(words, []).append(one.vehicle_id)
-    return [f"{listed(tuple(keys))} {words}" for words, keys in vehicles.items()]
+    by_vehicles: dict[tuple[int, ...], list[str]] = {}
+    for words, keys in vehicles.items():
+        by_vehicles.setdefault(tuple(keys), []).append(words)
+    return [f"{listed(keys)}: {', '.join(words)}" for keys, words in by_vehicles.items()]
 
 
 def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[TouchedVehicle, ...], int | None]:
-    """Return the touched vehicles and, if both checks were requested, the number on which they agree."""
+    """Return the touched vehicles, and on how many of them the checks agree; None if one check was requested."""
     screened = _touched_vehicles(edited, check_kinematics)
     if request.detail == "brief":
         return screened, None

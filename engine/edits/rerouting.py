@@ -205,7 +205,7 @@ class _Branch:
         """Return a description of the branch, for an error that lists it."""
         side = "left" if self.turn_rad > 0 else "right"
         how = self.turn or f"slightly {side}"
-        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}° {side}) on lanelet {self.lanelets[0]}"
+        return f"{how} ({math.degrees(abs(self.turn_rad)):.0f}°) on lanelet {self.lanelets[0]}"
 
 
 def _branches_at_next_fork(scene: Scene, start: int) -> tuple[_Branch, ...]:
@@ -238,15 +238,13 @@ def branch_for(scene: Scene, start: int, turn: str, who: str) -> _Branch:
         )
     fitting = [branch for branch in branches if branch.turn == turn]
     if not fitting:
-        possible = dict.fromkeys(branch.turn for branch in branches if branch.turn)
+        side = {"left": 1.0, "right": -1.0}.get(turn, 0.0)
+        alike = sorted((one for one in branches if one.turn_rad * side > 0), key=lambda one: -abs(one.turn_rad))
         raise NotPossible(
             f"{who} cannot go {turn} at the next fork",
             valid=branches,
             next_step="choose one of these",
-            remedies=[
-                *(with_values(turn=word) for word in possible),
-                *(with_values(turn=None, to=[str(branch.lanelets[-1])]) for branch in branches),
-            ],
+            remedies=[with_values(turn=None, to=[str(one.lanelets[-1])]) for one in alike],  # not the opposite turn
         )
     sign = {"left": -1.0, "right": 1.0}.get(turn)
     rank = (lambda branch: abs(branch.turn_rad)) if sign is None else (lambda branch: sign * branch.turn_rad)
@@ -324,7 +322,7 @@ def _way_along_m(line: Points, front: Points) -> float:
 
 
 def _shortest_crossing_m(scene: Scene, row: tuple[int, ...]) -> float:
-    """Return the shortest distance in which a vehicle gets from the first of adjacent lanes to the last one's edge."""
+    """Return the shortest distance in which a vehicle crosses from its lane's centre to the last lane's edge."""
     first_m, *between_m = (scene.layout.table.lanes[key].width_m for key in row)
     return (first_m / 2 + sum(between_m[:-1])) / _STEEPEST
 
@@ -340,7 +338,7 @@ def _last_parallel(scene: Scene, route: tuple[int, ...], place: int) -> int:
 def _last_place(
     scene: Scene, route: tuple[int, ...], place: int, end: int, *, in_junctions: bool
 ) -> tuple[float, int, int]:
-    """Return how far (m) the lane change remains possible, and the last pair of lanes: the wrong one, the route's.
+    """Return how far (m) the lane change remains possible, and the last pair of lanes: the wrong lane, the route's.
 
     The two lanes may continue side by side beyond their ends. Lanes inside a junction count only for a vehicle that is
     already inside one, or for all vehicles if ``in_junctions``.
@@ -361,13 +359,13 @@ def _last_place(
 
 
 def _junction_lane_change(scene: Scene, plan: DrivePlan, route: tuple[int, ...], who: str) -> JunctionLaneChange | None:
-    """Return how a vehicle changes lanes inside a junction at the start of its route; None if it does not.
+    """Return a vehicle's lane change inside a junction at the start of its route, or None if there is none.
 
-    It moves sideways along a smooth step, 3p² - 2p³ after the share p of the length. The path is at most 1.5 times as
-    steep as on average, and the lateral acceleration is at most 6 v² · aside / length².
+    The vehicle moves sideways along a smooth step, 3p² - 2p³ after the share p of the length. The path is at most 1.5
+    times as steep as on average, and the lateral acceleration is at most 6 v² · aside / length².
 
     Raises:
-        NotPossible: it is too near the end of its lanelet for that, or too fast.
+        NotPossible: the vehicle is too near the end of its lanelet for that, or too fast.
     """
     end = _last_parallel(scene, route, 0)
     if end == 0 or route[0] in scene.layout.lane_of:

@@ -54,7 +54,7 @@ class Simulation:
     setup: SimulationSetup
 
     def until_clear(self, shown: tuple[Actor, ...], *, all_react: bool) -> SimulationResult:
-        """Simulate, hand over the vehicles that a driven one hits, and simulate again, at most eight more rounds.
+        """Simulate, hand over the vehicles that a driven vehicle hits, and simulate again, at most eight more rounds.
 
         If all vehicles that are hit are already driven, one of them gives way, as long as that leaves fewer collisions.
 
@@ -133,7 +133,7 @@ class Simulation:
         return DrivenTrack(plan.from_step, front[None], (), leaves=True)
 
     def _handed_over(self, plans: Mapping[int, DrivePlan], overlaps: tuple[Overlap, ...]) -> dict[int, DrivePlan]:
-        """Return plans for replayed vehicles that are hit, and earlier hand-overs if one came too late."""
+        """Return plans, by vehicle id, for replayed vehicles that are hit, and earlier hand-overs if needed."""
         scene, more = self.scene, dict[int, DrivePlan]()
         for hit in overlaps:
             for key in (hit.first, hit.second):
@@ -157,7 +157,7 @@ class Simulation:
         return round(HAND_OVER_S / self.scene.step_s)
 
     def _plans_giving_way(self, result: SimulationResult) -> dict[int, DrivePlan]:
-        """Return plans that give way, except for vehicles that enter on top of another: such entries are refused."""
+        """Return plans that give way, by vehicle id; vehicles that enter on top of another are left out and refused."""
         overlaps = tuple(hit for hit in result.overlaps if not self._is_at_entry(result.plans, hit))
         if not overlaps:
             return {}
@@ -171,10 +171,12 @@ class Simulation:
         return hit.step in (entering.get(hit.first), entering.get(hit.second))
 
     def _reacting(self, shown: tuple[Actor, ...], result: SimulationResult) -> tuple[Actor, ...] | None:
-        """Return shown road users, driven from before they pass through a driven vehicle; None if none of them does.
+        """Return the shown road users; SUMO drives those that would pass through a driven vehicle, from before they do.
+
+        The result is None if no shown road user passes through a driven vehicle.
 
         SUMO keeps its order of the vehicles on a lane even if one is placed through another. Vehicles behind then see
-        the placed vehicle as their leader instead of the one that it passed through, and hit the latter.
+        the placed vehicle as their leader instead of the vehicle that it passed through, which they then hit.
         """
         if not result.overlaps or any(plan.gives_way for plan in result.plans.values()):
             return None
@@ -232,7 +234,7 @@ def plans_giving_way(
 
 
 def _wait(plan: DrivePlan, track: HandoverTrack, other: Track, hit_step: int, hardest_mps2: float) -> _Wait | None:
-    """Return how a vehicle waits until another has left the conflict area; None if it cannot stop in time.
+    """Return how and where a vehicle waits for another to leave the conflict area; None if it cannot stop in time.
 
     It does not react before the other vehicle has entered.
     """

@@ -56,7 +56,7 @@ class Job(Model):
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimated remaining time in seconds, or None until enough is done for an estimate."""
+        """The estimated remaining time in seconds, or None until enough is done for an estimate."""
         if self.ended or self.share < 0.02:  # chosen: an earlier estimate is mostly the start-up
             return None
         return (self.updated_at - self.started_at) * (1 - self.share) / self.share
@@ -100,7 +100,7 @@ class JobStore:
         self._set(job_id, f"state = ?, share = {share}, results = ?, error = ?", (state, json.dumps(results), error))
 
     def get(self, job_id: str) -> Job:
-        """Return the job with this id; ``latest`` is the newest one.
+        """Return the job with this id; ``latest`` means the newest job.
 
         Raises:
             UnknownName: No job has this id; the error lists the nearest ids.

@@ -69,7 +69,7 @@ class WorkerPool:
 
     @property
     def notice(self) -> str:
-        """Empty, since everything runs as configured."""
+        """An empty text, since everything runs as configured."""
         return ""
 
     async def run(
@@ -134,7 +134,7 @@ class WorkerPool:
 
     @property
     def worker_pids(self) -> tuple[int, ...]:
-        """Process ids of all workers, busy ones first."""
+        """The process ids of all workers, busy workers first."""
         return tuple(worker.pid for worker in self._workers)
 
     @property
@@ -197,7 +197,7 @@ class _WorkerProcess:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """The process id."""
         return self._process.pid
 
     def resident_bytes(self) -> int:
@@ -215,7 +215,7 @@ class _WorkerProcess:
         return self._process.returncode is None
 
     async def carry_out(self, name: str, order: bytes, on_progress: OnProgress) -> Answer | Failure:
-        """Send the order of an operation with this name and wait for its end.
+        """Send the order of an operation with this name, and return its answer or failure.
 
         Raises:
             WorkerFailure: The process died.

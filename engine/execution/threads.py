@@ -26,7 +26,7 @@ _PATIENCE_S = 5.0
 
 
 class CallThreads:
-    """Threads with event loops that serve one call after another; a few stay for the next ones."""
+    """Threads with event loops that serve one call after another; a few stay for the next calls."""
 
     def __init__(self) -> None:
         self._idle: list[_LentThread] = []  # pop and append are atomic

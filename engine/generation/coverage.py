@@ -63,7 +63,7 @@ def _covering(
     covered: frozenset[Combination],
     times: Mapping[Combination, int],
 ) -> list[tuple[int, ...]]:
-    """Return rows for all remaining combinations: array rows for untried ones, then one row per refused one."""
+    """Return rows for all remaining combinations: array rows for untried combinations, then a row per refused one."""
     fresh = frozenset(key for key in left if not times.get(key))
     rows = space.array(strength, salt="", without=[key for key in space.all_of(strength) if key not in fresh])
     there = {key for row in rows for key in combinations_in(row, strength)}

@@ -110,7 +110,7 @@ def _no_collection() -> Iterator[None]:
 
 
 def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRequest]:
-    """Return notes on the ego, and the request with the ego's class added to those of the other vehicles.
+    """Return notes on the ego, and the request with the ego's class added to the classes of the other vehicles.
 
     Raises:
         InvalidRequest: no ego can be of this class, and the traffic excludes it.
@@ -143,7 +143,8 @@ def _with_ego_class(request: GenerationRequest) -> tuple[list[str], GenerationRe
 class _Attempt:
     """One attempt: a scenario in its own file, and its faults as text.
 
-    ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting.
+    ``lacks``: no road user makes the requested manoeuvre; the scenario serves only as a base for scripting. ``astray``:
+    the ego's goal must be beyond the site, but its route misses the site's own junction or turns elsewhere too.
     """
 
     scenario: GeneratedScenario
@@ -152,6 +153,7 @@ class _Attempt:
     faults: tuple[str, ...]
     unusable: bool
     lacks: bool = False
+    astray: bool = False
 
 
 class _Attempts:
@@ -208,24 +210,29 @@ class _Attempts:
             self._is_done(*fit[0], range(OWN_ROUNDS, MOST_ROUNDS))
 
     def turn(self, *, is_drawn: bool) -> None:
-        """If no vehicle makes the requested turn, route vehicles through it until one of them can be the ego.
+        """If no ego takes the requested way through the site, route vehicles along it until one of them can be the ego.
 
         If these vehicles wait at red lights, the cycles of the lights are shifted, unless the map states their programs
         (``is_drawn``: it does not). A request with a limit on rounds or sites skips this step.
         """
-        lacks = any(refusal.reason == NO_TURN for refusal in self.refusals)
-        if not lacks or self._request.most_sites is not None or any(not attempt.unusable for attempt in self.made):
+        usable = [attempt for attempt in self.made if not attempt.unusable]
+        lacks = any(refusal.reason == NO_TURN for refusal in self.refusals) and not usable
+        astray = bool(usable) and all(attempt.astray for attempt in usable)
+        if self._request.most_sites is not None or not (lacks or astray):
             return
         for number, later_s in enumerate(LIGHTS_LATER_S, start=MOST_ROUNDS):
-            for site, folder in self._fit[:TURNING_SITES]:
+            for site, folder in self._fit[: 1 if astray else TURNING_SITES]:
                 shifted = folder / f"lights_{number}"
                 shifted.mkdir()
                 tried = with_later_lights(site, later_s, shifted) if is_drawn and not site.footways else site
+                made = len(self.made)
                 if self._is_faultless(tried, number, shifted, turning=True):
+                    return
+                if astray and any(not attempt.astray and not attempt.unusable for attempt in self.made[made:]):
                     return
 
     def best(self, osm: OsmMap) -> _Attempt:
-        """Return the usable attempt with the fewest faults; the first one wins a tie.
+        """Return the usable attempt with the fewest faults, if possible not astray; of equals, the first.
 
         Raises:
             NotPossible: no attempt is usable. The stated cause is a ramp that does not lead where it must, otherwise
@@ -234,7 +241,7 @@ class _Attempts:
         """
         usable = [attempt for attempt in self.made if not attempt.unusable and not attempt.lacks]
         if usable:
-            return min(usable, key=lambda attempt: len(attempt.faults))
+            return min(usable, key=lambda attempt: (attempt.astray, len(attempt.faults)))
         if (lacking := lacking_turn(osm, self._request)) is not None:
             raise lacking
         if self._requested is not None and any(attempt.lacks for attempt in self.made):
@@ -256,12 +263,16 @@ class _Attempts:
         )
 
     def notes_besides(self, best: _Attempt) -> list[str]:
-        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once."""
+        """Return notes on the skipped sites and on why the other attempts were dropped, each reason once.
+
+        A reason that the best attempt has, too, is already among its notes.
+        """
         others = [attempt for attempt in self.made if attempt is not best and not attempt.lacks]
         faults = [fault for attempt in others for fault in attempt.faults]
         reasons = dict.fromkeys([*faults, *(refusal.message for refusal in self.refusals)])
         passed_over = [f"skipped: {self._lost_sites()}"] if self.lost else []
-        return [*passed_over, *(f"an earlier attempt failed: {reason}" for reason in reasons)]
+        noted = {*best.faults, *best.scenario.notes}
+        return [*passed_over, *(f"another attempt was dropped: {reason}" for reason in reasons if reason not in noted)]
 
     def _lost_sites(self) -> str:
         named = [f"{site.kind} at {site.latitude:.5f}, {site.longitude:.5f}" for site in self.lost[:SHOWN_LOST]]
@@ -285,14 +296,14 @@ class _Attempts:
         self._rounds += 1
         path = folder / f"scenario_{round_number}.xml"
         try:
-            scenario, missed = _write(self._request, site, round_number, path, self._report, turning=turning)
+            scenario, missed, astray = _write(self._request, site, round_number, path, self._report, turning=turning)
         except NotPossible as refusal:
             logger.debug("round_refused round=%d reason=%r", round_number, refusal.message)
             self.refusals.append(refusal)
             return False
         broken, weak = faults_of(scenario.checks)
         lacks = self._requested is not None and not scenario.others
-        self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks))
+        self.made.append(_Attempt(scenario, path, site, (*broken, *weak, *missed), bool(broken), lacks, astray))
         faults = self.made[-1].faults
         logger.debug("round_made round=%d faults=%r lacks_manoeuvre=%s", round_number, faults, lacks)
         return not faults and not lacks
@@ -356,10 +367,13 @@ def _write(
     report: ProgressReporter,
     *,
     turning: bool = False,
-) -> tuple[GeneratedScenario, list[str]]:
-    """Generate, write and check one scenario at one site; also return as text how its ego misses the site.
+) -> tuple[GeneratedScenario, list[str], bool]:
+    """Generate, write and check one scenario at one site.
 
-    ``turning``: True to route vehicles through the turn that the ego must make.
+    ``turning``: True to route vehicles along the way through the site that the ego must take.
+
+    Returns:
+        The scenario, how its ego misses the site as text, and whether the ego is astray.
 
     Raises:
         NotPossible: the site cannot provide what the request needs.
@@ -407,10 +421,14 @@ def _write(
     missed = [] if task.focus_passed else [site.focus.missed(only_car=request.ego.index is not None)]
     if not task.on_spot:
         missed.append(site.focus.passed_close_by(only_car=request.ego.index is not None))
+    if not task.turns_clearly:
+        missed.append("the ego also turns elsewhere on its route, or starts or ends too near the site to show its turn")
     if task.focus_passed and not task.focus_left:
         missed.append("the goal is on the site, not beyond it: no car that can be the ego leaves the site in time")
     if not task.takes_most:
-        missed.append("the goal takes less than half of the duration: cars leave the map section earlier")
+        missed.append(
+            "the goal takes less than half of the duration: cars leave the map section or turn elsewhere earlier"
+        )
     if not task.followable:
         missed.append("the ego's lanes curve too sharply for a planner at the mean speed that the goal needs")
         if request.ego.vehicle_class != "car":
@@ -429,7 +447,8 @@ def _write(
     scenario = scenario.model_copy(update={"absences": absences})
     if wanted is not None and (found := found_in(path, wanted, scenario.vehicle_classes)) is not None:
         scenario = scenario.model_copy(update={"others": found.in_words()})
-    return scenario, [] if notes else missed
+    is_direct = task.focus_passed > 0 and task.on_spot and task.turns_clearly
+    return scenario, [] if notes else missed, request.goal.is_through and not is_direct
 
 
 def _scripted(base: _Attempt, wanted: RequestedManoeuvre, seed: int, numbers: Iterator[int]) -> _Attempt | None:
@@ -451,4 +470,4 @@ def _scripted(base: _Attempt, wanted: RequestedManoeuvre, seed: int, numbers: It
         update={"checks": checks, "others": made.found.in_words()}
     )
     missed = tuple(fault for fault in base.faults if fault not in faults_of(base.scenario.checks)[1])
-    return _Attempt(scenario, made.path, base.site, (*weak, *missed), unusable=False)
+    return _Attempt(scenario, made.path, base.site, (*weak, *missed), unusable=False, astray=base.astray)

@@ -87,7 +87,7 @@ _STAND_IN = "; an ordinary driver in the ego's place does not collide"
 
 
 def first_of(wanted: RequestedManoeuvre, met: Sequence[Manoeuvre], class_of: Callable[[int], str]) -> Manoeuvre | None:
-    """Return the earliest manoeuvre that matches the requested one, or None if there is no match."""
+    """Return the earliest manoeuvre that matches the requested manoeuvre, or None if there is no match."""
     fitting = [one for one in met if one.name == wanted.name]
     if wanted.vehicle_class is not None:
         fitting = [one for one in fitting if class_of(one.obstacle_id) == wanted.vehicle_class]
@@ -128,7 +128,7 @@ class EgoChoice:
         self._met: dict[str, tuple[tuple[Manoeuvre, ...], tuple[str, ...]]] = {}
 
     def happens(self, wanted: RequestedManoeuvre, task: PlanningTask) -> bool:
-        """Return whether the manoeuvre happens on a task's ego's way; False if the ego is not among the first ones."""
+        """Return whether the manoeuvre happens on a task's ego's way; False if the ego is not among those examined."""
         key = task.ego.vehicle_id
         if key not in self._met:
             if self._pairs >= MOST_PAIRS:

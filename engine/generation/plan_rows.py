@@ -157,7 +157,7 @@ class PlanRows:
         ]
 
     def counts(self) -> PlanCounts:
-        """Count the rows in each state."""
+        """Return the number of rows in each state."""
         states = {
             row["state"]: row for row in self._rows("state, count(*) AS n, sum(reused) AS reused", "1 GROUP BY state")
         }

@@ -49,7 +49,7 @@ def record_of(
     Args:
         vehicles: the ego and the others.
         people: the pedestrians, which do not count as vehicles.
-        obstacle_ids: CommonRoad's id by the vehicle's id, without the ego.
+        obstacle_ids: the CommonRoad ids of all vehicles except the ego, by the vehicles' ids.
         notes: notes on the traffic and the ego, which precede the notes on differences from the request.
     """
     spot, metadata = site.site, site.metadata
@@ -108,13 +108,13 @@ def absences_of(
     *,
     stands_in: bool,
 ) -> tuple[VehicleAbsence, ...]:
-    """Return why requested vehicles are missing or changed; the counts of a class add up to its missing vehicles.
+    """Return the requested vehicles that are missing or changed, each with the reason.
 
     A removed vehicle counts as replaced if a spare of its class takes its place.
 
     Args:
         ego: the requested ego.
-        asked: the number of vehicles that the request implies at this site.
+        requested: the number of vehicles that the request implies at this site.
         traffic: the recorded vehicles, and the demand that is still unmet.
         vehicles: the ego and the others in the file.
         people: the number of pedestrians that the request implies.
@@ -214,7 +214,7 @@ def _density(
 
 
 def density_notes(density: DensityFacts, demand: Demand, realised: int) -> list[str]:
-    """Return how many vehicles found no room and, if the density misses its target, why."""
+    """Return notes on the vehicles that found no room and on the reason if the density misses its target."""
     notes = []
     if realised < demand.total:
         notes.append(f"{realised} of {demand.total} vehicles found room on the roads of the site")

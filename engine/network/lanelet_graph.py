@@ -60,7 +60,7 @@ class Digraph(Generic[_Node]):
         return None
 
     def reachable(self, starts: Iterable[_Node]) -> dict[_Node, int]:
-        """Return all reachable nodes with the fewest steps to them, nearest first, including the starts."""
+        """Return the fewest steps to each reachable node, nearest node first, including the starts."""
         return dict(self._by_steps(starts, {}))
 
     def _by_cost(self, starts: Mapping[_Node, float], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, float]]:
@@ -80,7 +80,7 @@ class Digraph(Generic[_Node]):
                     heapq.heappush(queue, (cost + step_cost, following))
 
     def _by_steps(self, starts: Iterable[_Node], came_from: dict[_Node, _Node]) -> Iterator[tuple[_Node, int]]:
-        """Yield nodes with the fewest steps to them, nearest first."""
+        """Yield each reachable node with the fewest steps to it, nearest first."""
         steps = dict.fromkeys(starts, 0)
         queue = deque(steps)
         while queue:
@@ -130,7 +130,7 @@ class LaneletGraph:
         return Digraph(self._steps_from).cheapest_route(starts, goals)
 
     def reachable(self, starts: Iterable[int]) -> dict[int, int]:
-        """Return all reachable lanelets with the fewest steps to them, nearest first, including the starts."""
+        """Return the fewest steps to each reachable lanelet, nearest lanelet first, including the starts."""
         return Digraph(lambda key: sorted(self._steps_from(key))).reachable(starts)
 
     def parallel_lanes(self, starts: Iterable[int]) -> frozenset[int]:

@@ -38,7 +38,7 @@ from ..geometry import (
     wrap_angles,
 )
 from ..vehicles import GRAVITY_MPS2
-from .net_parser import shape_of
+from .net_parser import read_net, shape_of
 from .walk_net import read_walk_net
 
 _TIME_LIMIT_S = 120.0
@@ -132,6 +132,20 @@ def remove_connections(net: Path, connections: Sequence[tuple[str, str, int, int
     for start, end, from_lane, to_lane in connections:
         ends = {"from": start, "to": end, "fromLane": str(from_lane), "toLane": str(to_lane)}
         etree.SubElement(root, "delete", ends)
+    return _patched(net, root, scratch)
+
+
+def add_connections(net: Path, pairs: Iterable[tuple[str, str]], scratch: Path) -> tuple[str, ...]:
+    """Connect the lanes of edges with those of the next edge in a net, in place; return netconvert's warnings.
+
+    Each lane leads to the lane of the same index, or to the last lane.
+    """
+    lanes = {edge: len(known.lane_ids) for edge, known in read_net(net).edges.items()}
+    root = etree.Element("connections")
+    for start, end in pairs:
+        for lane in range(lanes[start]):
+            ends = {"from": start, "to": end, "fromLane": str(lane), "toLane": str(min(lane, lanes[end] - 1))}
+            etree.SubElement(root, "connection", ends)
     return _patched(net, root, scratch)
 
 

@@ -48,13 +48,13 @@ class RoadLanelet:
 
     @property
     def center(self) -> Points:
-        """Centre line of shape (n, 2): the middle of the bounds."""
+        """The centre line (n, 2): the middle of the bounds."""
         middle: Points = (self.left + self.right) / 2
         return middle
 
     @property
     def polygon(self) -> Points:
-        """Corners of the lanelet, counter-clockwise, shape (2n, 2)."""
+        """The corners of the lanelet, counter-clockwise, shape (2n, 2)."""
         return np.concatenate([self.right, self.left[::-1]])
 
     def neighbours(self) -> tuple[int, ...]:
@@ -65,7 +65,7 @@ class RoadLanelet:
 
 @dataclass(frozen=True)
 class SpeedSign:
-    """A speed limit in m/s for some lanelets; the sign is at ``position`` (2,)."""
+    """A speed limit in m/s that applies to ``lanelet_ids``; the sign is at ``position`` (2,)."""
 
     sign_id: int
     speed_mps: float

@@ -53,7 +53,7 @@ class Slow:
 
 @lru_cache(maxsize=8)
 def _decay(kept: float) -> Points:
-    """Return the matrix whose row i adds the earlier numbers j ≤ i with weight kept^(i − j)."""
+    """Return the matrix in which row i adds the earlier numbers j ≤ i with weight kept^(i − j)."""
     apart = np.arange(_BLOCK)[:, None] - np.arange(_BLOCK)[None, :]
     return np.where(apart >= 0, kept ** np.maximum(apart, 0), 0.0)
 

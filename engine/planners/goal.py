@@ -43,7 +43,7 @@ Timing = Literal["early", "in_time", "late"]
 
 @dataclass(frozen=True)
 class _GoalStatus:
-    """The relation of an ego state to a goal state: in its area, meets all conditions but the time, and in its time."""
+    """The relation of an ego state to a goal state: its position, all conditions except the time, and the timing."""
 
     position: bool
     all_but_time: bool
@@ -151,7 +151,7 @@ class Goal:
 
 
 def _first_passage(area: Any, path: Points, from_m: float) -> tuple[float, float] | None:
-    """Return a path's first stretch inside an area that does not end before a station, or the last one before it."""
+    """Return a path's first stretch inside an area that ends after a station, otherwise its last stretch there."""
     import shapely
 
     stations = arc_length(path)

@@ -69,7 +69,7 @@ class _OnPath:
 
 
 def _first_near(squared_m2: Values) -> NDArray[np.intp]:
-    """Return for each row the first local minimum that is about as small as the smallest value."""
+    """Return, for each row, the index of the first local minimum that is about as small as the smallest value."""
     lowest = squared_m2.min(axis=1, keepdims=True) + _SAME_PASSAGE_M2
     falls = np.diff(squared_m2, axis=1, append=np.inf) < 0.0
     first: NDArray[np.intp] = np.argmax((squared_m2 <= lowest) & ~falls, axis=1)
@@ -77,7 +77,7 @@ def _first_near(squared_m2: Values) -> NDArray[np.intp]:
 
 
 class IntelligentDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
+    """The Intelligent Driver Model as a planner; see :class:`plannerforge.engine.planners.interface.Planner`."""
 
     def reset(self, task: PlanningTask) -> None:
         """Prepare for a new run."""

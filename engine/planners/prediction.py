@@ -50,7 +50,7 @@ def predictor(name: Prediction, network: "LaneletNetwork") -> Predictor:
     """Return the function that predicts one track on a network.
 
     Raises:
-        UnknownName: No such prediction.
+        UnknownName: There is no such prediction.
     """
     makers: dict[str, Callable[[], Predictor]] = {
         "constant_velocity": lambda: constant_velocity,
@@ -225,7 +225,7 @@ def _visible(position: Points, ego: EgoState, *, blind_behind: bool) -> bool:
 
 
 def follows(position: Points, ego: EgoState) -> bool:
-    """Return True if a position is straight behind the ego, where :func:`observe` may leave others out."""
+    """Return True if a position is straight behind the ego, where :func:`observe` may leave road users out."""
     offset = position - ego.position
     bearing = wrap_angle(math.atan2(offset[1], offset[0]) - ego.heading_rad)
     return float(np.hypot(*offset)) > _REAR_CONE_FROM_M and math.pi - abs(bearing) < _REAR_CONE_RAD / 2

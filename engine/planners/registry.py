@@ -76,7 +76,7 @@ PLANNERS: dict[str, "Callable[[], Planner]"] = {
 
 
 def planner_names() -> tuple[str, ...]:
-    """Return the available planners: the built-in ones, then the user's."""
+    """Return the available planners: the built-in planners, then the user's."""
     others = found_planners(PLANNERS).values()
     return (*PLANNERS, *(each.name for each in others if not each.fault))
 
@@ -90,26 +90,26 @@ def known_planner(name: str) -> str:
     """Return a planner's registered name, ignoring case.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = name.strip().lower().replace("-", "_")
     if folded not in PLANNERS:
-        own_planner(folded)
+        own_planner(name)
     return folded
 
 
 def own_planner(name: str) -> Found:
-    """Return the user-supplied planner with a name.
+    """Return the user-supplied planner with this name.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: Its name is already taken.
     """
     found = found_planners(PLANNERS).get(name.strip().lower().replace("-", "_"))
     if found is None:
         names = planner_names()
         raise UnknownName(
-            f"there is no planner '{name}'",
+            f"there is no planner '{name.strip()}'",
             valid=closest(name, names) or list(names),
             next_step="choose one of these, or install your own in the same environment",
         )
@@ -122,7 +122,7 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
     """Return a new planner; a program planner gets the scenario's file.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user-supplied planner cannot be created.
     """
     folded = known_planner(name)
@@ -173,7 +173,7 @@ def version_that_drives(name: str) -> PlannerVersion:
     """Return the version of the planner that currently has a name; only for workers, since it imports the class.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
         PlannerFailure: A user's planner cannot be imported.
     """
     folded = known_planner(name)
@@ -189,7 +189,7 @@ def source_that_drives(name: str) -> str:
     """Return the digest of :func:`version_that_drives`, without importing anything.
 
     Raises:
-        UnknownName: No such planner.
+        UnknownName: There is no such planner.
     """
     folded = known_planner(name)
     return _installed_version(folded).source if folded in PLANNERS else own_planner(folded).version
@@ -202,7 +202,7 @@ def _installed_version(name: str) -> PlannerVersion:
 
 
 def uses_prediction(name: str) -> bool:
-    """Return True if a planner uses predictions: all built-in planners do, and others that declare it."""
+    """Return True if a planner uses predictions: all built-in planners, and external planners that declare it."""
     folded = known_planner(name)
     if folded in PLANNERS:
         return True
@@ -214,7 +214,7 @@ def check_modes(traffic: TrafficMode, prediction: Prediction, world: World = PER
     """Refuse to give a planner the future of vehicles that have no future yet, or that its sensors cannot know.
 
     Raises:
-        InvalidRequest: Ground-truth prediction of reactive traffic, or in an imperfect world.
+        InvalidRequest: The prediction is ``ground_truth``, and the traffic is reactive or the world is imperfect.
     """
     others = [name for name in get_args(Prediction) if name != "ground_truth"]
     if world.hides_truth and prediction == "ground_truth":
@@ -246,14 +246,14 @@ def check_world(planner: str, world: World) -> None:
         raise InvalidRequest(
             f"planner {folded} reads the scenario's file, which contains what its sensors would miss",
             valid=["a planner that is called at every step: protocol stepwise, or a Python class"],
-            next_step="leave out world, or use such a planner",
+            next_step="leave out world, or use one of these planners",
         )
 
 
 def open_traffic(
     mode: TrafficMode, loaded: "LoadedScenario", problem: "PlanningProblem", vehicle: "VehicleParameters", seed: int
 ) -> "AbstractContextManager[Traffic]":
-    """Yield the others of a scenario at the ego's first step, for a ``with`` block.
+    """Yield the other road users of a scenario at the ego's first step, for a ``with`` block.
 
     Raises:
         NotPossible: No vehicle can react, since no lanelet is drivable.

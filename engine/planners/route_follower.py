@@ -94,7 +94,7 @@ class _Fade:
 
 @dataclass(frozen=True)
 class RearAxleCurve:
-    """A path and the offset from it."""
+    """A path, and the fading offset of a curve from it."""
 
     path: RearAxlePath
     fade: _Fade

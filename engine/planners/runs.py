@@ -68,7 +68,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
 
     Raises:
         UnsafeInput: The file cannot be read.
-        UnknownName: No such planning problem or planner.
+        UnknownName: There is no such planning problem or planner.
         InvalidRequest: The prediction does not fit the traffic, or the vehicle is impossible.
         NotPossible: The ego is a vehicle with a trailer, which the planners here cannot drive.
         PlannerFailure: A user-supplied planner broke its contract.
@@ -224,7 +224,7 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
 
 
 def _check_version(request: RunRequest) -> None:
-    """Refuse to store a run under a version of a user-supplied planner that differs from the current one."""
+    """Refuse to store a run under a version of a user-supplied planner that differs from the current version."""
     name, wanted = request.configuration.planner, request.planner_version
     here = planner_version(name) if wanted else ""
     if here != wanted:
@@ -236,7 +236,7 @@ def _check_version(request: RunRequest) -> None:
 
 
 def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> RunMetrics | None:
-    """Return the metrics of a run over its driven states, including the initial one; None for an invalid problem."""
+    """Return the metrics of a run over its driven states, including the initial state; None for an invalid problem."""
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
@@ -329,7 +329,7 @@ def replay_plans(request: ReplayRequest, report: ProgressReporter) -> Replayed:
 
     Raises:
         UnsafeInput: The scenario's file cannot be read.
-        UnknownName: No such planning problem or planner.
+        UnknownName: There is no such planning problem or planner.
         PlannerFailure: A user's planner was edited since, or broke its contract.
     """
     start = _Start.of(request.run)
@@ -395,7 +395,7 @@ class _RecordingPlanner:
         self.planner.reset(task)
 
     def plan(self, observation: Observation) -> Plan:
-        """Return the planner's answer."""
+        """Return the planner's plan, and record the planning step."""
         plan = self.planner.plan(observation)
         if plan.trajectory is not None:
             self.plans[observation.ego.step] = self._shown(observation, plan.trajectory.positions)

@@ -1,4 +1,4 @@
-"""The loop for every planner: observe, plan, follow the plan for some steps, judge."""
+"""The loop for every planner: observe, plan, follow the plan for a few steps, judge."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping

@@ -163,14 +163,14 @@ def manoeuvres_met(
     problem: "PlanningProblem",
     vehicle_class: str,
 ) -> tuple[Manoeuvre, ...]:
-    """Return what road users would do, in a scenario's lanes, on the path of an ego with a given problem.
+    """Return the manoeuvres that road users make on the path of an ego with a given problem, in a scenario's lanes.
 
     The result is that of :func:`read_facts` for a file with these tracks and this problem.
 
     Args:
         loaded: the scenario that has the lanes.
         graph: its lanelets.
-        tracks: the road users without the ego, by id.
+        tracks: all road users except the ego, by id.
         problem: the ego's start and goal.
         vehicle_class: the ego's class.
     """
@@ -237,7 +237,7 @@ _FARTHEST_M = 1000.0
 def _manoeuvres(
     recording: _Recording, ego: EgoFacts, route: EgoRoute | None, start_step: int
 ) -> tuple[tuple[Manoeuvre, ...], bool]:
-    """Return what the recorded traffic does on the ego's path, and whether the ego turns left unprotected."""
+    """Return the manoeuvres of the recorded traffic on the ego's path, and whether the ego turns left unprotected."""
     start = (ego.route or ego.lanelets or (None,))[0]
     if start is None:
         return (), False

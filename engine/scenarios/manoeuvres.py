@@ -243,7 +243,7 @@ def _seen(line: Points, track: Track, start_step: int, every: int) -> _Seen | No
 
 
 def _changes(network: "LaneletNetwork", graph: LaneletGraph, ego: _Ego, seen: _Seen) -> dict[str, int]:
-    """Find ``cut_in``, ``merging`` and ``cut_out`` close ahead of the ego; return the sample of the first of each."""
+    """Find ``cut_in``, ``merging`` and ``cut_out`` close ahead of the ego; return the first sample of each, by name."""
     found: dict[str, int] = {}
     along = seen.turned < SAME_RAD
     place = np.where(np.abs(seen.offsets) <= INSIDE * ego.width_m, 1, 0)
@@ -298,7 +298,7 @@ def _must_change_lane(graph: LaneletGraph, lanelets: Sequence[int], onto: frozen
 
 
 def _braking(ego: _Ego, seen: _Seen, look_s: float) -> dict[str, int]:
-    """Find ``lead_brakes_hard`` of a vehicle close ahead in the ego's lane; return its first sample."""
+    """Find ``lead_brakes_hard`` of a vehicle close ahead in the ego's lane; return its first sample, by name."""
     looks = max(math.ceil(BRAKED_FOR_S / look_s), 1)
     if len(seen.speeds) <= looks:
         return {}

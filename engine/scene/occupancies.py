@@ -134,7 +134,7 @@ def _pieces(chain: list[_Box]) -> Iterator[tuple[list[_Box], _Box | None]]:
 
 
 def _speeds(piece: list[_Box], following: _Box | None, step_s: float) -> Values:
-    """Return the speeds of the centres in m/s; the last equals the one before if nothing follows."""
+    """Return the speeds of the centres in m/s; the last speed equals the speed before it if nothing follows."""
     onward = [*piece, following] if following is not None else piece
     centers, steps = np.array([box.center for box in onward]), np.array([box.step for box in onward])
     if len(onward) == 1:

@@ -23,7 +23,7 @@ NAMED_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Demand:
-    """The wanted vehicles by class; ``least`` and ``most`` are the request's own bounds, without the ego.
+    """The wanted vehicles by class; ``least`` and ``most`` are the request's own bounds, excluding the ego.
 
     ``bounded_by``: what keeps the number of vehicles below the requested density, if anything. ``ego_class``: the class
     of the vehicle that is the ego.

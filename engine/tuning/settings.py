@@ -98,7 +98,11 @@ def _without_value(text: str, before: float) -> InvalidRequest:
     """Return the refusal of a name without a value, which suggests an assignment with the current value."""
     name = text.partition("=")[0].strip()
     remedies = [instead(text, f"{name}={before:g}")]
-    return InvalidRequest(f"'{text}' assigns no value", valid=["name=0.5", "name*2", "name+0.1"], remedies=remedies)
+    return InvalidRequest(
+        f"'{text}' assigns no value; {name} is {before:g} now",
+        valid=["name=0.5", "name*2", "name+0.1"],
+        remedies=remedies,
+    )
 
 
 def _value(change: Assignment, before: float, text: str) -> float:

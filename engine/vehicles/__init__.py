@@ -24,10 +24,10 @@ does.
 ``MODEL_WORDS``: descriptions of CommonRoad's motion models.
 ``VEHICLES``: CommonRoad's vehicles by their id.
 ``VehicleParameters``: size and limits of an ego.
-``comfortable_mps2``: returns comfortable braking and lateral acceleration on a road with some friction.
+``comfortable_mps2``: returns comfortable braking and lateral acceleration on a road with the given friction.
 ``commonroad_vehicle``: returns the id of the CommonRoad vehicle for settings and an ego's class; None if there is no
 such vehicle.
-``hardest_braking_mps2``: returns what tyres allow, longitudinally and laterally, on a road with some friction, in m/s².
+``hardest_braking_mps2``: returns the acceleration in m/s² that tyres allow on a road with the given friction.
 ``refused_by_planners``: returns why the built-in planners refuse an ego of a class; empty if they drive it.
 ``vehicle_of``: returns the vehicle for settings and an ego's class.
 ``ARC_LENGTH_MPS``: below this speed, derivatives with respect to arc length cannot be computed from those in time.

@@ -35,7 +35,7 @@ ABANDONED_S = 3600.0
 """Age from which scratch folders may be removed, since an owner in another container is not visible (chosen)."""
 _MAKERS: dict[ArtifactKind, str] = {
     "scenario": "call find_scenarios, generate_scenarios or import_files",
-    "search": "call find_scenarios",
+    "search": "use a search id that find_scenarios returned",
     "config": "call configure_planner, or name PLANNER:PRESET such as frenetix:Default",
     "run": "call run_planner",
     "batch": "call run_planner with several scenarios or configurations",
@@ -323,7 +323,7 @@ class Workspace:
         return " AND ".join(conditions), values
 
     def newest_made(self, limit: int) -> list[Artifact]:
-        """Return the newest artifacts: created and imported ones first, then searches and starter scenarios."""
+        """Return the newest artifacts: created and imported artifacts first, then searches and starter scenarios."""
         rows: list[sqlite3.Row] = []
         for is_wanted in (f"NOT ({_LISTED_LAST})", _LISTED_LAST):
             query = f"SELECT {_COLUMNS} FROM artifacts WHERE {is_wanted} ORDER BY sequence DESC LIMIT ?"  # noqa: S608 - fixed words only
@@ -335,16 +335,16 @@ class Workspace:
         row = self.database.connection().execute("SELECT max(sequence) FROM artifacts").fetchone()
         return int(row[0] or 0)
 
-    def kind_of(self, artifact_id: str) -> ArtifactKind:
-        """Return the kind of an artifact.
+    def kind_of(self, artifact_id: str, *expected: ArtifactKind) -> ArtifactKind:
+        """Return the kind of an artifact; ``expected``: the kinds that the caller can use, if not all.
 
         Raises:
-            UnknownName: No artifact has this id.
+            UnknownName: No artifact has this id; the error lists the nearest ids of the expected kinds.
         """
         query = "SELECT kind FROM artifacts WHERE artifact_id = ? ORDER BY sequence DESC LIMIT 1"
         row = self.database.connection().execute(query, (artifact_id,)).fetchone()
         if row is None:
-            known = [str(entry[0]) for entry in self._ids(None)]
+            known = [str(entry[0]) for kind in expected or (None,) for entry in self._ids(kind)]
             raise UnknownName(f"there is nothing called '{artifact_id}'", valid=closest(artifact_id, known))
         kind: ArtifactKind = row[0]
         return kind
@@ -486,7 +486,7 @@ def _size_of(artifact: NewArtifact) -> int:
 
 
 def stage(artifact: NewArtifact, copies: Path) -> NewArtifact:
-    """Copy the files of an artifact into a new folder on the workspace's disk.
+    """Copy the files of an artifact into a new folder on the workspace's disk; return the artifact with this folder.
 
     It does not use the database, so any thread may call it.
 

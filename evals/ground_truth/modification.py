@@ -1,6 +1,6 @@
 """The requests of the modification bench: ground truth of the corpus as edits, drawn edits, and requests to be refused.
 
-For a request to be refused, the corpus gives a reason code and the text; the edits here express the text as arguments.
+For a request to be refused, the corpus gives a reason code and the text; here, the text becomes typed edits.
 The code and the failing edit determine what a refusal must state.
 """
 
@@ -106,9 +106,11 @@ def _reroutes(scene: Scene, key: int, draw: np.random.Generator) -> list[EditReq
     """Return reroutes to nearby lanelets on its route's continuations that it does not drive over, in random order."""
     track = scene.tracks[key]
     begin = lanelets_at_first(scene.network, track)
-    ways = distances_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
+    distances = distances_m(scene.network, track.positions[0], float(track.headings_rad[0]), among=begin)
     over = {int(one) for under in scene.network.find_lanelet_by_position(list(track.positions)) for one in under}
-    ahead = sorted((way_m, int(lanelet)) for lanelet, way_m in ways.items() if lanelet in scene.layout.table.lanes)
+    ahead = sorted(
+        (distance_m, int(lanelet)) for lanelet, distance_m in distances.items() if lanelet in scene.layout.table.lanes
+    )
     near = [lanelet for _, lanelet in ahead[:MOST_TRIES] if lanelet not in over]
     draw.shuffle(near)
     return [_request("T", op="reroute", vehicle_id=key, target_lanelets=[lanelet]) for lanelet in near]
@@ -143,20 +145,20 @@ def _goals(scene: Scene, draw: np.random.Generator) -> list[EditRequest]:
     if scene.ego is None:
         return []
     problem, ego = scene.loaded.problem(scene.ego.problem_id), scene.ego
-    ways = distances_m(scene.network, ego.position, ego.heading_rad, ego.speed_mps)
+    distances = distances_m(scene.network, ego.position, ego.heading_rad, ego.speed_mps)
     found = [
         (key, word)
-        for key, way_m in sorted(ways.items(), key=lambda pair: (pair[1], pair[0]))
+        for key, distance_m in sorted(distances.items(), key=lambda pair: (pair[1], pair[0]))
         if key in scene.layout.table.lanes
         for word, share in SHARES.items()
-        if is_in_reach(problem, scene.step_s, _station_m(scene, key, way_m, share), scene.last_step)
+        if is_in_reach(problem, scene.step_s, _station_m(scene, key, distance_m, share), scene.last_step)
     ][:MOST_GOALS]
     draw.shuffle(found)
     return [_request("G", op="set_goal", lanelet=int(key), position=str(word)) for key, word in found[:1]]
 
 
-def _station_m(scene: Scene, key: int, way_m: float, share: float) -> float:
-    return way_m + share * length_m(scene.network.find_lanelet_by_id(key).center_vertices)
+def _station_m(scene: Scene, key: int, distance_m: float, share: float) -> float:
+    return distance_m + share * length_m(scene.network.find_lanelet_by_id(key).center_vertices)
 
 
 def _selected(truth: dict[str, Any]) -> list[str]:
@@ -320,7 +322,7 @@ def drawn_refusals(scene: Scene) -> list[EditRequest]:
 
 
 def _words(reason: str, failing: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what a refusal for a reason must state about the failing edit."""
+    """Return the texts that a refusal for a reason must contain about the failing edit."""
     if reason == "infeasible_time":
         return ("out of reach", "goal_time")
     if reason == "unreachable_target" and failing["op"] == "set_goal":
@@ -349,7 +351,7 @@ def _lanelet_of(edit: Mapping[str, Any]) -> object:
 
 
 def _vehicle(scene: Scene) -> int | None:
-    """Return a vehicle that can be edited; one with the planning problem's id would count as the ego."""
+    """Return a vehicle that can be edited; a vehicle with the planning problem's id would count as the ego."""
     return next((key for key in scene.tracks if key != _ego_id(scene) and not not_drivable(scene, key)), None)
 
 

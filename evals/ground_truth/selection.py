@@ -50,7 +50,7 @@ def refused_arguments(request: Request) -> dict[str, Any]:
 
 
 def arguments_of(truth: dict[str, Any]) -> FindScenariosArguments:
-    """Return the ground-truth slots as arguments of find_scenarios."""
+    """Return arguments of find_scenarios with the ground-truth slots."""
     location = truth.get("location") or {}
     return FindScenariosArguments(
         country=location.get("country"),
@@ -86,7 +86,7 @@ def _compared(operation: str, count: Any, unit: str = "") -> str:
 
 
 def _speed(slot: dict[str, Any]) -> str:
-    """Return a velocity slot as written."""
+    """Return a velocity slot in the notation of a call, such as ``>=10m/s``."""
     if slot["op"] == "range":
         return f"{slot['value'][0]}..{slot['value'][1]}{slot['unit']}"
     return {"about": "", "at_least": ">=", "at_most": "<="}[slot["op"]] + f"{slot['value']}{slot['unit']}"

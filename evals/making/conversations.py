@@ -1,4 +1,4 @@
-"""Conversations of several turns; each turn builds on the results of the previous ones."""
+"""Conversations of several turns; each turn builds on the results of the previous turns."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

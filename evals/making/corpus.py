@@ -23,7 +23,7 @@ Announce = Callable[[str], None]
 def make_corpora(
     materials: Materials, tasks: Sequence[Task], count: int, seed: int, announce: Announce | None = None
 ) -> Mapping[str, list[CorpusLine]]:
-    """Make at most ``count`` requests per corpus of some tasks; the same materials and seed give the same requests.
+    """Make at most ``count`` requests per corpus of the tasks; the same materials and seed give the same requests.
 
     Args:
         announce: is called with every corpus before it is made.

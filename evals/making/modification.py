@@ -1,4 +1,4 @@
-"""Requests that edit scenarios; each feasible one was carried out once when it was made."""
+"""Requests that edit scenarios; each feasible request was carried out once when it was made."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

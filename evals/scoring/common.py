@@ -18,7 +18,7 @@ TOLERANCE = 1e-3
 
 
 def last_of(calls: Iterable[MadeCall], *tools: str) -> MadeCall | None:
-    """Return the last accepted call of some tools, or None."""
+    """Return the last accepted call of the given tools, or None."""
     return next((call for call in reversed(list(calls)) if call.tool in tools and not call.is_error), None)
 
 

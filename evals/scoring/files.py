@@ -192,7 +192,7 @@ class SceneFile:
 
     @property
     def counts(self) -> Counter[str]:
-        """Count road users by class, including static ones, without the ego of the planning problem."""
+        """The number of road users by class, including static road users, excluding the ego of the planning problem."""
         egos = {problem.key for problem in self.problems}
         return Counter(user.kind for key, user in self.users.items() if key not in egos)
 
@@ -202,7 +202,7 @@ class SceneFile:
         return {key for key, lane in self.lanelets.items() if lane.polygon.distance(point) <= slack}
 
     def count_parallel_lanes(self, key: int) -> int:
-        """Count the parallel lanelets of one direction, including this one."""
+        """Count the parallel lanelets of one direction, including the given lanelet."""
         return 1 + len(list(self._adjacent_lanelets(key, "left"))) + len(list(self._adjacent_lanelets(key, "right")))
 
     def _adjacent_lanelets(self, key: int, side: str) -> Iterator[int]:
@@ -218,7 +218,7 @@ class SceneFile:
             key = other
 
     def present(self, step: int) -> dict[int, Body]:
-        """Return the bodies present at a step."""
+        """Return the bodies present at a step, by road user."""
         there = {key: user.at(step) for key, user in self.users.items()}
         return {key: body for key, body in there.items() if body is not None}
 
@@ -495,7 +495,7 @@ class World:
         return self._scenes[scenario_id]
 
     def scenes(self) -> dict[str, SceneFile]:
-        """Return all scenarios of the workspace."""
+        """Return all scenarios of the workspace, by id."""
         found = {key: self.scene(key) for key in self.ids("scenario")}
         return {key: scene for key, scene in found.items() if scene is not None}
 

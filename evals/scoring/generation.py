@@ -44,7 +44,7 @@ def score_generation(request: EvalRequest, attempt: Attempt, workspace: Path) ->
 
 
 def generation_columns(truth: Mapping[str, Any], made: MadeCall, workspace: Path) -> dict[str, bool | None]:
-    """Return which checks the scenarios of a call meet."""
+    """Return, by column, whether the scenarios of a call meet the check; None if it does not apply."""
     found = made.structured.get("scenarios", [])
     folders = [workspace / "scenarios" / str(one["scenario_id"]) for one in found]
     world = World(workspace)

@@ -37,7 +37,7 @@ SIZES = {
 
 @dataclass(frozen=True)
 class MadeFiles:
-    """A generated scenario: its net, its middle there in m and in degrees, its obstacles as (type, length)."""
+    """A generated scenario: its net, its middle in m in the net and in degrees, its obstacles as (type, length)."""
 
     net: SumoNet
     middle: Points
@@ -63,7 +63,7 @@ class MadeFiles:
         return cls(net, middle, latitude, longitude, obstacles)
 
     def classes(self) -> Counter[str]:
-        """Count vehicles by class, excluding the ego."""
+        """Return the number of vehicles by class, excluding the ego."""
         return Counter(
             name
             for kind, length in self.obstacles
@@ -72,11 +72,11 @@ class MadeFiles:
         )
 
     def near(self, within_m: float) -> list[NetEdge]:
-        """Return the roads of the net within a distance of the middle."""
+        """Return the roads of the net within a distance of the scenario's middle."""
         return [edge for edge in self.net.edges.values() if not edge.internal and self._distance_m(edge) < within_m]
 
     def is_near(self, point: Points, within_m: float) -> bool:
-        """Return whether a point (2,) is within a distance of the middle."""
+        """Return whether a point (2,) is within a distance of the scenario's middle."""
         return float(np.linalg.norm(point - self.middle)) < within_m
 
     def _distance_m(self, edge: NetEdge) -> float:
@@ -132,7 +132,7 @@ def _any_class(made: MadeFiles, classes: frozenset[str], within_m: float) -> boo
 
 
 def _near_a_road(made: MadeFiles) -> bool:
-    """Return whether the middle is near a road other than motorways and links, and no motorway passes."""
+    """Return whether a road other than motorways and links, but no motorway, is near the scenario's middle."""
     roads = [edge for edge in made.near(NEARBY_M) if not _is_link(edge)]
     return bool(roads) and not any("motorway" in _classes(edge) for edge in roads)
 
@@ -154,7 +154,7 @@ def _rural(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _highway(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a motorway is at the middle; in a map without motorways, a trunk road with a high limit counts."""
+    """Return whether a motorway is at the scenario's middle; without motorways on the map, a fast trunk road counts."""
     limits = evidence.limits_kmh(made.latitude, made.longitude, AT_M)
     trunk = _is_trunk_for_motorway(evidence) and max(limits, default=0.0) >= FAST_KMH
     return _any_class(made, FAST_CLASSES if trunk else frozenset({"motorway"}), AT_M)
@@ -165,7 +165,7 @@ def _is_trunk_for_motorway(evidence: MapEvidence) -> bool:
 
 
 def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
-    """Return whether a link leaves or joins a motorway at the middle, or a trunk road in a map without motorways.
+    """Return whether a link leaves or joins a motorway (or else a trunk road) at the scenario's middle.
 
     If a motorway becomes a trunk road at the junction of the link, the link may lead to the trunk road.
     """
@@ -185,7 +185,7 @@ def _ramp(made: MadeFiles, evidence: MapEvidence) -> bool:
 
 
 def _crossing(made: MadeFiles, *, lit: bool) -> bool:
-    """Return whether a junction of three arms is at the middle, not only of motorways, with lights if required."""
+    """Return whether a junction of three arms is at the scenario's middle, with lights if required."""
     junctions = {
         junction
         for edge in made.near(JUNCTION_M)
@@ -316,7 +316,7 @@ _STATED = "density missed"
 
 @dataclass(frozen=True)
 class DensityVerdict:
-    """Vehicles per kilometre of lane at the start, including the ego, next to the target; whether a miss is stated."""
+    """Vehicles per kilometre of lane at the start, including the ego; ``stated``: the answer admits a miss."""
 
     target: float
     found: float
@@ -324,12 +324,12 @@ class DensityVerdict:
 
     @property
     def met(self) -> bool:
-        """Within a quarter of the target."""
+        """Whether the density found is within a quarter of the target."""
         return abs(self.found - self.target) <= _WITHIN * self.target
 
     @property
     def honest(self) -> bool:
-        """Met, or missed with the reason in a note."""
+        """Whether the target is met, or is missed with the reason in a note."""
         return self.met or self.stated
 
 
@@ -349,7 +349,7 @@ STREET_WITHIN_M, EXIT_WITHIN_M = 100.0, 200.0
 
 
 def is_in_box(made: MadeFiles, box: Sequence[float], slack: float) -> bool:
-    """Return whether the middle is in a box (south, west, north, east), up to ``slack`` outside; all in degrees."""
+    """Return whether the site's middle is at most ``slack`` outside a box (south, west, north, east); in degrees."""
     south, west, north, east = box
     inside = south - slack <= made.latitude <= north + slack
     return inside and west - slack <= made.longitude <= east + slack

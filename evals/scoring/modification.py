@@ -28,7 +28,7 @@ Columns = dict[str, bool | None]
 
 
 def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) -> Score:
-    """Score the last scenario made from the requested one."""
+    """Score the last scenario made from the requested scenario."""
     if request.expect == "refuse":
         return refused(request, attempt, "modify_scenario")
     made = last_of(attempt.calls, "modify_scenario")
@@ -38,7 +38,7 @@ def score_modification(request: EvalRequest, attempt: Attempt, workspace: Path) 
 
 
 def edit_columns(truths: Sequence[Mapping[str, Any]], made: MadeCall, world: World) -> Columns:
-    """Return which checks a written scenario meets, for all edits together."""
+    """Return, by column, whether a written scenario meets the check, for all edits together."""
     scene = world.scene(str(made.structured.get("scenario_id")))
     base = world.scene(str(made.structured.get("base_id")))
     if scene is None or base is None:
@@ -131,7 +131,7 @@ def _reached(scene: SceneFile, begin: Iterable[int]) -> set[int]:
 
 
 def _behaves(truth: Mapping[str, Any], requested: Sequence[Mapping[str, Any]]) -> bool:
-    """Return whether preset and parameters are the requested ones, according to the recipe of the written file."""
+    """Return whether preset and parameters are as requested, according to the recipe of the written file."""
     preset, params = truth.get("preset"), {name: float(value) for name, value in truth.get("params", {}).items()}
     for edit in requested:
         if edit.get("op") != "set_behaviour" or str(edit.get("preset") or "").lower() != str(preset or "").lower():

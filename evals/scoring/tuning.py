@@ -36,7 +36,7 @@ def score_tuning(request: EvalRequest, attempt: Attempt, workspace: Path) -> Sco
 def tuning_columns(
     truth: Mapping[str, Any], context: Mapping[str, Any], weights: Mapping[str, float]
 ) -> dict[str, bool | None]:
-    """Return which checks the weights of a configuration meet; None for those that the request does not involve."""
+    """Return, by column, whether a configuration's weights meet the check; None if the request does not involve it."""
     wanted: Mapping[str, float] | None = truth.get("weights")
     explicit: Mapping[str, float] = truth.get("explicit", {})
     complete = truth.get("weights_complete", True)
@@ -60,7 +60,7 @@ def tuning_columns(
 
 
 def _weights_before(context: Mapping[str, Any]) -> Mapping[str, float]:
-    """Return the weights before a request."""
+    """Return the weights before a request, by name."""
     named = named_configuration(f"{context.get('planner') or 'frenetix'}:{context.get('preset') or 'Default'}")
     weights = {} if named is None else dict(named.weights)
     return {**weights, **context.get("overrides", {}), **(context.get("weights") or {})}

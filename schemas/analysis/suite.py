@@ -78,7 +78,7 @@ class SuiteCase(Model):
 
 
 class LimitVerdict(Model):
-    """Whether a limit holds for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
+    """The verdict on a limit for a configuration; ``observed`` is the value, ``run_ids`` the runs that break it."""
 
     limit: str
     configuration: str
@@ -101,5 +101,5 @@ class SuiteReport(Model):
 
     @property
     def passed(self) -> bool:
-        """Return whether all limits hold."""
+        """Whether all limits hold."""
         return all(verdict.holds for verdict in self.verdicts)

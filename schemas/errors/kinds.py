@@ -105,8 +105,9 @@ class PlannerForgeError(Exception):
         reason = f" ({self.reason})" if self.shows_reason and self.reason else ""
         parts = [f"[{self.code}] {self.message.rstrip('.')}{reason}."]
         if self.valid:
-            shown = ", ".join(self.valid[: self.shown_values])
-            more = len(self.valid) - self.shown_values
+            rest = len(self.valid) - self.shown_values
+            shown = ", ".join(self.valid if rest == 1 else self.valid[: self.shown_values])
+            more = 0 if rest == 1 else rest
             parts.append(f"Valid: {shown}{f' and {more} more' if more > 0 else ''}.")
         step = self.next_step.rstrip(".")
         if following is not None:
@@ -122,7 +123,7 @@ class InvalidRequest(PlannerForgeError):
 
 
 class UnknownName(InvalidRequest):
-    """A name or id that does not exist; ``valid`` lists the nearest ones first."""
+    """A name or id that does not exist; ``valid`` lists the nearest names first."""
 
     code = "unknown_name"
     names_valid = True
@@ -168,7 +169,8 @@ class Faults:
         """Raise the collected faults as one error, if there are any.
 
         Raises:
-            InvalidRequest: with the class and reason of the first fault, and the valid values of all faults.
+            InvalidRequest: there are faults; the error has the class and reason of the first fault, and the valid
+                values of all.
         """
         if not self._found:
             return
@@ -222,7 +224,7 @@ class _Collecting:
 
 
 def _common_remedies(faults: Sequence[InvalidRequest]) -> list[Remedy]:
-    """Return one remedy for all faults: the first change from each of them, otherwise the first call."""
+    """Return one remedy for all faults: the first change from each fault, otherwise the first call."""
     changing = [next((remedy for remedy in fault.remedies if remedy.changes), None) for fault in faults]
     if all(remedy is not None for remedy in changing):
         return [Remedy(tuple(change for remedy in changing if remedy is not None for change in remedy.changes))]

@@ -44,7 +44,7 @@ TURNS_AT: Mapping[SiteType, tuple[Turn, ...]] = MappingProxyType(
 NATURAL_SHARES: Mapping[str, float] = MappingProxyType({"delivery": 0.101, "truck": 0.022, "bus": 0.0025})
 """Shares of all motor vehicles in use, by class: 28.0 million vans, 6.2 million lorries and 0.69 million buses,
 compared with 242.7 million cars (:data:`SHARES_SOURCE`). No count is known here for the other classes."""
-SHARES_SOURCE = "ACEA, Vehicles in use in Europe: EU, 2019"
+SHARES_SOURCE = "carmakers' association ACEA, Vehicles in use in Europe, 2019"
 
 
 class VehicleDemand(Model):
@@ -173,6 +173,16 @@ class LaneletGoal:
     size_m: tuple[float, float] | None
 
 
+def _nearest_goals(text: str) -> list[str]:
+    """Return the goal that an invalid one probably means: a turn without its form, or the nearest number."""
+    if (turn := text.strip().lower().replace(" ", "_")) in get_args(Turn):
+        return [f"{THROUGH}:{turn}"]
+    for form, least, most in (("steps", 10, 1000), ("distance_m", 5, 2000)):
+        if (match := re.fullmatch(rf"{form}:(\d{{1,9}})(?:\.\d+)?", text)) is not None:
+            return [f"{form}:{min(max(int(match[1]), least), most)}"]
+    return []
+
+
 @dataclass(frozen=True)
 class RequestedGoal:
     """The requested goal: after some steps, after a distance in m on the ego's path, on a lanelet, or beyond the site.
@@ -192,7 +202,8 @@ class RequestedGoal:
         """Parse ``through[:TURN]``, ``steps:N``, ``distance_m:X`` or ``lanelet:ID[:POSITION[:LENGTHxWIDTH]]``.
 
         Raises:
-            InvalidRequest: none of these, or outside 10 … 1000 steps, 5 … 2000 m, or a rectangle of 0.5 … 500 m.
+            InvalidRequest: the text has none of these forms, or a value is outside 10 … 1000 steps, 5 … 2000 m, or a
+                rectangle of 0.5 … 500 m.
         """
         if text == THROUGH:
             return cls(text)
@@ -210,11 +221,15 @@ class RequestedGoal:
                 size = (0.0, 0.0)
             if size is None or all(0.5 <= side <= 500 for side in size):
                 return cls(text, lanelet=LaneletGoal(int(match[1]), match[2] or MIDDLE, size))
-        raise InvalidRequest(f"goal {text!r} cannot be parsed", valid=GOAL_FORMS, remedies=[with_values(goal=None)])
+        raise InvalidRequest(
+            f"goal {text!r} is not in a valid form or range",
+            valid=GOAL_FORMS,
+            remedies=[*(with_values(goal=near) for near in _nearest_goals(text)), with_values(goal=None)],
+        )
 
     @property
     def is_through(self) -> bool:
-        """Return whether the goal is beyond the site."""
+        """Whether the goal is beyond the site."""
         return self.steps is None and self.distance_m is None and self.lanelet is None
 
     def __str__(self) -> str:
@@ -247,7 +262,7 @@ class RequestedEgo:
         """Parse ``first``, ``index:N`` or ``type:CLASS``.
 
         Raises:
-            InvalidRequest: none of these.
+            InvalidRequest: the text has none of these forms.
         """
         match = re.fullmatch(r"first|index:(\d{1,3})|type:([a-z_]{1,30})", text)
         if match is None:
@@ -324,7 +339,7 @@ class ScenarioSpec(Model):
         """Refuse a turn that no ego makes at a site of this type.
 
         Raises:
-            InvalidRequest: with the turns that are possible at this site.
+            InvalidRequest: no ego makes this turn there; the error lists the possible turns.
         """
         kind, turn = self.scenario_type, self.goal.turn
         if turn is not None and kind != "any" and turn not in TURNS_AT[kind]:
@@ -343,7 +358,7 @@ class ScenarioSpec(Model):
 
     @property
     def on_wheels(self) -> tuple[VehicleDemand, ...]:
-        """The requested vehicles, without pedestrians."""
+        """The requested vehicles, excluding pedestrians."""
         return tuple(demand for demand in self.vehicles if demand.vehicle_class != "pedestrian")
 
 

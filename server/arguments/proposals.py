@@ -19,7 +19,6 @@ from ...schemas.errors import (
     PlannerForgeError,
     Remedy,
     UnexpectedFailure,
-    differences,
     error_to_report,
     followed,
     with_values,
@@ -62,7 +61,7 @@ async def proposed_call(
         with anyio.move_on_after(TRYING_S):
             mended = await _Correction(spec, read, call).first_that_works(error)
     if mended is not None:
-        return NextCall(spec.name, mended, dict(differences(read, mended)))
+        return NextCall.again(spec.name, read, mended)
     return _look_up(error, spec, read, call, tools)
 
 
@@ -140,7 +139,9 @@ def _look_up(
         except PlannerForgeError:
             continue
         written = _written(arguments)
-        return replace(following, arguments=written, changed=following.changed and dict(differences(read, written)))
+        if following.changed is None:
+            return replace(following, arguments=written)
+        return NextCall.again(following.tool, read, written)
     return None
 
 

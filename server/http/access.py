@@ -228,7 +228,8 @@ class _IssuerKeys:
         """Return the key with this id, or the only one if a token has no key id.
 
         Raises:
-            jwt.PyJWTError: there is no such key, or the keys are invalid. httpx.HTTPError: they cannot be fetched.
+            jwt.PyJWTError: there is no such key, or the keys are invalid.
+            httpx.HTTPError: they cannot be fetched.
             ValueError: the response is not JSON.
         """
         with self._lock:

@@ -5,7 +5,7 @@ cheap: its bytes, lines and time are limited, and so is everything between and a
 chunks, their extensions, trailers). Uvicorn's protocol on httptools has none of these limits.
 
 Descriptors are limited too. If they run short, the connection that has waited longest for its next request is closed,
-so that an idle client gives way to an active one.
+so that an idle client gives way to an active client.
 """
 
 import asyncio
@@ -210,7 +210,7 @@ class BoundedProtocol(HttpToolsProtocol):
             super().on_message_complete()
 
     def on_response_complete(self) -> None:
-        """Wait for the next request; if the body of this one is still arriving, only for a while."""
+        """Wait for the next request; if the body of this request is still arriving, only for a while."""
         super().on_response_complete()
         if self.transport.is_closing() or self.pipeline:
             return

@@ -167,7 +167,7 @@ class _Readiness:
         self._can_read, self._looked_at = False, -math.inf
 
     async def answer(self, request: Request) -> JSONResponse:
-        """Return 200 or 503."""
+        """Return status 200 if the server is ready, otherwise 503."""
         del request
         is_ready = self._gate.is_open and await self._reads() and self._gate.is_open
         if is_ready:

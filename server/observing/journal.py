@@ -154,7 +154,10 @@ class Journal:
 
 
 class _Appending(logging.handlers.RotatingFileHandler):
-    """Creates its folder with the first line; a line that cannot be written is logged and fails no call."""
+    """A rotating log file that creates its folder with the first line.
+
+    A line that cannot be written is logged, and the call succeeds.
+    """
 
     def _open(self) -> TextIOWrapper:
         path = Path(self.baseFilename)

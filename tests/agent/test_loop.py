@@ -53,7 +53,7 @@ async def test_ids_of_answers_are_carried_into_the_next_turn() -> None:
         await talked.say("How many vehicles has it?")
         sent = talked.model_server.requests[-1]["messages"]
     assert talked.session.state.scenario == "TST_Town-2_1_T-1"
-    assert sent[-1]["content"] == "How many vehicles has it?\n\n[Being worked on: scenario TST_Town-2_1_T-1]"
+    assert sent[-1]["content"] == "How many vehicles has it?\n\n[Working on: scenario TST_Town-2_1_T-1]"
 
 
 async def test_a_model_without_tools_makes_calls_too() -> None:

@@ -102,7 +102,7 @@ def test_a_chat_shows_state_history_and_help(tmp_path: Path) -> None:
     said = ("A scenario.", "/state", "/history", "/help", "/what", "")
     text, status, _ = chat(tmp_path, *said, script=(MAKE, DONE))
     assert status == 0
-    assert "Being worked on: scenario TST_Town-2_1_T-1" in text
+    assert "Working on: scenario TST_Town-2_1_T-1" in text
     assert 'assistant:; make_scenario {"vehicles": 2}' in text
     assert "/quit     leave" in text
     assert "There is no command /what." in text
@@ -117,7 +117,7 @@ def test_a_chat_is_resumed_with_its_messages_and_artifacts(tmp_path: Path) -> No
     chat(tmp_path, "A scenario.", script=(MAKE, DONE))
     text, _, server = chat(tmp_path, "And now?", script=(Reply("It stands."),), resume=True)
     sent = server.requests[0]["messages"]
-    assert "4 messages. Being worked on: scenario TST_Town-2_1_T-1" in text
+    assert "4 messages. Working on: scenario TST_Town-2_1_T-1" in text
     assert [message["role"] for message in sent] == ["system", "user", "assistant", "tool", "assistant", "user"]
     assert "TST_Town-2_1_T-1" in sent[-1]["content"]
 

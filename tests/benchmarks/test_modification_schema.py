@@ -10,7 +10,7 @@ from support.modification_bench import TRUTHS, asked, carried_out, later_by, res
 
 from benchmarks.modification.__main__ import figures_of, rows_of
 from benchmarks.modification.cases import Case, Measured
-from benchmarks.modification.written import Written, enter_later_as_asked, is_strictly_valid, is_valid
+from benchmarks.modification.written import Written, enter_later_on_request, is_strictly_valid, is_valid
 
 ADDED = 101
 
@@ -24,7 +24,7 @@ def later(tmp_path_factory: pytest.TempPathFactory) -> Written:
 def test_a_vehicle_requested_to_enter_later_is_not_a_fault_of_the_file(later: Written) -> None:
     assert is_valid(later)
     assert not is_strictly_valid(later)
-    assert enter_later_as_asked(later) == {ADDED}
+    assert enter_later_on_request(later) == {ADDED}
 
 
 WRONG: dict[str, Callable[[Written], Written]] = {

@@ -12,7 +12,7 @@ from benchmarks.serve.__main__ import PARTS, broken
 from benchmarks.serve.conformance import KNOWN, judged
 from benchmarks.serve.conformance_server import add_fixtures
 from benchmarks.serve.http_kills import lost_of
-from benchmarks.serve.http_load import Told, settled, slope_per_h
+from benchmarks.serve.http_load import ReportedArtifact, settled, slope_per_h
 from plannerforge.engine.workspace import Recipe, Workspace
 from plannerforge.schemas.base import Model
 from plannerforge.server.assembly import create_server
@@ -73,7 +73,11 @@ def test_results_reported_to_clients_and_missing_now_are_lost(tmp_path: Path) ->
     recipe = Recipe(tool="configure_planner", arguments={})
     kept = workspace.put("config", "cfg_1", recipe=recipe, record=Note(text="kept"), files={})
     workspace.close()
-    told = {Told("config", kept.artifact_id), Told("config", "cfg_2"), Told("batch", "cfg_1")}
+    told = {
+        ReportedArtifact("config", kept.artifact_id),
+        ReportedArtifact("config", "cfg_2"),
+        ReportedArtifact("batch", "cfg_1"),
+    }
     assert lost_of(tmp_path, told) == ["batch cfg_1 is gone", "config cfg_2 is gone"]
 
 

@@ -18,9 +18,9 @@ from support.runs import DEFAULT, SAFE, metrics, record, source
 from benchmarks.analysis.expected import Expected, Tally
 from benchmarks.analysis.public_runs import RawRuns
 from benchmarks.analysis.recomputed import late_because
-from benchmarks.analysis.statements import OnRuns, Told, in_texts, judged
+from benchmarks.analysis.statements import GivenAnswer, OnRuns, in_texts, judged
 from benchmarks.analysis.trivial import truth
-from benchmarks.told_figures import agrees, unknown_in_fields, unknown_in_text
+from benchmarks.stated_figures import agrees, unknown_in_fields, unknown_in_text
 from plannerforge.engine.analysis import analyse, compare
 from plannerforge.engine.execution import silent
 from plannerforge.schemas.analysis.comparison import CompareRequest, Side
@@ -68,7 +68,7 @@ def raw_of(sources: list[RunSource]) -> RawRuns:
     )
 
 
-def answers(sources: list[RunSource]) -> tuple[Told, ...]:
+def answers(sources: list[RunSource]) -> tuple[GivenAnswer, ...]:
     """The answers on the runs, and their comparison."""
     runs, configs = tuple(sources), (DEFAULT, SAFE)
     request = AnalyseRequest(results=("batch_a",), runs=runs, configs=configs, breakdown="config")
@@ -84,10 +84,10 @@ def answers(sources: list[RunSource]) -> tuple[Told, ...]:
     )
     made = [("analyze_results", analyse(one, silent)) for one in details]
     made.append(("compare_results", compare(CompareRequest(sides=sides, runs=runs, configs=configs), silent)))
-    return tuple(Told(tool, {}, one.to_text(), one.model_dump(mode="json")) for tool, one in made)
+    return tuple(GivenAnswer(tool, {}, one.to_text(), one.model_dump(mode="json")) for tool, one in made)
 
 
-def told_of(sources: list[RunSource], made: tuple[Told, ...]) -> OnRuns:
+def told_of(sources: list[RunSource], made: tuple[GivenAnswer, ...]) -> OnRuns:
     return OnRuns(raw_of(sources), WEIGHTS, {}, {}, made)
 
 

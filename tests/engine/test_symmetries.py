@@ -7,7 +7,7 @@ import pytest
 from lxml import etree
 from support.builders import town_road
 
-from benchmarks.symmetries.answers import CHEAP, Asked
+from benchmarks.symmetries.answers import CHEAP, TranslatedFile
 from benchmarks.symmetries.cases import DOCUMENT, Task, alike, measure
 from benchmarks.symmetries.relations import RELATIONS, Frame, read_root, write_root
 from plannerforge.engine.commonroad.document import schema_errors
@@ -52,7 +52,7 @@ def test_the_judges_see_a_car_that_is_a_metre_off(tmp_path: Path) -> None:
     assert place is not None
     place.text = str(float(place.text or "") + 1.0)
     write_root(root, tmp_path / "off.xml")
-    before, after = (CHEAP["recording"](Asked(one, Frame())) for one in (path, tmp_path / "off.xml"))
+    before, after = (CHEAP["recording"](TranslatedFile(one, Frame())) for one in (path, tmp_path / "off.xml"))
     assert not all(alike(before[key], after[key], 0.1) for key in before)
 
 

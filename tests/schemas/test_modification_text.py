@@ -58,7 +58,7 @@ def route(vehicle_id: int, *lanelets: int, arrives: bool | None = None) -> Vehic
 
 def test_the_answer_states_only_what_is_new_for_the_ego() -> None:
     (changes,) = (line for line in text(SHIFTED).splitlines() if line.startswith("Change for "))
-    for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "none → with 39 at 6.5 s"):
+    for figure in ("1.49 m → 0 m", "within 60 s → 0 s", "4 → 0", "none → with road user 39 at 6.5 s"):
         assert figure in changes
     assert "No change for the ego: risk score (0 = collision, 5 = negligible) 4." in text(ego_after=CALM).splitlines()
     nearer = text(ego_after=CALM.model_copy(update={"minimum_distance_m": 0.7}))
@@ -73,7 +73,7 @@ def test_a_figure_that_cannot_be_computed_gives_the_reason() -> None:
 
 
 def test_the_verdict_on_a_motion_that_was_only_moved_in_time_is_its_recording_s() -> None:
-    assert "100.0% of the motion of 44, as in the recording" in text(SHIFTED)
+    assert "100.0% of the motion of vehicle 44 is infeasible, as in the recording" in text(SHIFTED)
     driven = SHIFTED.model_copy(update={"cause": "edited"})
     assert "as in the recording" not in text(driven)
 
@@ -92,7 +92,7 @@ def test_an_answer_to_fifty_edits_of_a_hundred_vehicles_stays_short_and_useful()
     brief, whole = text(*touched, **told), text(*touched, detail="checks", **told)
     assert count_tokens(brief) <= 1100
     undone = "6, 7, 8, 9, 10, 11, 12, 13 and 36 more"
-    assert f"… 44 more edits (not done or not reached: {undone}): modify_scenario with detail=checks" in brief
+    assert f"… 44 more edits (not done or off target: {undone}): modify_scenario with detail=checks" in brief
     assert "70002 hits 70003 at 4.0 s; … 87 more: modify_scenario with detail=checks" in brief
     assert "… 39 more: modify_scenario with detail=checks" in brief
     assert count_tokens(brief) < count_tokens(whole) <= 6000
@@ -107,7 +107,7 @@ def test_a_shortened_sentence_keeps_its_end_with_the_reason() -> None:
 def test_an_edit_that_misses_its_value_is_not_called_done_and_gives_the_next_step() -> None:
     late = route(31, 1, 11, arrives=False).model_copy(update={"advice": "send 31 to lanelet 11, which it reaches"})
     told = text(edits=(edit(0, late),))
-    assert "1 edit not reached" in told.splitlines()[0]
+    assert "1 edit off target" in told.splitlines()[0]
     assert "  31: target not reached: the scenario ends at 10.0 s (lanelets 1 → 11)" in told
     assert told.endswith("Next: send 31 to lanelet 11, which it reaches")
     assert "done" not in told
@@ -115,7 +115,7 @@ def test_an_edit_that_misses_its_value_is_not_called_done_and_gives_the_next_ste
 
 def test_the_headline_of_several_edits_counts_their_results() -> None:
     edits = (edit(0), edit(1, done=False), edit(2, route(1, 4, arrives=True), route(2, 5, arrives=False)))
-    assert "3 edits: 1 done, 1 without effect, 1 reached by 1 of 2." in text(edits=edits).splitlines()[0]
+    assert "3 edits: 1 done, 1 without effect, 1 on target for 1 of 2." in text(edits=edits).splitlines()[0]
 
 
 def test_vehicles_without_differences_are_reported_once() -> None:

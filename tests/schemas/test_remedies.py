@@ -1,6 +1,7 @@
 """What mends a refused call: found in a refusal, put into the call, carried through a worker, written out."""
 
 import json
+from typing import Any
 
 import pytest
 
@@ -141,3 +142,19 @@ def test_a_long_call_is_described_by_its_changes() -> None:
     short = followed(instead("9", "8"), "tool", {"speed": "9"})
     assert short is not None
     assert short.text == 'call again with {"speed": "8"}'
+
+
+@pytest.mark.parametrize(
+    ("given", "remedy", "dropped"),
+    [
+        ({"goal": "merge", "count": 2}, with_values(goal=None), ("goal",)),
+        ({"where": ["a=1", "b=2"]}, with_values(where=["b=2"]), ("where 'a=1'",)),
+        ({"obstacles": ["car=many"]}, instead("car=many", "car"), ("obstacles[0] '=many'",)),
+        ({"speed": "9"}, instead("9", "8"), ()),
+    ],
+)
+def test_a_call_says_what_it_leaves_out(given: dict[str, Any], remedy: Remedy, dropped: tuple[str, ...]) -> None:
+    call = followed(remedy, "tool", given)
+    assert call is not None
+    assert call.dropped == dropped
+    assert call.text.endswith(f" (without {', '.join(dropped)})" if dropped else "}")

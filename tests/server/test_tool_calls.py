@@ -68,20 +68,20 @@ async def test_unknown_field_of_an_object_in_a_list_is_refused_with_the_closest(
     ("arguments", "expected"),
     [
         ({}, "the argument 'text' is missing. Valid: text=text"),
-        ({"text": {"a": 5}}, 'text takes text, not {"a": 5}. Valid: text: text'),
+        ({"text": {"a": 5}}, 'text cannot be {"a": 5}. Valid: text: text'),
         (
             {"text": "x", "count": "many"},
-            "count takes a whole number from 1 to 5, not 'many'. Valid: count: a whole number from 1 to 5 (how often)",
+            "count cannot be 'many'. Valid: count: a whole number from 1 to 5 (how often)",
         ),
-        ({"text": "x", "count": 9}, "count takes a whole number from 1 to 5, not 9"),
-        ({"text": "x", "share": 1}, "not 1. Valid: share: a number above 0 below 1"),
+        ({"text": "x", "count": 9}, "count cannot be 9"),
+        ({"text": "x", "share": 1}, "cannot be 1. Valid: share: a number above 0 below 1"),
         ({"text": "x", "density": "hihg"}, "density cannot be 'hihg'. Valid: high, "),
-        ({"text": "x", "tags": [[1]]}, "tags[0] takes text, not [1]"),
-        ({"text": "x", "edits": [7]}, "edits[0] takes an object, not 7"),
+        ({"text": "x", "tags": [[1]]}, "tags[0] cannot be [1]"),
+        ({"text": "x", "edits": [7]}, "edits[0] cannot be 7"),
         ({"text": "x", "edits": [{"op": "rerout"}]}, "edits[0].op cannot be 'rerout'. Valid: reroute, remove"),
         ({"text": "x", "edits": [{}]}, "the argument 'edits[0].op' is missing. Valid: edits[0].op=remove, reroute"),
-        ({"text": "x", "tags": "[broken"}, "tags takes a list, not '[broken'"),
-        ({"count": 0, "density": "x"}, "'text' is missing; count takes a whole number from 1 to 5, not 0"),
+        ({"text": "x", "tags": "[broken"}, "tags cannot be '[broken'"),
+        ({"count": 0, "density": "x"}, "'text' is missing; count cannot be 0"),
     ],
 )
 async def test_a_wrong_argument_is_named_with_its_value_and_the_valid_values(
@@ -107,7 +107,7 @@ async def test_one_object_or_its_json_text_counts_as_a_list(connect: Any, given:
 
 
 async def test_hostile_nesting_in_json_text_is_a_refusal(connect: Any) -> None:
-    assert "tags takes a list, not " in await refused(connect, text="x", tags="[" * 40_000)
+    assert "tags cannot be " in await refused(connect, text="x", tags="[" * 40_000)
 
 
 async def test_json_text_with_a_number_that_is_not_finite_is_refused(connect: Any) -> None:

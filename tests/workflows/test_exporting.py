@@ -109,7 +109,7 @@ async def test_a_scenario_is_exported_for_other_tools_with_its_roads(settings: S
         assert files["opendrive"]["geometry"]["max_m"] < 0.1
         assert files["opendrive"]["geometry"]["within_share"] == 1.0
         text = result.content[0].text  # type: ignore[union-attr]
-        assert "100 % of" in text
+        assert "100% of" in text
         assert "lost: 1 goal" in text
         taken = await client.call_tool("export_artifacts", arguments)
         assert taken.is_error

@@ -73,6 +73,7 @@ def test_the_hour_sets_the_density_unless_one_is_given() -> None:
     assert free.conditions.per_lane_km == vehicles_per_lane_km(17) == 26.5
     assert given.conditions.per_lane_km is None
     assert any("26.5 vehicles per lane-km" in note for note in free.notes)
+    assert any("density=low" in note for note in given.notes)
 
 
 def test_hours_rank_as_their_shares_of_the_day() -> None:

@@ -70,7 +70,7 @@ def test_a_country_named_for_a_map_without_one_reaches_the_engine_as_its_code(sp
     [
         ({"vehicles": ["truck"]}, [{"vehicle_class": "truck", "least": None, "most": None, "share": 0.022}]),
         ({"vehicles": ["taxi"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.0}]),
-        ({"vehicles": ["taxi = 30 %"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.3}]),
+        ({"vehicles": ["taxi = 30%"]}, [{"vehicle_class": "taxi", "least": None, "most": None, "share": 0.3}]),
         ({"ego": "type:bus"}, [{"vehicle_class": "bus", "least": None, "most": None, "share": 0.0025}]),
         ({"vehicles": ["bus=2"], "ego": "type:bus"}, [{"vehicle_class": "bus", "least": 2, "most": None}]),
         ({"vehicles": ["car"]}, [{"vehicle_class": "car", "least": None, "most": None}]),

@@ -11,6 +11,7 @@ from support.tree import CHECKOUT
 from plannerforge.engine.maps import MapMatch
 from plannerforge.engine.maps.index import built_in_maps
 from plannerforge.schemas.errors import InvalidRequest
+from plannerforge.schemas.errors.remedies import followed
 from plannerforge.schemas.generation import (
     GenerateScenariosArguments,
     GenerationRequest,
@@ -82,6 +83,23 @@ def test_a_turn_that_no_ego_makes_at_a_type_is_refused_with_possible_turns() -> 
     with pytest.raises(InvalidRequest) as refusal:
         read(goal="through:left", scenario_type="highway").check_turn()
     assert set(refusal.value.valid) == {"through:straight", "through:lane_change"}
+
+
+@pytest.mark.parametrize(
+    ("text", "proposed"),
+    [("merge", "through:merge"), ("distance_m:99999", "distance_m:2000"), ("steps:3", "steps:10"), ("north", None)],
+)
+def test_an_invalid_goal_is_refused_with_the_nearest_one_before_it_is_dropped(text: str, proposed: str | None) -> None:
+    with pytest.raises(InvalidRequest) as refusal:
+        RequestedGoal.of(text)
+    calls = [followed(remedy, "generate_scenarios", {"goal": text}) for remedy in refusal.value.remedies]
+    assert [call and call.arguments.get("goal") for call in calls] == ([proposed, None] if proposed else [None])
+
+
+@pytest.mark.parametrize("text", ["!truck", "no trucks", "without lorries", "truck=0"])
+def test_a_class_that_is_excluded_has_no_vehicles(text: str) -> None:
+    (demand,) = read(vehicles=[text]).vehicles
+    assert (demand.vehicle_class, demand.least, demand.most) == ("truck", 0, 0)
 
 
 def test_every_default_is_defined_in_one_place() -> None:

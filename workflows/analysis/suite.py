@@ -44,7 +44,7 @@ ReportProgress = Callable[[int, int, str], None]
 
 
 def limits_of(suite: Suite) -> list[Limit]:
-    """Return the limits, including a default one on lost runs, because a gate cannot judge those.
+    """Return the limits, including a default limit on lost runs, because a gate cannot judge lost runs.
 
     Raises:
         InvalidRequest, UnknownName: there are invalid limits; all are reported together.
@@ -209,7 +209,7 @@ async def _imported(path: Path, context: WorkflowContext) -> tuple[list[str], li
                 raise
             refused.append(f"{shown_name(file.name)} was refused: {refusal.message}")
     if not ids:
-        raise NotPossible(f"all {len(files)} files at {path} were refused: {refused[0]}")
+        raise NotPossible(f"all files at {path} ({len(files)}) were refused: {refused[0]}")
     return ids, refused
 
 
@@ -230,7 +230,7 @@ def _baseline(word: str, folder: Path, context: WorkflowContext) -> _Baseline:
     """Return the runs of a baseline: a file that ``--save-baseline`` wrote, or a stored batch.
 
     Raises:
-        UnknownName: there is neither.
+        UnknownName: there is no such file or batch.
         InvalidRequest: the file is not a baseline.
     """
     if word.startswith("batch_"):

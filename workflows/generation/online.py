@@ -39,7 +39,7 @@ async def find_place(context: WorkflowContext, words: str, country: str | None) 
 
 
 def _ambiguous(place: str, candidates: Sequence[NamedPlace]) -> InvalidRequest:
-    """Return the refusal of a name that several places have, which says how to choose one."""
+    """Return the refusal of a name that several places have; the error says how to choose one."""
     return InvalidRequest(
         f"several places have the name {place!r}",
         valid=[cited(candidate.label) for candidate in candidates],
@@ -100,7 +100,7 @@ def _origin(fetched: FetchedMap, request: FetchMapRequest) -> str:
 async def fetch_to_keep(
     context: WorkflowContext, words: str, country: str | None, scenario_type: ScenarioType
 ) -> tuple[MapFacts, list[str]]:
-    """Download a place's map so that it counts like an imported one.
+    """Download a place's map so that it counts like an imported map.
 
     Raises:
         PlannerForgeError: it is not available.

@@ -114,13 +114,13 @@ def judged(case: Mapping[str, str], folder: Path) -> Verdict:
     try:
         built = _built(path, case["country"], folder)
     except (NotPossible, UnsafeInput) as refusal:
-        return Verdict(False, _is_told([refusal.message], case["told"]))
+        return Verdict(False, _is_reported([refusal.message], case["told"]))
     arm = _Arm(built)
     right = all(arm.holds(term) for term in case["right"].split() if term != "told_only")
-    return Verdict(right and case["right"] != "told_only", _is_told(built.notes, case["told"]))
+    return Verdict(right and case["right"] != "told_only", _is_reported(built.notes, case["told"]))
 
 
-def _is_told(notes: tuple[str, ...] | list[str], word: str) -> bool:
+def _is_reported(notes: tuple[str, ...] | list[str], word: str) -> bool:
     """Return True if a note names the road (or the kind of junction) and the word of its tag."""
     return bool(word) and any(word in note and ("West" in note or "barrier" in note) for note in notes)
 

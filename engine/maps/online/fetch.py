@@ -153,7 +153,7 @@ class _Area:
 
     @property
     def _hinted(self) -> bool:
-        """Return whether the requested road is unknown to Nominatim in the requested settlement."""
+        """Whether the requested road is unknown to Nominatim in the requested settlement."""
         return self._place is not None and self._place.is_settlement and bool(self._place.roads)
 
     def _whole(self) -> Box:
@@ -173,7 +173,7 @@ class _Area:
     def _about(self, spots: Sequence[Spot]) -> Iterator[Box]:
         """Yield a core around each candidate, without overlaps, together with the neighbours that fit into it.
 
-        The boxes suffice for the requested scenarios, and for some that replace failed ones.
+        The boxes suffice for the requested scenarios, and for a few that replace failed scenarios.
         """
         used: list[Box] = []
         for spot in spots:
@@ -311,7 +311,7 @@ def _around_both(one: Box, other: Box) -> Box:
 
 
 def _bounded(box: Box, middle: Spot) -> Box:
-    """Return the part of a box that is searched: at most MOST_SEARCHED_M wide and high, around the middle."""
+    """Return the part of a box that is searched: around ``middle``, at most ``MOST_SEARCHED_M`` wide and high."""
     around = _about_spot(middle, MOST_SEARCHED_M / 2)
     return max(box[0], around[0]), max(box[1], around[1]), min(box[2], around[2]), min(box[3], around[3])
 
@@ -373,7 +373,7 @@ def _facts_of_roads(found: Sequence[Mapping[str, Any]]) -> MapFacts:
 
 
 def _sites_inside(path: Path, core: Box, request: FetchMapRequest) -> Mapping[SiteType, int]:
-    """Count the sites of each type that the map has inside the core."""
+    """Return the number of sites of each type that the map has inside the core."""
     finder = SiteFinder(read_map_file(path), request.road_classes)
     kinds: tuple[SiteType, ...] = get_args(SiteType)
     found = {kind: sum(_is_in(site.position, core) for site in finder.find(kind)) for kind in kinds}
@@ -403,7 +403,7 @@ def _fetched(request: FetchMapRequest, path: Path, core: Box, query: str, answer
 
 
 def _town_of(place: NamedPlace) -> str:
-    """Return a name for the map of a place: that of its settlement if known, otherwise the place's own."""
+    """Return a name for the map of a place: its settlement's name if known, otherwise the place's own name."""
     return place.name if place.is_settlement or not place.around else place.around[0]
 
 

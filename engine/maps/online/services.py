@@ -344,7 +344,7 @@ class ServiceClient:
         self._report(self._share, message)
 
     def _overpass(self, url: str, text: str) -> object:
-        """Send one request to one Overpass service, once it has a free slot."""
+        """Send one request to one Overpass service, once it has a free slot, and return the answer."""
         from osmnx import _overpass, settings
 
         pause_s: float = _overpass._get_overpass_pause(url, default_pause=_UNKNOWN_PAUSE)

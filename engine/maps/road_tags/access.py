@@ -169,7 +169,7 @@ def barrier_of(tags: Tags) -> str:
 
 
 def in_words(names: Iterable[str], most: int = 3) -> str:
-    """List the first names in order, each once, with the number of those left out."""
+    """Return the first names in order as text, each once, with the number of the names left out."""
     different = list(dict.fromkeys(names))
     more = f" and {len(different) - most} more" if len(different) > most else ""
     return ", ".join(different[:most]) + more

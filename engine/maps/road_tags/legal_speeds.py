@@ -157,7 +157,7 @@ _COMPARED = frozenset({"=", "!=", "~", "!~", "<", "<=", ">", ">="})
 
 
 def parse_filter(text: str) -> _Test:
-    """Return a test of tags from a text in the table's language.
+    """Return the test of tags that a text in the table's language describes.
 
     The language has ``{kind}``, ``key``, ``!key``, ``key=value``, ``key~regex``, comparisons of numbers, ``and``,
     ``or``, and brackets.

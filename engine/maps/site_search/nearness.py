@@ -77,7 +77,7 @@ class Surroundings:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether there are no points, lines or areas."""
+        """Whether there are no points, lines or areas."""
         return len(self._tree) == 0
 
     def any_within(self, point: tuple[float, float], distance_m: float) -> bool:

@@ -117,7 +117,7 @@ def _between_straights(shape: Points, extension_m: float) -> Points:
 def slow_places(
     shape: Points, straight_mps: float, recorded: Sequence[tuple[float, float]] = (), friction: float | None = None
 ) -> SlowPlaces:
-    """Return where a polyline's curves require less than a speed, and the speeds there, as ``curve_speed`` does.
+    """Return the points where a polyline's curves require less than a speed, and the speeds there.
 
     If a vehicle was recorded faster, the speed is higher, up to the limit of the tyres, because an apparent curve may
     be a kink in a coarse line. ``recorded``: arc lengths in m on the polyline, and the recorded speeds at these points.

@@ -107,10 +107,10 @@ class DesiredSpeed:
     """The desired speed on the way to a goal: set by the goal, and after its time interval by the lane and its curves.
 
     For a goal with a position, it is the mean speed that reaches the goal's middle by the middle of the time interval
-    or, once that has passed, by its end. After the middle it is at most the cruising speed, or the present speed if
-    that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a goal with a speed
-    interval but no position, it is the middle of that interval. In all other cases, and after the time interval, it is
-    the cruising speed. It always stays within 5 m/s of the present speed.
+    or, once that has passed, by its end. After the middle of the interval it is at most the cruising speed, or the
+    present speed if that is higher, so that a late ego does not race. Inside a goal with a speed interval, and for a
+    goal with a speed interval but no position, it is the middle of that interval. In all other cases, and after the
+    time interval, it is the cruising speed. It always stays within 5 m/s of the present speed.
 
     An ego inside a goal without a speed interval still aims for the goal's middle, and waits there until the time
     interval ends.

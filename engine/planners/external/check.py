@@ -71,7 +71,7 @@ class _Recorder:
 def check_on(name: str, planner: OwnPlanner | Found, path: Path, *, empty_road: bool = False) -> PlannerCheck:
     """Drive the first planning problem of a CommonRoad file with the preset Default, and check every plan.
 
-    A class plans again at the first observation and at one in the middle, after a reset and in a new instance; a
+    A class plans again at the first observation and at the middle one, after a reset and in a new instance; a
     program only at the first. A class also plans with each weight at the two ends of its range, at every observation of
     the drive until two plans differ.
 

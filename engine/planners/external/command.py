@@ -39,7 +39,7 @@ class _AnswerKey:
 
 
 class CommandDriver:
-    """The planner; see :class:`plannerforge.engine.planners.interface.Planner`.
+    """A planner that calls a program once per run; see :class:`plannerforge.engine.planners.interface.Planner`.
 
     ``log``: the end of the program's standard error.
     """

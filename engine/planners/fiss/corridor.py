@@ -49,7 +49,7 @@ class LaneBand:
 
 @dataclass(frozen=True)
 class Bands:
-    """The lane under the path and the two adjacent ones, at stations (n,) in m along the path."""
+    """The lane under the path and the two adjacent lanes, at stations (n,) in m along the path."""
 
     stations_m: Values
     under: LaneBand
@@ -99,10 +99,10 @@ def lane_bands(network: "LaneletNetwork", reference: ReferencePath) -> Bands:
 
 
 def _route_and_beyond(graph: LaneletGraph, lanelets: tuple[int, ...]) -> dict[int, int]:
-    """Return the lanelets of a route with their positions in it, in driving order.
+    """Return the position in the route of each lanelet on it, in driving order.
 
-    Predecessors of the first lanelet have the position −1; successors of the last one, as far as a path continues, have
-    the last position.
+    Predecessors of the first lanelet have the position −1; successors of the last lanelet, as far as a path continues,
+    have the last position.
     """
     places = dict.fromkeys(graph.predecessors[lanelets[0]], -1) | {key: at for at, key in enumerate(lanelets)}
     ends = {lanelets[-1]: 0.0}
@@ -202,13 +202,13 @@ def _bands(stations: Values, sections: Collection[_Section]) -> Bands:
 
 
 def _under(here: list[_Section]) -> _Section | None:
-    """Return the lane under the path: preferably one of the route, then the one with the nearest centre."""
+    """Return the lane under the path: preferably a lane of the route, then the one with the nearest centre."""
     holding = [section for section in here if section.right_m <= 0.0 <= section.left_m]
     return min(holding, key=lambda section: (section.place is None, abs(section.center_m)), default=None)
 
 
 def _neighbour(under: _Section, here: list[_Section], *, is_left: bool) -> _Section | None:
-    """Return the lane that touches the one under the path on a side, if the vehicle may enter it."""
+    """Return the lane that touches the lane under the path on a side, if the vehicle may enter it."""
     edge = under.left_m if is_left else under.right_m
     crossed = under.crossed_left if is_left else under.crossed_right
     candidates = [

@@ -60,7 +60,7 @@ _COMFORTABLE_DECELERATION_MPS2 = 4.5
 def reactive_traffic(
     loaded: LoadedScenario, problem: "PlanningProblem", vehicle: VehicleParameters, seed: int
 ) -> Iterator[Traffic]:
-    """Yield the others of a scenario, driven by SUMO from the ego's first step.
+    """Yield the other road users of a scenario, driven by SUMO from the ego's first step.
 
     Raises:
         NotPossible: No lanelet of the scenario is drivable.
@@ -106,7 +106,10 @@ def _insert(sumo: Sumo, actor: Actor) -> bool:
 
 
 class _ReactiveTraffic:
-    """The other road users of a run; those in ``on_recording`` followed it, since SUMO could not take them over."""
+    """The other road users of a run.
+
+    Those in ``on_recording`` followed their recordings, since SUMO could not take them over.
+    """
 
     def __init__(
         self, sumo: Sumo, roles: TrafficRoles, ego_edges: tuple[str, ...], ego: EgoState, vehicle: VehicleParameters
@@ -141,7 +144,7 @@ class _ReactiveTraffic:
 
     @property
     def triggers(self) -> tuple[TriggerOutcome, ...]:
-        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        """The triggers of scripted motions by road user, and whether they have fired up to the present step."""
         return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
 
     def advance(self, ego: EgoState) -> None:
@@ -213,7 +216,7 @@ class _ReactiveTraffic:
                 self._shown[actor.key].settle(speed_mps, there)
 
     def _shown_place(self, actor: Actor, step: int) -> tuple[tuple[float, float, float], LaneHint] | None:
-        """Return where SUMO must show a road user, or None if it is absent."""
+        """Return the pose and the lane at which SUMO must show a road user, or None if it is absent."""
         scripted = self._scripted.get(actor.track.obstacle_id)
         if scripted is None:
             index = self._shown_index(actor, step)
@@ -329,7 +332,7 @@ def _turned(vector: Points, angle_rad: float) -> tuple[float, float]:
 
 
 def is_insertion_safe(track: Track, index: int, traffic: Traffic, ego: EgoState, vehicle: VehicleParameters) -> bool:
-    """Return True if a vehicle at this pose is clear of all others and can brake comfortably for those ahead.
+    """Return True if a vehicle at this pose is clear of all road users and can brake comfortably for those ahead.
 
     The other road users are at their positions one step before the ego's, the last ones known.
     """

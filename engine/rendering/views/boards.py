@@ -140,8 +140,8 @@ def _column(side: _Side, sides: Sequence[_Side], runs: RunSet) -> BoardColumn:
 def _rate_words(rate: Rate) -> str:
     if rate.share is None or rate.low is None or rate.high is None:
         return "no run was possible"
-    interval = f"95 % interval {100 * rate.low:.0f} to {100 * rate.high:.0f} %"
-    return f"{rate.count} of {rate.of} valid runs reached the goal: {100 * rate.share:.0f} % ({interval})"
+    interval = f"95% interval {100 * rate.low:.0f} to {100 * rate.high:.0f}%"
+    return f"{rate.count} of {rate.of} valid runs reached the goal: {100 * rate.share:.0f}% ({interval})"
 
 
 def _row(scenario_id: str, problem_id: int, source: ScenarioSource, *, alone: bool) -> BoardRow:

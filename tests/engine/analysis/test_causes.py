@@ -12,7 +12,6 @@ from plannerforge.engine.analysis.run_set import METRICS, RunSet
 from plannerforge.engine.analysis.summary import analyse
 from plannerforge.engine.execution.executor import silent
 from plannerforge.schemas.results import AnalyseRequest
-from plannerforge.schemas.reviews import REFERENCE_DRIVERS_DO
 from plannerforge.schemas.runs import (
     CollisionRecord,
     DrivenObstacle,
@@ -22,6 +21,7 @@ from plannerforge.schemas.runs import (
     RunSteps,
     ScenarioSource,
 )
+from plannerforge.schemas.text import REFERENCE_DRIVERS_DO
 
 STEPS = 41
 MOST = 12
@@ -86,8 +86,7 @@ def test_the_rate_is_given_with_and_without_unpreventable_collisions(tmp_path: P
     assert [(one.run_id, one.time_s) for one in found.evidence] == [(one.record.run_id, 4.0) for one in runs[:3]]
     told = found.in_words()
     assert told.startswith(
-        "Collisions: rear end by other 2, rear end by ego 1; attributed to recording 2; "
-        "no reference driver prevents 2 of 3"
+        "Collisions: 2 rear end by other, 1 rear end by ego; attributed: 2 to the recording; 2 of 3 "
     )
     assert REFERENCE_DRIVERS_DO in told
     assert "goal 1/2" in told

@@ -157,7 +157,7 @@ def test_sides_under_different_predictions_are_paired_and_the_difference_is_name
 
 
 def test_sides_without_common_scenarios_are_refused() -> None:
-    with pytest.raises(NotPossible, match="no scenario and planning problem in common"):
+    with pytest.raises(NotPossible, match="no planning problem in common"):
         compared([source(record("ZAM_A-1_1_T-1"))], [source(record("ZAM_B-1_1_T-1"))])
 
 
@@ -322,7 +322,7 @@ def test_a_metric_that_differs_in_some_scenarios_only_is_not_reported_to_fall() 
     assert metric.p_holm < 0.05
     assert (metric.shift, metric.higher, metric.lower, metric.better) == (0.0, 0, 10, None)
     assert "minimum_distance_m falls" not in found.verdict
-    assert "minimum_distance_m (in 0 higher, in 10 lower)" in found.verdict
+    assert "minimum distance (in 0 higher, in 10 lower)" in found.verdict
 
 
 @pytest.mark.parametrize(

@@ -193,7 +193,7 @@ def test_uncomfortable_turns() -> None:
 
 def test_dominating_cost_and_idle_weights(tmp_path: Path) -> None:
     findings = found(source(record(), tmp_path, velocity_offset=9.0, prediction=1.0))
-    assert "velocity_offset is 90 % of the cost in the median run" in findings["dominating_cost"].statement
+    assert "velocity_offset is 90% of the cost in the median run" in findings["dominating_cost"].statement
     assert findings["idle_weights"].statement.startswith("lateral_jerk of frenetix:Default")
 
 

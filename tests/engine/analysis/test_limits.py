@@ -48,14 +48,14 @@ def paired(only_before: int, only_after: int, p: float, low: float, difference: 
     ("text", "outcomes", "holds"),
     [
         ("success >= 0.75", "gggci", True),
-        ("success > 75 %", "gggc", False),
+        ("success > 75%", "gggc", False),
         ("success >= 0.5 with confidence", "gggc", False),
         ("success >= 0.2 with confidence", "gggc", True),
         ("collision <= 0.25", "gggc", True),
         ("collision <= 0.3 with confidence", "gggc", False),
         ("timeout == 0", "gggc", True),
-        ("success_without_unpreventable >= 100 %", "ggu", True),
-        ("success_without_unpreventable >= 100 %", "gguc", False),
+        ("success_without_unpreventable >= 100%", "ggu", True),
+        ("success_without_unpreventable >= 100%", "gguc", False),
         ("preventable_collisions == 0", "gguu", True),
         ("preventable_collisions == 0", "gguc", False),
         ("collisions < 2", "gguc", False),
@@ -78,7 +78,7 @@ def test_a_limit_on_a_metric_is_judged_in_every_run_in_a_share_or_by_a_statistic
     every = parse_limit("minimum_distance_m >= 0.5").judge(runs)
     assert (every.holds, every.run_ids) == (False, ("run_0",))
     assert every.observed == "within in 3 of 4 runs (0.4 to 1 m): run_0"
-    assert parse_limit("minimum_distance_m >= 0.5 in 75 % of runs").judge(runs).holds
+    assert parse_limit("minimum_distance_m >= 0.5 in 75% of runs").judge(runs).holds
     assert not parse_limit("minimum_distance_m >= 0.5 in 0.8 of runs").judge(runs).holds
     assert parse_limit("median minimum_distance_m >= 0.7").judge(runs).holds
     assert not parse_limit("lowest minimum_distance_m >= 0.5").judge(runs).holds
@@ -94,7 +94,7 @@ def test_a_baseline_is_judged_by_the_test_by_a_margin_or_by_every_scenario() -> 
     assert not parse_limit("not worse than base.json").judge(worse).holds
     assert parse_limit("not worse than base.json").judge(unclear).holds
     assert not parse_limit("not worse than base.json by 0.2").judge(unclear).holds
-    assert parse_limit("not worse than base.json by 25 %").judge(unclear).holds
+    assert parse_limit("not worse than base.json by 25%").judge(unclear).holds
     verdict = parse_limit("nothing lost against base.json").judge(unclear)
     assert not verdict.holds
     assert "1 gained, 2 lost of 20 pairs: run_3 on A" in verdict.observed
@@ -102,7 +102,7 @@ def test_a_baseline_is_judged_by_the_test_by_a_margin_or_by_every_scenario() -> 
 
 def test_a_limit_s_end_decides_its_quantity() -> None:
     assert parse_limit("success >= 0.9 for the careful one").only == "the careful one"
-    assert parse_limit("not  worse than a/b.json by 5 % for careful").baseline == "a/b.json"
+    assert parse_limit("not  worse than a/b.json by 5% for careful").baseline == "a/b.json"
 
 
 @pytest.mark.parametrize(
@@ -111,12 +111,12 @@ def test_a_limit_s_end_decides_its_quantity() -> None:
         ("success is good", "not a limit"),
         ("succes >= 0.9", "success"),
         ("success >= 90", "between 0 and 1"),
-        ("collisions <= 5 %", "not a share"),
+        ("collisions <= 5%", "not a share"),
         ("median success >= 0.5", "single figure"),
         ("success >= 0.5 in 0.9 of runs", "single figure"),
         ("median duration_s <= 5 in 0.9 of runs", "cannot have a share"),
         ("duration_s <= 5 with confidence", "only shares"),
-        ("nothing lost against b.json by 5 %", "margin"),
+        ("nothing lost against b.json by 5%", "margin"),
         ("success >= nan", "not a limit"),
         ("", "not a limit"),
     ],

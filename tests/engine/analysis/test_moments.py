@@ -10,7 +10,7 @@ from support.runs import metrics, record
 
 from plannerforge.engine.analysis.moments import review
 from plannerforge.engine.analysis.run_set import RunSet
-from plannerforge.schemas.reviews import Contact, RunReview
+from plannerforge.schemas.reviews import COLLISION_CAUSES, Contact, RunReview
 from plannerforge.schemas.runs import CollisionRecord, DrivenObstacle, RunSource, RunSteps, ScenarioSource
 
 STEPS = 41
@@ -263,4 +263,4 @@ def test_predictions_are_compared_with_the_recording(braking_mps2: float, laid_t
     found = reviewed(ego, leader, folder=tmp_path, scenario=scenario).contact
     assert found is not None
     assert found.laid_to == laid_to
-    assert found.in_words().endswith(f"attributed to {laid_to}")
+    assert found.in_words().endswith(f"attributed to {COLLISION_CAUSES[found.laid_to]}")

@@ -13,7 +13,8 @@ from plannerforge.engine.analysis.prevention import Surroundings
 from plannerforge.engine.analysis.prevention import prevention_of as prevention_or_none
 from plannerforge.engine.commonroad import Track
 from plannerforge.engine.planners import DriverPath, brakes_of
-from plannerforge.schemas.reviews import REFERENCE_DRIVERS_DO, DriverVerdict, Prevention
+from plannerforge.schemas.reviews import DriverVerdict, Prevention
+from plannerforge.schemas.text import REFERENCE_DRIVERS_DO
 
 STEP_S = 0.1
 LENGTH_M, WIDTH_M = 4.5, 1.8
@@ -92,9 +93,9 @@ def test_no_ego_prevents_a_recorded_follower_that_drives_into_it() -> None:
     assert not found.possible
     assert {one.start for one in found.drivers} == {"before_contact", "start"}
     assert REFERENCE_DRIVERS_DO in found.in_words()
-    assert "from the start" in found.in_words()
+    assert "at the start" in found.in_words()
     older = found.model_copy(update={"drivers": ()})
-    assert "from the start" not in older.in_words(), "versions before did not examine it"
+    assert "the start" not in older.in_words(), "versions before did not examine it"
 
 
 def test_no_driver_prevents_a_hit_on_a_standing_ego() -> None:
@@ -126,10 +127,11 @@ def test_the_text_names_drivers_that_prevent_it_and_drivers_that_do_not() -> Non
     ego, standing = track(-1, (0.0, 0.0), 30.0, 200), track(7, (150.0, 0.0), 0.0, 200)
     hit = first_touch(ego, standing)
     words = prevention_of(ego.part(0, hit + 1), standing, hit, STEP_S).in_words()
+    rss = "the driver of Responsibility-Sensitive Safety"
     assert words.startswith("preventable by full braking as late as ")
     assert words.endswith(
-        " s, UN R157's fuzzy driver and RSS, not by UN R157's careful driver; "
-        "if in control from the start, full braking, UN R157's fuzzy driver and RSS prevent it"
+        f" s, UN regulation R157's fuzzy driver and {rss}, not by UN regulation R157's careful driver; "
+        f"if in control from the start, full braking, UN regulation R157's fuzzy driver and {rss} prevent it"
     )
 
 

@@ -34,7 +34,7 @@ def test_invalid_items_are_in_no_denominator() -> None:
         "collision": (1, 4),
         "timeout": (1, 4),
     }
-    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50 %" in found.to_text()
+    assert "5 runs (4 valid, 1 invalid): goal 2/4 = 50%" in found.to_text()
 
 
 def test_runs_without_steps_are_reported_only_if_costs_are_requested() -> None:
@@ -184,7 +184,7 @@ def test_a_timeline_shows_the_requested_span(tmp_path: Path) -> None:
     run = source(record(), tmp_path, prediction=1.0)
     found = analysed(run, detail="timeline", where=("time_s=1..2",))
     assert [found.timeline[0].time_s, found.timeline[-1].time_s] == [1.0, 2.0]
-    assert "In the requested span:" in found.to_text()
+    assert "In the requested span, " in found.to_text()
     assert analysed(run, detail="timeline", where=("time_s<=0.5",)).timeline[-1].time_s == 0.5
 
 
@@ -256,7 +256,7 @@ def test_a_brief_answer_on_one_run_is_short_and_does_not_repeat_itself(tmp_path:
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
     said = analysed(run, scenarios=(scenario,)).to_text()
     assert len(said.splitlines()) <= 12
-    assert "Cost: mostly velocity_offset, 75 % of 3 per planning step." in said
+    assert "Cost: mostly velocity_offset, 75% of 3 per planning step." in said
     assert "prediction" not in said
     assert said.count("Minimum distance 2 m") == 1
 
@@ -299,12 +299,12 @@ def test_a_success_shows_its_most_critical_moment_instead_of_its_end(tmp_path: P
     assert found.review.closest is not None
     assert (found.review.closest.obstacle_id, found.review.closest.time_s) == (33, 0.0)
     assert found.timeline[-1].time_s == 1.5
-    assert "Around the most critical moment:" in found.to_text()
+    assert "Around the most critical moment, " in found.to_text()
 
 
 def test_costs_and_rows_are_shown_on_request(tmp_path: Path) -> None:
     run = source(record(), tmp_path, velocity_offset=3.0, prediction=1.0)
-    assert "prediction: 25 % of the cost" in analysed(run, detail="costs").to_text()
+    assert "prediction: 25% of the cost" in analysed(run, detail="costs").to_text()
     assert "run_cfg_a_DEU_Town-1_1_T-1_constant_velocity_0" in analysed(*five_runs(), detail="rows").to_text()
 
 
@@ -369,12 +369,12 @@ def test_traffic_rules_are_reported_for_one_run_and_shares_for_several(tmp_path:
     assert [verdict.rule for verdict in broken] == ["R_G1"]
     safe_m = 10.0 * 0.4 + 10.0**2 / 20 - 9.0**2 / 21
     assert broken[0].degree == pytest.approx(safe_m - (10.0 - 4.0 - (4.508 + 4.5) / 2), abs=0.01)
-    assert "traffic rules broken: R_G1 safe distance by" in one.to_text()
+    assert "traffic rules broken: R_G1 (safe distance) by" in one.to_text()
     all_rules = analysed(runs[0], scenarios=(scenario,), detail="rules").to_text()
     assert "- not applicable: " in all_rules.splitlines()[-1]
     assert "R_G3 speed limit" in all_rules.splitlines()[-1]
     two = analysed(*runs, scenarios=(scenario,), detail="rules")
     safe = next(share for share in two.rule_shares if share.rule == "R_G1")
     assert (safe.violated.count, safe.violated.of, safe.run_ids) == (1, 1, (runs[0].record.run_id,))
-    assert "R_G1 safe distance: broken in 1/1 = 100 %" in two.to_text()
+    assert "R_G1 safe distance: broken in 1/1 = 100%" in two.to_text()
     assert "R_G3 speed limit" in two.to_text().partition("not applicable in any run: ")[2]

@@ -45,7 +45,7 @@ def test_weather_and_time_are_found_by_the_words_that_people_use(slots: dict[str
 def test_an_answer_states_where_it_looked_and_the_fact() -> None:
     found = answer(tags=["night"])
     assert found.notes == ("'night' is not a tag; searched among weather and times of day.",)
-    assert found.matches[0].satisfied == ("circumstance night",)
+    assert found.matches[0].satisfied == ("weather or time night",)
 
 
 def test_existing_words_are_named_if_nothing_matches() -> None:
@@ -53,7 +53,7 @@ def test_existing_words_are_named_if_nothing_matches() -> None:
     assert found.emptied_by is not None
     assert "weather and times of day" in found.emptied_by.note
     assert all(word in found.emptied_by.note for word in ("snow", "night", "light_rain", "rush_hour"))
-    assert any("'fog' as a circumstance" in note for note in found.notes)
+    assert any("'fog'" in note and "weather or time of day" in note for note in found.notes)
 
 
 def test_a_catalogue_without_circumstances_refuses_them_as_unknown_words() -> None:

@@ -105,4 +105,4 @@ def test_long_facets_are_shortened_with_the_number_of_hidden_entries() -> None:
     assert whole["road_net"]["speed_limit"] == 13
     assert "in 13 scenarios" in notes(many, "all")["speed_limit"], "as many as have the sign, whatever is listed"
     assert "1 more limit with facet road_net" in notes(many, "all")["speed_limit"]
-    assert notes(many, "places")["places"] == "of scenarios; of maps: facet maps"
+    assert "facet maps" in notes(many, "places")["places"]

@@ -31,6 +31,11 @@ from plannerforge.schemas.scenarios import ScenarioFacts
         ("merging lanes near a pedestrian crossing in town", []),
         ("dense traffic without overtaking", []),
         ("a rainy evening", []),
+        ("no trucks, left turn", ["!truck"]),
+        ("a junction without lorries or buses", ["!truck", "!bus"]),
+        ("no cars and a roundabout", ["!car"]),
+        ("no car ahead", []),
+        ("no cars or buses ahead", []),
     ],
 )
 def test_a_text_about_a_manoeuvre_is_a_condition(text: str, labels: Sequence[str]) -> None:

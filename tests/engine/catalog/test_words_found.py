@@ -71,7 +71,7 @@ def test_a_tag_that_is_a_feature_too_is_counted_as_both() -> None:
     found = answer(catalogue(many), tags=["roundabout"])
     assert ids(found) == [TAGGED]
     (note,) = found.notes
-    assert note == "'roundabout': 1 as tag (searched), 2 in features."
+    assert note == "'roundabout': 1 as a tag (searched), 2 in features."
 
 
 def test_words_of_a_text_are_reported_by_where_they_were_found(three: sqlite3.Connection) -> None:
@@ -134,8 +134,16 @@ def test_an_unused_origin_lists_the_existing_ones(three: sqlite3.Connection) -> 
 def test_lists_of_places_contain_only_places(three: sqlite3.Connection) -> None:
     _, facets = scenario_facets(three, "places", None)
     assert [list(facet.counts) for facet in facets] == [["DEU", "ESP"], ["DEU Bonn", "ESP Vigo"]]
-    assert facets[0].note == "plus 1 scenario on artificial networks, country ZAM"
+    assert facets[0].note == "not counted: 1 scenario on artificial networks, country ZAM"
     found = answer(three, city="Atlantis")
     assert found.emptied_by is not None
     assert "Test" not in found.emptied_by.note
     assert "Bonn" in found.emptied_by.note
+
+
+def test_a_misspelt_city_is_refused_with_the_name_that_it_misspells(three: sqlite3.Connection) -> None:
+    with pytest.raises(UnknownName) as refusal:
+        answer(three, city="Viggo")
+    assert refusal.value.valid[0] == "Vigo"
+    assert refusal.value.remedies
+    assert answer(three, city="Madrid").total == 0, "a known settlement without scenarios is not misspelt"

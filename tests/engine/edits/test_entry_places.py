@@ -60,3 +60,14 @@ def test_several_of_which_one_has_no_place_are_refused_with_how_many_have_one(ap
         apply(row | {"count": 4})
     assert caught.value.valid == ("count=2",)
     assert len(apply(row | {"count": 2}, dry_run=True).outcome.edits[0].vehicles) == 2
+
+
+@pytest.mark.parametrize(("offset_m", "side"), [(2.0, 1), (-2.0, -1)])
+def test_the_places_proposed_for_an_occupied_one_are_on_the_requested_side(
+    apply: Apply, offset_m: float, side: int
+) -> None:
+    with pytest.raises(NotPossible, match=r"lanelet 1 at .* occupied by the ego") as caught:
+        apply(CAR | {"at": "ego", "offset_m": offset_m}, builder=SHORT)
+    stations = [float(value.partition("position='")[2].removesuffix("m'")) for value in caught.value.valid]
+    assert stations
+    assert all((station - 40.0) * side > 0 for station in stations)

@@ -13,7 +13,7 @@ WHOLE = (Lane(1, line((0, 0), (300, 0))),)
 CUT = (Lane(1, line((0, 0), (105, 0)), successors=(2,)), Lane(2, line((105, 0), (300, 0)), predecessors=(1,)))
 CUT_BEFORE = (Lane(2, line((0, 0), (95, 0)), successors=(1,)), Lane(1, line((95, 0), (300, 0)), predecessors=(2,)))
 USUAL_MPS = 0.8 * 50 / 3.6
-"""80 % of what an urban lane allows."""
+"""80% of what an urban lane allows."""
 
 
 def entry_mps(apply: Apply, *vehicles: Vehicle, lanes: tuple[Lane, ...] = WHOLE, at_m: float = 100.0) -> float:

@@ -84,7 +84,7 @@ def test_a_time_after_the_scenario_s_end_is_refused(apply: Apply) -> None:
 def test_a_later_start_must_not_make_the_goal_impossible(apply: Apply) -> None:
     goal = {"op": "set_goal", "to": ["1"], "position": "150m", "goal_time": "<=5s"}
     back = {"op": "set_ego", "at": "1", "position": "2m", "speed": "0m/s"}
-    with pytest.raises(NotPossible, match=r"from the ego's new start: 148\.0 m within 5\.0 s") as caught:
+    with pytest.raises(NotPossible, match=r"from the ego's new start: .*148\.0 m within 5\.0 s") as caught:
         apply(goal, back, builder=FAST)
     assert "set_goal" in str(caught.value.next_step)
     assert apply(back, {**goal, "goal_time": "<=6s"}, builder=FAST).outcome.edits[1].done

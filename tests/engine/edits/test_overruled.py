@@ -76,7 +76,7 @@ def test_a_partly_applied_behaviour_is_done(apply: Apply, first: dict[str, Any],
 
 def test_a_speed_replaced_before_it_is_reached_is_reported(apply: Apply) -> None:
     what = apply(held("3m/s", 1.0), held("15m/s", 1.5), builder=FREE).outcome.edits[0].what
-    assert what.endswith("m/s at best: another edit limits it to 15.0 m/s from 1.5 s")
+    assert what.endswith("another edit sets its speed to 15.0 m/s from 1.5 s")
 
 
 def test_a_replaced_target_is_not_reported_as_a_missing_gap(apply: Apply) -> None:

@@ -91,7 +91,7 @@ def test_an_edit_is_done_if_it_succeeds_for_one_of_its_vehicles() -> None:
     assert not short.reached
     assert why_missed([short]) is None
     told = EditReport(index=0, op="cut_in", letter="T", done=False, what="", vehicles=(31,), achieved=(missed,))
-    assert told.verdict == "not reached"
+    assert told.verdict == "off target"
 
 
 def test_a_cut_in_from_a_farther_lane_names_the_vehicles_alongside(apply: Apply) -> None:

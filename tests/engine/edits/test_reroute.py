@@ -78,6 +78,7 @@ def test_a_turn_that_the_fork_does_not_have_is_refused_with_its_branches(apply: 
         apply({"op": "reroute", "vehicles": ["35"], "turn": "left"})
     assert any("right" in branch for branch in caught.value.valid)
     assert any("straight" in branch for branch in caught.value.valid)
+    assert not caught.value.remedies, "the opposite turn is not what was requested"
 
 
 def test_a_lane_without_a_fork_has_no_turn(apply: Apply) -> None:

@@ -135,7 +135,7 @@ def test_naming_no_vehicle_and_only_exclusions_are_refused(apply: Apply) -> None
 
 
 def test_new_refers_to_an_earlier_edit_that_adds(apply: Apply) -> None:
-    with pytest.raises(UnknownName, match="of the same call"):
+    with pytest.raises(UnknownName, match="new:K"):
         meant(apply, "new:0")
 
 

@@ -79,7 +79,7 @@ def test_a_description_names_leader_and_follower_in_the_lanes_next_to_the_ego(
     builder = replace(road, lanes=(first, *road.lanes[1:], *MERGING)).with_vehicles(TURNING, joining)
     path = builder.write(tmp_path / "beside.xml")
     described = describe(DescribeRequest(path=path, focus=None, detail="vehicles", radius_m=400.0), silent).vehicles
-    said = [one for one in described if one.where.endswith(f"along lanelets: '{word}'")]
+    said = [one for one in described if one.where.endswith(f"(selector {word})")]
     assert tuple(one.vehicle_id for one in said) == meant(apply, words=[word], builder=builder)
     assert "same lane" not in said[0].where
 

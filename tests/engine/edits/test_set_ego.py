@@ -150,7 +150,7 @@ def test_a_bus_that_was_the_ego_drives_on_as_a_bus(apply: Apply) -> None:
 def test_a_goal_that_a_car_meets_and_the_ego_s_class_does_not_is_refused(apply: Apply) -> None:
     goal = {"op": "set_goal", "to": ["1"], "position": "130m", "goal_time": "<=3.2s"}
     assert apply(goal, builder=SHORT).outcome.edits[0].done
-    with pytest.raises(NotPossible, match="out of reach of any bus"):
+    with pytest.raises(NotPossible, match="no bus that starts at"):
         apply({"op": "set_ego", "vehicle_class": "bus"}, goal, builder=SHORT)
 
 

@@ -35,7 +35,7 @@ def test_a_standing_vehicle_drives_after_another_edit(apply: Apply, order: dict[
 def test_a_speed_that_is_not_reached_is_not_done_and_its_best_value_is_reported(apply: Apply) -> None:
     report = apply({"op": "set_speed", "vehicles": ["31"], "speed": "30m/s", "time_s": 9.0}, builder=ALONE).outcome
     (achieved,) = report.edits[0].achieved
-    assert report.edits[0].verdict == "not reached"
+    assert report.edits[0].verdict == "off target"
     assert achieved.asked == 30.0
     assert 10.0 <= achieved.value < 20.0
     assert not achieved.reached

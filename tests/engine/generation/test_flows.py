@@ -107,5 +107,5 @@ def test_a_counted_street_of_a_generated_scenario_carries_its_flow(tmp_path: Pat
     counted, missing = (note for note in scenario.notes if "an hour counted" in note)
     assert counted.startswith("Ostallee: 900 vehicles an hour counted, ")
     assert missing == "Nowhere: 5 vehicles an hour counted, but no such road carries cars at this site"
-    assert scenario.density.asked == "counts"
+    assert scenario.density.requested == "counts"
     assert scenario.vehicles_realised == pytest.approx(scenario.vehicles_asked, abs=2)

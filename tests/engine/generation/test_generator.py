@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -279,3 +280,13 @@ def test_a_scenario_is_the_same_if_its_site_was_built_for_another_one(tmp_path: 
     for wish, before in zip(wishes, one_after_the_other, strict=True):
         site_network.forget_sites()
         assert made(tmp_path / f"alone {wish['seed']}", wish) == before
+
+
+def test_a_fault_of_the_returned_attempt_is_not_repeated_for_dropped_attempts() -> None:
+    scenario = SimpleNamespace(notes=("trucks are missing",))
+    best = SimpleNamespace(faults=("too few cars",), lacks=False, scenario=scenario)
+    other = SimpleNamespace(faults=("too few cars", "vehicles overlap"), lacks=False)
+    refusal = SimpleNamespace(message="trucks are missing")
+    attempts: Any = SimpleNamespace(made=[best, other], refusals=[refusal], lost=[])
+    (note,) = generating._Attempts.notes_besides(attempts, best)  # type: ignore[arg-type]
+    assert note.endswith("vehicles overlap")

@@ -55,6 +55,7 @@ def test_a_goal_around_the_start_is_not_chosen(goal: str, step: int | None) -> N
 class WholeRoad:
     """A focus that every way passes."""
 
+    ways = None
     parts = 1
 
     @staticmethod

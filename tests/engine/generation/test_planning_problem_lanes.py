@@ -67,6 +67,7 @@ def test_a_corner_where_one_lanelet_follows_on_another_counts() -> None:
 class WholeRoad:
     """A focus that every path passes, and leaves behind 60 m."""
 
+    ways = None
     parts = 1
 
     @staticmethod

@@ -13,7 +13,7 @@ from support.roads import network_of_streets, street
 
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.generation.generator import generate_scenario
-from plannerforge.engine.generation.turning_trips import SiteEdges, routes_through
+from plannerforge.engine.generation.site_ways import SiteWays
 from plannerforge.engine.generation.turns import leads_without_change
 from plannerforge.engine.network.net_parser import read_net
 from plannerforge.engine.network.netconvert import convert_osm
@@ -73,8 +73,7 @@ def test_every_route_over_a_crossing_is_known_with_its_turn(tmp_path: Path) -> N
     (tmp_path / "site.osm").write_text(f'<osm version="0.6">{"".join([*places, *roads])}</osm>')
     convert_osm(tmp_path / "site.osm", tmp_path / "site.net.xml", lefthand=False)
     net = read_net(tmp_path / "site.net.xml")
-    here = SiteEdges(frozenset({"1"}), frozenset({"1"}))
-    ways = list(routes_through(net, OpenEdges.of(net, "passenger"), here))
+    ways = list(SiteWays(net, frozenset({"1"})).through(OpenEdges.of(net, "passenger")))
     assert Counter(turn for turn, _ in ways) == {"left": 4, "right": 4, "straight": 4}
     assert ("left", ("20", "-50")) in ways
 

@@ -153,6 +153,59 @@ def test_roads_of_other_kinds_need_one_with_this_kind_and_numbers_are_not_names(
         find_maps([town_with("Colina Street", "5th Street", "Ouano Avenue")], place=place)
 
 
+def crossed(place: str, *streets: str, **facts: object) -> tuple[tuple[str, ...], ...]:
+    entry = nameless(
+        **{"place": "Town", "places": ("Town",), "streets": streets, "refs": (), "road_names": (), **facts}
+    )
+    return find_maps([entry], place=f"{place}, Town")[0].streets
+
+
+@pytest.mark.parametrize(
+    ("place", "streets"),
+    [
+        ("угол Северной и Новороссийской", ("Северная улица", "Новороссийская улица")),
+        ("перекрёсток улицы Северной и проспекта Мира", ("Северная улица", "проспект Мира")),
+        ("róg Marszałkowskiej i Długiej", ("Marszałkowska", "Długa")),
+        ("Vinohradské / Rybné", ("Vinohradská", "Rybná")),
+        ("Mannerheimintien ja Aleksanterinkadun kulma", ("Mannerheimintie", "Aleksanterinkatu")),
+        ("az Andrássy úton és a Rózsa utcán", ("Andrássy út", "Rózsa utca")),
+        ("Brīvības ielas un Lāčplēša ielas stūris", ("Brīvības iela", "Lāčplēša iela")),
+        ("Atatürk Caddesi'nin ve Gül Sokağı'nın kavşağı", ("Atatürk Caddesi", "Gül Sokağı")),
+    ],
+)
+def test_the_roads_of_a_crossing_may_be_in_another_grammatical_form(place: str, streets: tuple[str, str]) -> None:
+    assert crossed(place, *streets, "Other Road") == tuple((name,) for name in streets)
+
+
+def test_another_form_of_a_name_alone_or_of_no_name_on_the_map_is_refused() -> None:
+    for place in ("Северной", "угол Южной и Новороссийской", "Old Pine Street / Rose Street"):
+        with pytest.raises(UnknownName):
+            crossed(place, "Северная улица", "Новороссийская улица", "Park Street", "Rose Street")
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["Main Street / Mill Road intersection", "Junction Main Street/Mill Road", "Main Street and Mill Road corner"],
+)
+def test_words_for_a_crossing_may_be_before_or_behind_its_roads(place: str) -> None:
+    assert crossed(place, "Main Street", "Mill Road") == (("Main Street",), ("Mill Road",))
+
+
+def test_a_street_called_by_a_letter_is_not_dropped_from_a_crossing() -> None:
+    streets = ("Rua D", "Rua E", "Rua L", "Rua")
+    assert crossed("Rua D / Rua E", *streets) == (("Rua D",), ("Rua E",))
+    assert crossed("Rua L", *streets) == (("Rua L",),)
+
+
+def test_a_road_s_other_name_counts_if_another_road_has_exactly_this_name() -> None:
+    streets = ("Rua 1º de Maio", "Rua Primeiro de Maio", "Rua Azul", "6. Cadde", "6. Sokak")
+    of_labour = crossed("Rua Primeiro de Maio", *streets)
+    assert set(of_labour[0]) == {"Rua 1º de Maio", "Rua Primeiro de Maio"}
+    assert crossed("6. Cadde", *streets) == (("6. Cadde",),)
+    both = crossed("Rua Azul", *streets, road_names=(("6. Cadde", "Rua Azul"),))
+    assert set(both[0]) == {"Rua Azul", "6. Cadde"}
+
+
 def test_a_district_that_the_map_does_not_locate_is_the_road_of_its_name() -> None:
     districts = {"places": ("Granada", "Camino de Ronda")}
     entry = nameless(place="Granada", streets=("Camino de Ronda",), refs=(), road_names=(), **districts)

@@ -212,6 +212,40 @@ def test_a_signal_behind_a_junction_or_far_before_it_is_not(tmp_path: Path, x: f
     assert "signalised_intersection" not in finder(tmp_path, one_way_with_signal(x, oneway="yes")).kinds()
 
 
+def wide_crossing(*signals: tuple[float, float]) -> Sketch:
+    """Two roads with separate carriageways that cross, with signals at these points of the carriageways."""
+    sketch = Sketch("Town", 50.0, 8.0)
+    points = sorted({-300.0, -10.0, 10.0, 300.0, *(x for x, y in signals if y == -10.0)})
+    sketch.road([(x, -10.0) for x in points], "primary", "Long Road", oneway="yes")
+    sketch.road([(x, 10.0) for x in (300.0, 10.0, -10.0, -300.0)], "primary", "Long Road", oneway="yes")
+    points = sorted({-300.0, -10.0, 10.0, 300.0, *(y for x, y in signals if x == 10.0)})
+    sketch.road([(10.0, y) for y in points], "primary", "Wide Road", oneway="yes")
+    sketch.road([(-10.0, y) for y in (300.0, 10.0, -10.0, -300.0)], "primary", "Wide Road", oneway="yes")
+    for point in signals:
+        sketch.mark(point, highway="traffic_signals")
+    return sketch
+
+
+def test_signals_at_far_stop_lines_of_two_roads_are_the_junction_s(tmp_path: Path) -> None:
+    found = finder(tmp_path, wide_crossing((-50.0, -10.0), (10.0, -45.0))).find("signalised_intersection")
+    assert [site.streets for site in found] == [("Long Road", "Wide Road")]
+    for signals in ([(-50.0, -10.0)], [(50.0, -10.0), (10.0, 45.0)], [(-90.0, -10.0), (10.0, -90.0)]):
+        assert not finder(tmp_path, wide_crossing(*signals)).find("signalised_intersection")
+
+
+def test_a_signal_on_a_slip_road_is_of_the_junction_that_it_leads_to(tmp_path: Path) -> None:
+    sketch = Sketch("Town", 50.0, 8.0)
+    sketch.road([(-300, 0), (-30, 0), (0, 0), (300, 0)], "primary", "Main Road", oneway="yes")
+    sketch.road([(-30, 0), (-10, -10), (0, 0)], "primary_link", "", oneway="yes")
+    sketch.road([(0, 0), (0, 300)], "primary", "Side Road")
+    sketch.mark((-10, -10), highway="traffic_signals")
+    found = finder(tmp_path, sketch)
+    assert not found.find("signalised_intersection")
+    (site,) = found.find_by_links("signalised_intersection")
+    assert site.by_links
+    assert {"Main Road", "Side Road"} <= set(site.streets)
+
+
 def test_a_signal_near_a_junction_counts_if_traffic_comes_from_there(tmp_path: Path) -> None:
     assert finder(tmp_path, one_way_with_signal(20.0)).kinds()["signalised_intersection"] == 1
 

@@ -242,4 +242,4 @@ def test_a_body_that_moves_aside_slides() -> None:
     track = Track(-1, "car", 4.5, 1.6, 0, aside, np.zeros(30), np.full(30, 10.0))
     (found,) = exceeded_limits(track, BMW_320I, STEP_S)
     assert (found.name, found.value) == ("rolling", 1.0)
-    assert "slide in 100 % of the steps" in found.in_words()
+    assert "slide in 100% of the steps" in found.in_words()

@@ -202,7 +202,7 @@ def test_a_board_has_a_column_for_each_configuration_and_lists_flips(folder: Pat
     view = board(folder, town, (batch(*runs, lost=(lost,)),), *runs)
     assert [column.title for column in view.columns] == ["frenetix:Default", "frenetix:Safe"]
     assert view.columns[0].outcomes == {"collision": 1}
-    assert view.columns[1].success.startswith("1 of 1 valid runs reached the goal: 100 %")
+    assert view.columns[1].success.startswith("1 of 1 valid runs reached the goal: 100%")
     assert [(run.row, run.column, run.flip) for run in view.runs] == [(0, 0, None), (0, 1, "to_success")]
     assert view.lost == (f"{TOWN} under cfg_c: the worker died",)
     speed = [metric.words for metric in view.metrics].index("mean speed")
@@ -227,7 +227,7 @@ def test_a_board_has_the_intervals_of_an_analysis(folder: Path, town: ScenarioSo
     success = RunSet(runs, lineage=lineage).rate(run.record for run in runs)
     assert success.low is not None
     assert success.high is not None
-    assert f"{100 * success.low:.0f} to {100 * success.high:.0f} %" in view.columns[0].success
+    assert f"{100 * success.low:.0f} to {100 * success.high:.0f}%" in view.columns[0].success
 
 
 def test_a_complete_board_contains_its_player_s_data(folder: Path, town: ScenarioSource) -> None:

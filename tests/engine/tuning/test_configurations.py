@@ -207,3 +207,8 @@ def test_another_word_for_a_preset_is_refused_with_all_of_them() -> None:
         changed_configuration(named_configuration("frenetix"), "komfortabel", [])
     assert refusal.value.valid[0] == "Comfort"
     assert len(refusal.value.valid) == 5
+
+
+def test_an_unknown_planner_is_named_as_it_was_written() -> None:
+    with pytest.raises(UnknownName, match="'ZAM_A-1_1_T-1'"):
+        named_configuration("ZAM_A-1_1_T-1")
