@@ -5,10 +5,10 @@ The models are those of CommonRoad (Althoff and Würsching, "CommonRoad: Vehicle
 are the steering rate and the acceleration.
 
 Steering follows Stanley's law (Hoffmann et al., "Autonomous Automobile Trajectory Tracking for Off-Road Driving",
-2007): the front wheels point along the line on which the plan moves the front axle, and turn towards it by
-atan(k · e / (k_s + v)) at a distance e. Speed follows the plan with its acceleration and proportional feedback on speed
-and distance. Commands act after the actuators' delay. The controller knows the delay: it steers for the state in which
-the commands that have not acted yet will leave the vehicle, predicted by the kinematic model.
+2007). The front wheels point along the line on which the plan moves the front axle. At a distance e from the line, they
+turn towards it by atan(k · e / (k_s + v)). Speed follows the plan with its acceleration and proportional feedback on
+speed and distance. Commands act after the actuators' delay. The controller knows the delay: it steers for the state in
+which the commands that have not acted yet will leave the vehicle, predicted by the kinematic model.
 """
 
 import math
