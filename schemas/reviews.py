@@ -266,7 +266,7 @@ CollisionCause = Literal["ego", "recording", "perception", "prediction", "planni
 COLLISION_CAUSES: Mapping[CollisionCause, str] = {
     "ego": "the ego",
     "recording": "the recording",
-    "perception": "the sensors",
+    "perception": "the perception",
     "prediction": "the prediction",
     "planning": "the plan",
     "neither": "neither side",
