@@ -31,6 +31,7 @@ from ..engine.execution import (
     silent,
 )
 from ..engine.planners import is_planner_object
+from ..schemas.boundaries import PointsRequest
 from ..schemas.errors import NotPossible, PlannerFailure, PlannerForgeError
 from ..schemas.planning import ReplayRequest, RunRequest
 from ..workflows.context import Services, WorkflowContext
@@ -74,7 +75,7 @@ class _CallersExecutor(ExecutorAround):
             PlannerForgeError: The operation raised it.
         """
         run = request.run if isinstance(request, ReplayRequest) else request
-        if not (isinstance(run, RunRequest) and is_planner_object(run.configuration.planner)):
+        if not (isinstance(run, RunRequest | PointsRequest) and is_planner_object(run.configuration.planner)):
             return await self._inner.run(operation, request, on_progress=on_progress)
         errand = _Errand(lambda: operation.load()(request, silent))
         self._errands.put(errand)
@@ -115,7 +116,7 @@ class Caller:
         self._services: Services | None = None
 
     def call(self, workflow: Callable[..., Awaitable[_Answer]], *arguments: object) -> _Answer:
-        """Run a workflow with these arguments and a new context, and return its result.
+        """Run a workflow with the arguments of the call and a new context, and return its result.
 
         Raises:
             PlannerForgeError: The workflow raised it.

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from .analysis.optimization import StudyRecord
 from .base import Arguments, Model
+from .boundaries import BoundaryRecord
 from .results import ConfigWeights
 from .runs import BatchRecord, Lineage, RunSource, ScenarioSource
 
@@ -28,6 +29,7 @@ PictureKind = Literal[
     "profile",
     "timeline",
     "search",
+    "boundary",
 ]
 
 
@@ -66,16 +68,16 @@ class RenderArguments(Arguments):
     ids: list[str] = Field(["latest"], min_length=1, max_length=200, description="scenario, run or batch ids")
     kind: PictureKind = "auto"
     """What to draw; `auto` draws the outcomes of runs on several scenarios, otherwise a picture."""
-    time_s: float | None = Field(None, ge=0, description="default: start or a run's end")
-    focus: int | None = Field(None, description="vehicle to centre on")
+    time_s: float | None = Field(None, ge=0, description="default: start or run's end")
+    focus: int | None = Field(None, description="centred vehicle")
 
 
 class RenderRequest(Model):
     """The request of the drawing operation: files, records and the folder for the pictures.
 
     ``scenarios`` are in drawing order, ``runs`` may be empty, and ``folder`` exists. ``study`` is the search that a
-    search chart shows. ``lineage`` lists edited scenarios with their originals; each original and its edits count as
-    one in every rate.
+    search chart shows, ``boundary`` the map that a boundary chart shows. ``lineage`` lists edited scenarios with their
+    originals; each original and its edits count as one in every rate.
     """
 
     kind: PictureKind
@@ -86,6 +88,7 @@ class RenderRequest(Model):
     time_s: float | None = None
     focus: int | None = Field(None, exclude_if=lambda focus: focus is None)
     study: StudyRecord | None = Field(None, exclude_if=lambda study: study is None)
+    boundary: BoundaryRecord | None = Field(None, exclude_if=lambda boundary: boundary is None)
     folder: str
 
 

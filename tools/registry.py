@@ -131,6 +131,7 @@ TOOLS: tuple[ToolSpec, ...] = (
     ),
     ToolSpec("compare_results", "Compare results", "results", read_only=True, trial=(), view="board", looks=(_RUNS,)),
     ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False, looks=(_PLANNERS,)),
+    ToolSpec("explore_boundary", "Map a boundary", "exploration", essential=False, looks=(_PLANNERS,)),
     ToolSpec("render", "Draw", "results", read_only=True, trial=(), view="board", looks=(_ARTIFACTS,)),
     ToolSpec(
         "list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False, trial=(), looks=(_ARTIFACTS,)

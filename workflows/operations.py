@@ -28,7 +28,9 @@ from ..schemas.artifacts import (
     SuccessRates,
     SuccessRequest,
 )
+from ..schemas.boundaries import DescribeLogicalRequest, DrawRoadRequest, PointsRequest, PointsResponse, RoadDrawn
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
+from ..schemas.exploration import LogicalScenario
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,
@@ -114,6 +116,15 @@ SENSITIVITY_DESIGN = Operation(
 )
 SENSITIVITY_EFFECTS = Operation(
     "plannerforge.engine.tuning:sensitivity_effects", EffectsRequest, Effects, timeout_s=120.0
+)
+
+# Explorations
+READ_LOGICAL_SCENARIO = Operation(
+    "plannerforge.engine.exploration:read_logical_scenario", DescribeLogicalRequest, LogicalScenario
+)
+DRAW_ROAD = Operation("plannerforge.engine.exploration:draw_road", DrawRoadRequest, RoadDrawn)
+EVALUATE_POINTS = Operation(
+    "plannerforge.engine.exploration:evaluate_points", PointsRequest, PointsResponse, timeout_s=600.0, reads=("xml",)
 )
 
 # Pictures and pages

@@ -119,6 +119,23 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
     return runs.contacts[record.run_id]
 
 
+def contact_in(
+    record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: Predictor | None, lane: Points | None
+) -> Contact | None:
+    """Return how the collision of a run that is not stored came about, without the latest times to prevent it.
+
+    Steering aside is not examined either.
+
+    Args:
+        record: the run.
+        steps: its states.
+        tracks: all other road users in it, by id.
+        predict: the planner's prediction.
+        lane: the line (n, 2) along the ego's lane and route, or None.
+    """
+    return _Drive(record, steps, tracks, predict, lane=lambda: lane).contact(finds_latest=False)
+
+
 def _attributed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
     """Return the contact; it is attributed to the ego if reference drivers on its path cannot undo what it did."""
     fault = None if contact is None else _fault(runs, record, contact)
@@ -294,10 +311,11 @@ class _Drive:
             moment(urgent) if shown and np.isfinite(times[urgent]) else None,
         )
 
-    def contact(self) -> Contact | None:
+    def contact(self, *, finds_latest: bool = True) -> Contact | None:
         """Return how the collision came about, or None if there was no collision.
 
-        Speeds are those at the collision; positions are those of the step before.
+        Speeds are those at the collision; positions are those of the step before. ``finds_latest``: as in
+        ``prevention_of``.
         """
         hit = self._record.collision
         if hit is None:
@@ -326,7 +344,7 @@ class _Drive:
         met = at if met is None else met
         velocities = [_velocity(self._ego, reached), _velocity(other, met)]
         around = self._surroundings(other, evades=kind not in FROM_BEHIND)
-        prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around)
+        prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around, finds_latest=finds_latest)
         predicted = self._predicted_gap_m(other, hit.step, reached)
         sightings = () if self._perceived is None else sightings_of(self._perceived, other.obstacle_id)
         unseen = self._was_unseen(sightings, prevention, hit.step)
@@ -384,7 +402,7 @@ class _Drive:
         return bool(sightings) and (not then or then[-1].code not in REPORTED)
 
     def _sight(self, sightings: Sequence[Sighting], hit_step: int) -> Sight | None:
-        """Return since when the planner had got a road user at a step, or None if it always had."""
+        """Return the ``Sight`` of a road user that is hit at a step, or None if the planner had got it throughout."""
         before = [one for one in sightings if one.step <= hit_step]
         last = max((at for at, one in enumerate(before) if one.code not in REPORTED), default=-1)
         if last < 0:

@@ -133,7 +133,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
 
 def _beyond_vehicle(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> tuple[LimitExcess, ...]:
     """Return the limits that the driven motion exceeds; a vehicle model may slip, so its wheels need not roll."""
-    found = exceeded_limits(_ego_track(driven.states, vehicle), vehicle, step_s, driven.steering_rad)
+    found = exceeded_limits(driven_ego(driven.states, vehicle), vehicle, step_s, driven.steering_rad)
     return tuple(excess for excess in found if driven.vehicle is None or excess.name != "rolling")
 
 
@@ -240,7 +240,7 @@ def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> 
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
-    ego = _ego_track(driven.states, vehicle)
+    ego = driven_ego(driven.states, vehicle)
     angles = driven.steering_rad
     if angles is None:
         angles = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
@@ -264,7 +264,7 @@ def _largest(values: Values) -> float:
     return largest if abs(largest) >= _ROUNDING else 0.0
 
 
-def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
+def driven_ego(states: list[EgoState], vehicle: VehicleParameters) -> Track:
     """Return the driven states as a track with the ego's size; no obstacle has its id."""
     return Track(
         obstacle_id=-1,

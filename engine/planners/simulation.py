@@ -40,7 +40,8 @@ _BEYOND_HORIZON_M = 40.0
 class DrivenRun:
     """The states, plans and verdict of a run.
 
-    ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``task``: the
+    ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``verdict``: None if
+    the run was stopped before the judge ended it. ``task``: the
     planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
     reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record). ``sensors``: those of
     an imperfect world, which know what the planner got of the other road users. ``vehicle``: the vehicle model that
@@ -104,13 +105,15 @@ def simulate(
     vehicle: VehicleParameters | None = None,
     world: World = PERFECT,
     seed: int = 0,
+    is_over: Callable[[DrivenRun], bool] | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
-    with a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's
+    with a code and without a plan. The traffic is recorded by default; reactive traffic must be at the ego's
     first step. ``vehicle``: the ego's vehicle; None selects the configuration's car. In an imperfect ``world`` the
-    planner gets what its sensors report, with random numbers from ``seed``; the judge sees the truth.
+    planner gets what its sensors report, with random numbers from ``seed``; the judge sees the truth. ``is_over``:
+    called after every step that the judge does not end; True stops the run without a verdict.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
@@ -122,7 +125,7 @@ def simulate(
     run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         predict = predictor(prediction, scenario.lanelet_network)
-        loop = _Loop(planner, predict, report, _sensing(world, seed, scenario), world)
+        loop = _Loop(planner, predict, report, _sensing(world, seed, scenario), world, is_over)
         loop.drive(task, run, judge)
         if run.has_not_begun:
             run = loop.drive_blended(task, run)
@@ -176,6 +179,7 @@ class _Loop:
     report: ProgressReporter
     sensing: Callable[[], Sensors] | None = None
     world: World = PERFECT
+    is_over: Callable[[DrivenRun], bool] | None = None
 
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
         """Observe, plan, follow and judge until there is a verdict."""
@@ -212,7 +216,7 @@ class _Loop:
                 run.states.append(following)
                 run.traffic.advance(following)
                 run.verdict = judge.after_step(following)
-                if run.verdict is not None:
+                if run.verdict is not None or (self.is_over is not None and self.is_over(run)):
                     return
 
     def drive_blended(self, task: PlanningTask, stuck: DrivenRun) -> DrivenRun:
@@ -232,13 +236,13 @@ class _Loop:
 
 
 def _believed(ego: EgoState, error: PoseError) -> EgoState:
-    """Return the ego where it believes to be."""
+    """Return the ego's state with the pose that it believes to have."""
     position = error.believed(ego.position, ego.position)
     return replace(ego, position=position, heading_rad=ego.heading_rad + error.turn_rad)
 
 
 def _true_motion(plan: PlannedTrajectory, ego: EgoState, error: PoseError) -> PlannedTrajectory:
-    """Return the motion of a vehicle that follows a plan from its true pose instead of the one that it believes."""
+    """Return the motion of a vehicle that follows a plan from its true pose instead of the believed pose."""
     positions, headings = error.true(plan.positions, ego.position), plan.headings_rad - error.turn_rad
     return replace(plan, positions=positions, headings_rad=headings)
 

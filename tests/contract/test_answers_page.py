@@ -40,6 +40,10 @@ CALLS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("export_artifacts", {"ids": ["latest_run"], "folder": "out"}),
     ("list_artifacts", {"kind": "config"}),
     ("optimize_planner", {"scenarios": ["preset:3"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 5}),
+    (
+        "explore_boundary",
+        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 40, "references": False, "wait_s": 50},
+    ),
     ("cancel_job", {"job_id": "latest"}),
 )
 

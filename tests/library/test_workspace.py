@@ -31,6 +31,7 @@ METHODS = {
     "analyze_results": "analyse",
     "compare_results": "compare",
     "optimize_planner": "optimise",
+    "explore_boundary": "explore_boundary",
     "render": "render",
     "list_artifacts": "artifacts",
     "export_artifacts": "export",

@@ -72,6 +72,9 @@ def reactive_traffic(
         roles = TrafficRoles.of(loaded, ego.step)
         if not roles.scene.layout.edges:
             raise NotPossible("no lanelet is drivable, so no vehicle can react", next_step="run with traffic recorded")
+        if not roles.driven:  # nobody reacts but by scripts, so there is nothing to simulate
+            yield _ScriptedTraffic(roles, ego, vehicle)
+            return
         net = folder / "scenario.net.xml"
         signals = signals_of(roles.scene.network, loaded.step_s, ego.step)
         net.write_text(sumo_net(roles.scene.layout, roles.scene.lane_speeds_mps, signals), encoding="utf-8")
@@ -170,13 +173,7 @@ class _ReactiveTraffic:
 
     def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
         """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
-        hit = self._roles.replayed.hit_by(ego, vehicle)
-        own = rectangle(ego, vehicle)
-        for track in self.driven:
-            index = track.index_at(ego.step)
-            if index is not None and own.collide(_body(track, index)):
-                hit = min(hit or (track.obstacle_id, track.kind), (track.obstacle_id, track.kind))
-        return hit
+        return _least_hit(self._roles.replayed.hit_by(ego, vehicle), self.driven, ego, vehicle)
 
     def _may_start(self, actor: Actor, ego: EgoState) -> bool:
         """Return True if it is time and the position is free; a vehicle waits if it would have to hit another one.
@@ -306,6 +303,51 @@ class _ReactiveTraffic:
                 self._under_way.append(actor)
             else:
                 self._lost.append(actor)
+
+
+class _ScriptedTraffic:
+    """Other road users that follow recordings, or scripts that depend on the ego: SUMO drives none of them."""
+
+    def __init__(self, roles: TrafficRoles, ego: EgoState, vehicle: VehicleParameters) -> None:
+        self._replayed, self._first_step = roles.replayed, ego.step
+        self._scripted = actors_of(roles.scripts, roles.scene, vehicle)
+        self.moving: tuple[Track, ...] = ()
+        self.standing = roles.replayed.standing
+        self.on_recording = tuple(sorted(track.obstacle_id for track in roles.replayed.moving))
+        self.advance(ego)
+
+    @property
+    def driven(self) -> tuple[Track, ...]:
+        """The tracks up to the present step of those that the ego may influence, by ascending id."""
+        tracks = {key: track for key, actor in self._scripted.items() if (track := actor.driven) is not None}
+        return tuple(tracks[key] for key in sorted(tracks))
+
+    @property
+    def triggers(self) -> tuple[TriggerOutcome, ...]:
+        """Triggers of scripted motions by the road user's id, and whether they have fired up to the present step."""
+        return tuple(outcome for actor in self._scripted.values() for outcome in actor.triggers(self._first_step))
+
+    def advance(self, ego: EgoState) -> None:
+        """Advance to the step of the ego's new state."""
+        for actor in self._scripted.values():
+            actor.advance(ego)
+        self.moving = tuple(sorted([*self._replayed.moving, *self.driven], key=lambda track: track.obstacle_id))
+
+    def hit_by(self, ego: EgoState, vehicle: VehicleParameters) -> tuple[int, str] | None:
+        """Return id and type of the lowest-id obstacle that overlaps the ego's rectangle at the ego's step, or None."""
+        return _least_hit(self._replayed.hit_by(ego, vehicle), self.driven, ego, vehicle)
+
+
+def _least_hit(
+    hit: tuple[int, str] | None, driven: tuple[Track, ...], ego: EgoState, vehicle: VehicleParameters
+) -> tuple[int, str] | None:
+    """Return the lowest id, with its type, of a known hit and of the driven ones that overlap the ego, or None."""
+    own = rectangle(ego, vehicle)
+    for track in driven:
+        index = track.index_at(ego.step)
+        if index is not None and own.collide(_body(track, index)):
+            hit = min(hit or (track.obstacle_id, track.kind), (track.obstacle_id, track.kind))
+    return hit
 
 
 def _room_behind_m(track: Track, ego: EgoState, vehicle: VehicleParameters) -> float | None:
