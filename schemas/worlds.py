@@ -1,4 +1,6 @@
-"""Imperfect worlds: what the planner's sensors miss, delay and distort. ``docs/worlds.md`` explains every field.
+"""Imperfect worlds: what the planner's sensors miss, delay and distort, and how the ego moves.
+
+``docs/worlds.md`` explains every field.
 
 The planner gets what the sensors of a :class:`World` report. The judge, the metrics and the analysis see the truth. The
 default is perfect: the planner gets the true state of every road user within its radius.
@@ -7,7 +9,7 @@ default is perfect: the planner gets the true state of every road user within it
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Field
 
@@ -23,8 +25,14 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Duration = Annotated[float, Field(ge=0, le=_MOST_S)]
 
 
+Dynamics = Literal["exact", "kinematic", "single_track", "drift", "multi_body"]
+"""How the ego moves: exactly as planned, or as a vehicle model of CommonRoad under a tracking controller."""
+
+
 class World(Model):
-    """What the sensors between the scenario and the planner do. All random numbers depend only on the seeds.
+    """What the sensors between the scenario and the planner do, and how the ego moves.
+
+    All random numbers depend only on the seeds.
 
     Errors are normally distributed with the given standard deviation. They change slowly, with the time constant
     ``correlation_s``; 0 makes them independent at every time step.
@@ -51,12 +59,24 @@ class World(Model):
     localisation_m: float = Field(0.0, ge=0, le=10, description="error of the ego's own position, along each axis")
     localisation_deg: float = Field(0.0, ge=0, le=45, description="error of the ego's own heading")
     localisation_s: Duration = Field(5.0, description="time constant of these two errors")
+    ego: Dynamics = Field("exact", description="how the ego moves: exactly as planned, or by a vehicle model")
+    actuator_s: float = Field(0.0, ge=0, le=1, description="delay of steering, engine and brakes")
     seed: int = Field(0, ge=0, le=2**31 - 1, description="seed of the sensors, in addition to the run's")
 
     @property
     def is_perfect(self) -> bool:
-        """Whether the planner gets the truth, whatever the seed."""
-        return not self.senses_imperfectly and not self.locates_imperfectly
+        """Whether the planner gets the truth and its plans are driven exactly, whatever the seed."""
+        return not self.hides_truth and not self.moves_by_model
+
+    @property
+    def hides_truth(self) -> bool:
+        """Whether anything that the planner gets differs from the truth."""
+        return self.senses_imperfectly or self.locates_imperfectly
+
+    @property
+    def moves_by_model(self) -> bool:
+        """Whether a vehicle model drives the ego."""
+        return self.ego != "exact"
 
     @property
     def senses_imperfectly(self) -> bool:
@@ -74,7 +94,7 @@ class World(Model):
         return not any(getattr(self, name) for name in _DISTORTING)
 
     @property
-    def stated(self) -> dict[str, float]:
+    def stated(self) -> dict[str, float | str]:
         """The fields that differ from a perfect world, for recipes; empty if the world is perfect.
 
         Two spellings of one world are equal here, so that they give the same run.
@@ -89,7 +109,8 @@ class World(Model):
         base = min(PRESETS, key=lambda name: len(_differing(PRESETS[name].world.stated, wanted)))
         changed = _differing(PRESETS[base].world.stated, wanted)
         named = [] if base == PERFECT_NAME else [base]
-        return ", ".join([*named, *(f"{name}={getattr(self, name)!r}".removesuffix(".0") for name in changed)])
+        values = ((name, getattr(self, name)) for name in changed)
+        return ", ".join([*named, *(f"{name}={value}".removesuffix(".0") for name, value in values)])
 
 
 _SENSING = (
@@ -249,6 +270,13 @@ def world_of(texts: Sequence[str] | str | World) -> World:
         else:
             values |= dict([_assigned(text)])
     world = World(**values)
+    if world.actuator_s > 0 and not world.moves_by_model:
+        models = [name for name in get_args(Dynamics) if name != "exact"]
+        raise InvalidRequest(
+            "actuator_s delays the commands to a vehicle model, and the ego moves exactly as planned",
+            valid=[f"ego={name}" for name in models],
+            next_step="add one of these, or leave out actuator_s",
+        )
     return PERFECT if world.is_perfect else world
 
 
@@ -257,7 +285,7 @@ def _items(texts: Sequence[str] | str) -> Iterable[str]:
     return (item.strip() for text in given for item in text.split(",") if item.strip())
 
 
-def _assigned(text: str) -> tuple[str, float]:
+def _assigned(text: str) -> tuple[str, float | str]:
     """Return a field and its value from text such as ``missed=0.1``."""
     if "=" not in text:
         names = [*PRESETS, *(f"{name}=…" for name in World.model_fields)]
@@ -275,6 +303,13 @@ def _assigned(text: str) -> tuple[str, float]:
             valid=near,
             remedies=[instead(text, f"{name}{wanted}") for name in near[:1]],
         )
+    if change.name == "ego":
+        if change.operator != "=" or change.copied_from not in get_args(Dynamics):
+            named = closest(change.copied_from or "", get_args(Dynamics)) or get_args(Dynamics)
+            raise InvalidRequest(
+                f"'{text}' is not a way in which the ego moves", valid=[f"ego={name}" for name in named]
+            )
+        return change.name, str(change.copied_from)
     low, high = bounds_of(change.name)
     value = change.operand
     outside = value is None or not low <= value <= high
@@ -297,7 +332,7 @@ def bounds_of(name: str) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _differing(first: Mapping[str, float], second: Mapping[str, float]) -> list[str]:
+def _differing(first: Mapping[str, float | str], second: Mapping[str, float | str]) -> list[str]:
     """Return the fields in which two stated worlds differ, in the order of the model."""
     defaults = {name: field.default for name, field in World.model_fields.items()}
     return [name for name in defaults if first.get(name, defaults[name]) != second.get(name, defaults[name])]

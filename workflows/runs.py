@@ -103,7 +103,7 @@ class Cell:
         return version_key(self.configuration.planner)
 
 
-def _world_argument(world: World) -> dict[str, dict[str, float]]:
+def _world_argument(world: World) -> dict[str, dict[str, float | str]]:
     """Return the recipe's argument for a world; empty for a perfect world, so that older ids stay valid."""
     return {} if world.is_perfect else {"world": world.stated}
 

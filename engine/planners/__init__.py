@@ -46,6 +46,7 @@
 ``predictor``: Returns the function that predicts one track on a network, by the name of a prediction.
 ``check_modes``: Raises ``InvalidRequest`` if a prediction cannot be combined with the traffic.
 ``check_world``: Raises ``InvalidRequest`` if a planner would see what the sensors of a world do not.
+``SimulatedVehicle``: The ego as a vehicle model that follows plans under a tracking controller.
 ``CarefulDriver``: The competent and careful driver of UN R157.
 ``FuzzyDriver``: The driver of the fuzzy safety model.
 ``RssDriver``: The driver of Responsibility-Sensitive Safety.
@@ -65,6 +66,7 @@ from typing import TYPE_CHECKING
 from .. import lazy_face
 
 if TYPE_CHECKING:
+    from .driving.dynamics import SimulatedVehicle
     from .driving.solution import steering_of, write_solution
     from .external.check import PlannerCheck, check_on
     from .external.command import ScenarioFile

@@ -227,9 +227,9 @@ def check_modes(traffic: TrafficMode, prediction: Prediction, world: World = PER
         InvalidRequest: The prediction is ``ground_truth``, and the traffic is reactive or the world is imperfect.
     """
     others = [name for name in get_args(Prediction) if name != "ground_truth"]
-    if not world.is_perfect and prediction == "ground_truth":
+    if world.hides_truth and prediction == "ground_truth":
         raise InvalidRequest(
-            "prediction ground_truth is the recording itself, which sensors of an imperfect world cannot know",
+            "prediction ground_truth is the recording itself, which the sensors of this world cannot know",
             valid=others,
             next_step="use one of these predictions, or leave out world",
         )
@@ -249,7 +249,7 @@ def check_world(planner: str, world: World) -> None:
         UnknownName: There is no such planner.
     """
     folded = known_planner(planner)
-    if world.is_perfect or folded in PLANNERS:
+    if not world.hides_truth or folded in PLANNERS:
         return
     declared = own_planner(folded).command
     if declared is not None and declared.protocol == "one_shot":

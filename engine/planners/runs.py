@@ -16,7 +16,7 @@ import numpy as np
 from ...schemas.errors import PlannerFailure
 from ...schemas.measures import RunMetrics
 from ...schemas.planning import Replayed, ReplayRequest, RunMoment, RunPlans, RunRequest, RunResponse, ShownPlan
-from ...schemas.runs import DrivenObstacle, Outcome, Refusal, RunRecord, RunSteps, RunTiming
+from ...schemas.runs import DrivenObstacle, LimitExcess, Outcome, Refusal, RunRecord, RunSteps, RunTiming
 from ..commonroad import Track, kept_recording
 from ..criticality import drive_criticality
 from ..execution import ProgressReporter
@@ -108,9 +108,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         metrics=metrics_of(driven, vehicle, loaded.step_s),
         success_rule="accepted@2",
         refusal=ending.refusal,
-        beyond_vehicle=tuple(
-            exceeded_limits(driven_ego(driven.states, vehicle), vehicle, loaded.step_s, driven.steering_rad)
-        ),
+        beyond_vehicle=_beyond_vehicle(driven, vehicle, loaded.step_s),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
         planner_version=version.words,
@@ -131,6 +129,12 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
     )
     series = run_series(driven, vehicle, loaded.step_s)
     return RunResponse(record=record, steps=steps, timing=timing, series=series, planner_log=log_of(planner))
+
+
+def _beyond_vehicle(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> tuple[LimitExcess, ...]:
+    """Return the limits that the driven motion exceeds; a vehicle model may slip, so its wheels need not roll."""
+    found = exceeded_limits(driven_ego(driven.states, vehicle), vehicle, step_s, driven.steering_rad)
+    return tuple(excess for excess in found if driven.vehicle is None or excess.name != "rolling")
 
 
 @dataclass(frozen=True)
@@ -210,8 +214,8 @@ def _apply_benchmark(verdict: Verdict, steps: RunSteps, start: _Start) -> _Endin
     loaded, vehicle = start.loaded, start.vehicle
     driven = DrivenStates.of(steps, vehicle, loaded.step_s)
     refused = refusal(driven, start.problem.goal, loaded.scenario.lanelet_network, vehicle, loaded.step_s)
-    if refused is None:
-        return _Ending(verdict.outcome, verdict.reason)
+    if refused is None or (refused.code == "not_drivable" and start.request.world.moves_by_model):
+        return _Ending(verdict.outcome, verdict.reason)  # the benchmark's own model cannot slip
     moment = "" if refused.index is None else f" at {refused.index * loaded.step_s:.1f} s"
     if refused.index == 0:
         moment = " already in the initial state of the planning problem, which no planner can change"

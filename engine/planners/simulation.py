@@ -1,7 +1,7 @@
 """The loop for every planner: observe, plan, follow the plan for a few steps, judge."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from ..perception import PoseError, Sensors, walls_of
 from ..scene import start_lanelets
 from ..vehicles import VehicleParameters, rear_axle, vehicle_of
 from .driving.desired_speed import SPEED_BAND_MPS
+from .driving.dynamics import SimulatedVehicle
 from .goal import Goal, path_to, select_goal_state
 from .interface import EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
 from .judge import Judge, Verdict
@@ -43,7 +44,8 @@ class DrivenRun:
     the run was stopped before the judge ended it. ``task``: the
     planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
     reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record). ``sensors``: those of
-    an imperfect world, which know what the planner got of the other road users.
+    an imperfect world, which know what the planner got of the other road users. ``vehicle``: the vehicle model that
+    drives the ego, if plans are not driven exactly.
     """
 
     states: list[EgoState]
@@ -57,6 +59,7 @@ class DrivenRun:
     blended_over_m: float | None = None
     task: PlanningTask | None = None
     sensors: Sensors | None = None
+    vehicle: SimulatedVehicle | None = None
 
     @property
     def rejected(self) -> Counter[str]:
@@ -72,6 +75,8 @@ class DrivenRun:
         known = [state.steering_rad for state in self.states[1:]]
         if not known or None in known:
             return None
+        if self.vehicle is not None:
+            return np.array([self.states[0].steering_rad or 0.0, *known], dtype=np.float64)
         begun = self.plans[0].trajectory
         first = None if begun is None or begun.steering_rad is None else begun.steering_rad[0]
         return None if first is None else np.array([first, *known], dtype=np.float64)
@@ -120,7 +125,7 @@ def simulate(
     run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         predict = predictor(prediction, scenario.lanelet_network)
-        loop = _Loop(planner, predict, report, _sensing(world, seed, scenario), is_over)
+        loop = _Loop(planner, predict, report, _sensing(world, seed, scenario), world, is_over)
         loop.drive(task, run, judge)
         if run.has_not_begun:
             run = loop.drive_blended(task, run)
@@ -129,8 +134,8 @@ def simulate(
 
 
 def _sensing(world: World, seed: int, scenario: "Scenario") -> Callable[[], Sensors] | None:
-    """Return the function that creates the sensors of one attempt, or None if the world is perfect."""
-    if world.is_perfect:
+    """Return the function that creates the sensors of one attempt, or None if the planner gets the truth."""
+    if not world.hides_truth:
         return None
     walls, step_s = walls_of(scenario), float(scenario.dt)
     return lambda: Sensors(world, seed, step_s, walls)
@@ -173,6 +178,7 @@ class _Loop:
     predict: Predictor
     report: ProgressReporter
     sensing: Callable[[], Sensors] | None = None
+    world: World = PERFECT
     is_over: Callable[[DrivenRun], bool] | None = None
 
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
@@ -183,6 +189,8 @@ class _Loop:
         first, horizon = run.states[0].step, round(settings.horizon_s / step_s)
         sensors = None if self.sensing is None else self.sensing()
         run.sensors = sensors
+        if self.world.moves_by_model:
+            run.vehicle = SimulatedVehicle(self.world.ego, self.world.actuator_s, task.vehicle, run.states[0], step_s)
         while run.verdict is None:
             ego = run.states[-1]
             share = (ego.step - first) / max(judge.last_step - first, 1)
@@ -203,8 +211,8 @@ class _Loop:
             run.plan_steps.append(ego.step)
             run.plans.append(plan)
             motion = plan.trajectory if error is None else _true_motion(plan.trajectory, ego, error)
-            for ahead in range(1, min(settings.replan_steps, len(motion.positions) - 1) + 1):
-                following = motion.state_at(ahead, ego.step + ahead, step_s)
+            count = min(settings.replan_steps, len(motion.positions) - 1)
+            for following in _followed(motion, count, ego, step_s, run.vehicle):
                 run.states.append(following)
                 run.traffic.advance(following)
                 run.verdict = judge.after_step(following)
@@ -237,6 +245,17 @@ def _true_motion(plan: PlannedTrajectory, ego: EgoState, error: PoseError) -> Pl
     """Return the motion of a vehicle that follows a plan from its true pose instead of the believed pose."""
     positions, headings = error.true(plan.positions, ego.position), plan.headings_rad - error.turn_rad
     return replace(plan, positions=positions, headings_rad=headings)
+
+
+def _followed(
+    motion: PlannedTrajectory, count: int, ego: EgoState, step_s: float, vehicle: SimulatedVehicle | None
+) -> Iterator[EgoState]:
+    """Yield the next states of the ego: those of the plan, or those of a vehicle that follows it."""
+    if vehicle is not None:
+        yield from vehicle.follow(motion, count, ego.step + 1)
+        return
+    for ahead in range(1, count + 1):
+        yield motion.state_at(ahead, ego.step + ahead, step_s)
 
 
 def _stays_on(road: Road, blended: ReferencePath, ego: EgoState, over_m: float) -> bool:

@@ -180,7 +180,7 @@ def _moving_artists(axes: "Axes", view: ScenarioView, viewport: Viewport, pace: 
     before = set(axes.get_children())
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = view.content.vehicles_at(view.step)
-    draw_vehicles(axes, vehicles)
+    draw_vehicles(axes, vehicles, view.unseen)
     draw_egos(axes, view, start=False)
     draw_endings(axes, view.paths, view.step)
     _write_ids(axes, vehicles, viewport)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...schemas.runs import RunRecord, RunSource
+from ...schemas.worlds import REPORTED, Sighting
 from ..analysis import driven_tracks, read_steps
 from ..commonroad import Track, last_recorded_step, size_of
 from ..geometry import Points, Values, length_m, oriented_rectangle, resample
@@ -256,6 +257,7 @@ class DrivenPath:
 
     ``name``: the run's name in the picture; ``series``: number of its colour and dash pattern, the same for one
     configuration in all pictures of a request. ``others``: the motion of the obstacles that reacted to the ego, by id.
+    ``sightings``: what the planner got in an imperfect world.
     """
 
     record: RunRecord
@@ -266,6 +268,12 @@ class DrivenPath:
     name: str
     series: int = 0
     others: dict[int, Track] = field(default_factory=dict)
+    sightings: tuple[Sighting, ...] = ()
+
+    def unseen_at(self, step: int) -> frozenset[int]:
+        """Return the ids of the road users that the planner did not get at a step, as far as they were within 80 m."""
+        codes = {one.obstacle_id: one.code for one in self.sightings if one.step <= step}
+        return frozenset(key for key, code in codes.items() if code not in REPORTED)
 
     @property
     def last_step(self) -> int:
@@ -306,6 +314,7 @@ def driven_path(source: RunSource, name: str = "", series: int = 0) -> DrivenPat
         name=name or source.record.config_name,
         series=series,
         others=driven_tracks(steps),
+        sightings=() if steps.perceived is None else steps.perceived.sightings,
     )
 
 
@@ -326,6 +335,12 @@ class ScenarioView:
     paths: tuple[DrivenPath, ...] = ()
     step: int = 0
     focus_id: int | None = None
+
+    @property
+    def unseen(self) -> frozenset[int]:
+        """The road users that no run's planner got at the shown step; empty without a run in an imperfect world."""
+        each = [path.unseen_at(self.step) for path in self.paths]
+        return frozenset.intersection(*each) if each else frozenset()
 
     @property
     def time_s(self) -> float:

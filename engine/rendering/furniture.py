@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from .canvas import EGO_COLOUR, INK, MUTED, SMALL_PT, TEXT_PT, TITLE_PT, class_colour, light_mark, series_style
 from .content import ScenarioView, Viewport
+from .vehicles import UNSEEN_ALPHA, UNSEEN_DASHES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,6 +45,7 @@ class Inventory:
     has_goal: bool
     has_stop_lines: bool
     has_collision: bool
+    has_unseen: bool = False
 
     @classmethod
     def of(
@@ -52,12 +54,15 @@ class Inventory:
         """Return the content of the given views at their own step, or at any of ``steps`` if given."""
         kinds, signals = set(), set()
         runs: dict[int, str] = {}
-        stop_lines = collision = False
+        stop_lines = collision = unseen = False
         for view, viewport in zip(views, viewports, strict=True):
             content, shown = view.content, [view.step] if steps is None else steps
             seen = [signal for signal in content.signals if viewport.contains(signal.position[None, :])]
             for step in shown:
-                kinds |= {vehicle.kind for vehicle in content.vehicles_at(step) if viewport.contains(vehicle.corners)}
+                drawn = [vehicle for vehicle in content.vehicles_at(step) if viewport.contains(vehicle.corners)]
+                kinds |= {vehicle.kind for vehicle in drawn}
+                hidden = replace(view, step=step).unseen
+                unseen |= any(vehicle.vehicle_id in hidden for vehicle in drawn)
                 signals |= {signal.state_at(step) for signal in seen}
             for path in view.paths:
                 runs.setdefault(path.series, path.label if len(views) == 1 else path.name)
@@ -73,6 +78,7 @@ class Inventory:
             has_goal=any(view.content.goals for view in views),
             has_stop_lines=stop_lines,
             has_collision=collision,
+            has_unseen=unseen,
         )
 
     @property
@@ -83,7 +89,7 @@ class Inventory:
     @property
     def rows(self) -> int:
         """The number of rows of the legend."""
-        flags = (self.has_ego, self.has_goal, self.has_stop_lines, self.has_collision)
+        flags = (self.has_ego, self.has_goal, self.has_stop_lines, self.has_collision, self.has_unseen)
         entries = len(self.kinds) + len(self.signals) + len(self.runs) + sum(flags)
         return max(math.ceil(entries / self.columns), 1)
 
@@ -115,6 +121,9 @@ def draw_legend(figure: "Figure", shown: Inventory) -> None:
     handles += [
         Patch(facecolor=class_colour(kind), edgecolor=INK, label=_CLASS_WORDS.get(kind, kind)) for kind in shown.kinds
     ]
+    if shown.has_unseen:
+        hidden: dict[str, Any] = {"linestyle": UNSEEN_DASHES, "alpha": UNSEEN_ALPHA}
+        handles.append(Patch(facecolor="white", edgecolor=INK, label="not seen by the planner", **hidden))
     if shown.has_stop_lines:
         handles.append(Line2D([], [], color=INK, linewidth=2.6, label="stop line"))
     handles += [

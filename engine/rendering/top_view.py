@@ -81,7 +81,7 @@ def _draw_moment(axes: "Axes", view: ScenarioView, viewport: Viewport) -> Vehicl
     draw_background(axes, view, viewport)
     draw_signals(axes, view.content, view.step, viewport)
     vehicles = view.content.vehicles_at(view.step)
-    draw_vehicles(axes, vehicles)
+    draw_vehicles(axes, vehicles, view.unseen)
     egos = draw_egos(axes, view)
     draw_endings(axes, view.paths, view.step)
     return label_vehicles(axes, vehicles, egos, view.focus(), viewport, keep_free=_scale_bar_area(viewport))

@@ -3,7 +3,7 @@
 Labels cover neither each other nor any vehicle.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +17,31 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def draw_vehicles(axes: "Axes", vehicles: Sequence[VehicleShape]) -> None:
-    """Draw rectangles in the colour of their class with a dark front."""
+UNSEEN_DASHES, UNSEEN_ALPHA = (0, (2, 1.5)), 0.45
+"""The outline and the opacity of road users that the planner did not get (chosen)."""
+
+
+def draw_vehicles(axes: "Axes", vehicles: Sequence[VehicleShape], unseen: Set[int] = frozenset()) -> None:
+    """Draw rectangles in the colour of their class with a dark front.
+
+    Those in ``unseen``, by id, are pale with a dashed outline.
+    """
     from matplotlib.collections import PolyCollection
 
-    bodies, colours = [vehicle.corners for vehicle in vehicles], [class_colour(vehicle.kind) for vehicle in vehicles]
-    noses = [_nose(corners) for corners in bodies]
-    axes.add_collection(PolyCollection(bodies, facecolors=colours, edgecolors=INK, linewidths=0.8, zorder=5.0))
-    axes.add_collection(PolyCollection(noses, facecolors=INK, edgecolors="none", zorder=5.1))
+    for hidden, line, alpha in ((False, "solid", 1.0), (True, UNSEEN_DASHES, UNSEEN_ALPHA)):
+        drawn = [vehicle for vehicle in vehicles if (vehicle.vehicle_id in unseen) == hidden]
+        if hidden and not drawn:
+            continue
+        bodies, colours = [vehicle.corners for vehicle in drawn], [class_colour(vehicle.kind) for vehicle in drawn]
+        noses = [_nose(corners) for corners in bodies]
+        faces = PolyCollection(
+            bodies, facecolors=colours, edgecolors=INK, linewidths=0.8, linestyles=[line], zorder=5.0
+        )
+        fronts = PolyCollection(noses, facecolors=INK, edgecolors="none", zorder=5.1)
+        for part in (faces, fronts):
+            if hidden:
+                part.set_alpha(alpha)
+            axes.add_collection(part)
 
 
 def _nose(corners: Points) -> Points:

@@ -48,6 +48,7 @@ def test_an_unknown_world_is_refused_with_what_is_valid(text: str, error: type[I
 
 
 def test_every_imperfection_alone_makes_a_world_imperfect() -> None:
-    qualifiers = {"correlation_s", "missed_s", "ghosts_s", "localisation_s", "kept_s", "seed"}
-    for name in World.model_fields.keys() - qualifiers:
+    qualifiers = {"correlation_s", "missed_s", "ghosts_s", "localisation_s", "kept_s", "actuator_s", "seed"}
+    assert not World(ego="kinematic").is_perfect
+    for name in World.model_fields.keys() - qualifiers - {"ego"}:
         assert not World(**{name: 1.0}).is_perfect, name

@@ -11,8 +11,11 @@ from support.planning import configuration
 from plannerforge.engine.analysis.findings import find_all
 from plannerforge.engine.analysis.moments import contact_of
 from plannerforge.engine.analysis.run_set import RunSet
+from plannerforge.engine.commonroad import kept_recording
 from plannerforge.engine.execution.executor import silent
 from plannerforge.engine.planners.runs import run_planner
+from plannerforge.engine.rendering.content import ScenarioView, Viewport, content_of, driven_path
+from plannerforge.engine.rendering.furniture import Inventory
 from plannerforge.schemas.errors import InvalidRequest
 from plannerforge.schemas.planning import RunRequest, RunResponse
 from plannerforge.schemas.runs import RunSource, ScenarioSource
@@ -113,3 +116,16 @@ def test_the_recorded_future_is_refused_in_an_imperfect_world(folder: Path) -> N
     with pytest.raises(InvalidRequest, match="ground_truth") as refused:
         run_planner(request, silent)
     assert "lane" in refused.value.valid
+
+
+def test_a_picture_of_a_run_distinguishes_what_the_planner_did_not_get(folder: Path) -> None:
+    response, path = carried_out(folder, "occlusion")
+    (source,) = _runs(response, path).sources
+    driven = driven_path(source)
+    assert driven is not None
+    content = content_of(kept_recording(path))
+    since = next(one.step for one in driven.sightings if (one.obstacle_id, one.code) == (CYCLIST, "occluded"))
+    seen, hidden = (ScenarioView(content, (driven,), step) for step in (since - 1, since))
+    assert (seen.unseen, hidden.unseen) == (frozenset(), {CYCLIST})
+    viewport = Viewport(0, -20, 120, 20)
+    assert [Inventory.of([view], [viewport]).has_unseen for view in (seen, hidden)] == [False, True]
