@@ -60,7 +60,9 @@ def test_the_page_on_worlds_states_every_default_range_and_preset() -> None:
         highest = "2³¹ − 1" if name == "seed" else f"{high:g}"
         assert f"| `{name}` | {field.default:g} | {low:g} to {highest} |" in page
     for name, preset in PRESETS.items():
-        values = ", ".join(f"{field}={value:g}" for field, value in preset.world.stated.items()) or "all at their defaults"
+        values = (
+            ", ".join(f"{field}={value:g}" for field, value in preset.world.stated.items()) or "all at their defaults"
+        )
         assert f"| `{name}` | {preset.intent} | {values} |" in page
         assert preset.source in page or name == "perfect"
 
