@@ -9,6 +9,8 @@
 ``write_run_table``: the operation that writes the table of a batch, one row per run.
 ``Course``: a run over time: motions, gap to the nearest other road user, time to collision.
 ``course_of``: returns a run over time, or None if its steps are missing.
+``contact_in``: returns how the collision of a run that is not stored came about.
+``drivers_that_avoid``: returns the reference drivers that hit nothing from an ego's start.
 ``look_at_runs``: the operation that examines each run once; the result is stored with the run.
 ``known_contacts``: returns how the collisions of runs came about.
 ``METRICS``: the metrics of a run, with their units, directions and the runs in which they may be compared.
@@ -33,7 +35,8 @@ if TYPE_CHECKING:
     from .causes import known_contacts, look_at_runs
     from .comparison import compare
     from .limits import Judged, Limit, parse_limit
-    from .moments import Course, course_of, review_runs
+    from .moments import Course, contact_in, course_of, review_runs
+    from .prevention import drivers_that_avoid
     from .run_set import METRICS, MetricSpec, RunSet, cost_shares, driven_tracks, read_series, read_steps
     from .run_table import write_run_table, write_step_table
     from .statistics import mcnemar_exact, rate, success_rates, wilson_interval

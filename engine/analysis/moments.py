@@ -117,6 +117,23 @@ def contact_of(runs: RunSet, record: RunRecord) -> Contact | None:
     return runs.contacts[record.run_id]
 
 
+def contact_in(
+    record: RunRecord, steps: RunSteps, tracks: dict[int, Track], predict: Predictor | None, lane: Points | None
+) -> Contact | None:
+    """Return how the collision of a run that is not stored came about, without the latest times to prevent it.
+
+    Steering aside is not examined either.
+
+    Args:
+        record: the run.
+        steps: its states.
+        tracks: all other road users in it, by id.
+        predict: the planner's prediction.
+        lane: the line (n, 2) along the ego's lane and route, or None.
+    """
+    return _Drive(record, steps, tracks, predict, lane=lambda: lane).contact(finds_latest=False)
+
+
 def _attributed(runs: RunSet, record: RunRecord, contact: Contact | None) -> Contact | None:
     """Return the contact; it is attributed to the ego if reference drivers on its path cannot undo what it did."""
     fault = None if contact is None else _fault(runs, record, contact)
@@ -291,10 +308,11 @@ class _Drive:
             moment(urgent) if shown and np.isfinite(times[urgent]) else None,
         )
 
-    def contact(self) -> Contact | None:
+    def contact(self, *, finds_latest: bool = True) -> Contact | None:
         """Return how the collision came about, or None if there was none.
 
-        Speeds are those at the collision; positions are those of the step before.
+        Speeds are those at the collision; positions are those of the step before. ``finds_latest``: as in
+        ``prevention_of``.
         """
         hit = self._record.collision
         if hit is None:
@@ -323,7 +341,7 @@ class _Drive:
         met = at if met is None else met
         velocities = [_velocity(self._ego, reached), _velocity(other, met)]
         around = self._surroundings(other, evades=kind not in FROM_BEHIND)
-        prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around)
+        prevention = prevention_of(self._ego, other, hit.step, self._record.step_s, around, finds_latest=finds_latest)
         predicted = self._predicted_gap_m(other, hit.step, reached)
         return Contact(
             kind=kind,

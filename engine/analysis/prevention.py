@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...schemas.reviews import DriverStart, DriverVerdict, Prevention
+from ...schemas.reviews import DriverModelName, DriverStart, DriverVerdict, Prevention
 from ..commonroad import Track
 from ..geometry import Points, Values
 from ..planners import (
@@ -72,14 +72,22 @@ class Surroundings:
 
 
 def prevention_of(
-    ego: Track, other: Track, hit_step: int, step_s: float, around: Surroundings | None = None
+    ego: Track,
+    other: Track,
+    hit_step: int,
+    step_s: float,
+    around: Surroundings | None = None,
+    *,
+    finds_latest: bool = True,
 ) -> Prevention | None:
     """Return the verdicts of reference drivers, in the ego's place, on its collision with a road user.
 
     The result is None if the two bodies do not touch on their tracks. Steering is tried if the surroundings contain the
-    road.
+    road. ``finds_latest``: whether to find the latest times at which drivers can take over, which takes most of the
+    time; without it they are None, full braking is tried only from the ego's first state, and of the other drivers
+    only UN R157's are judged.
     """
-    encounters = _Encounters(ego, other, hit_step, step_s, around or Surroundings((), None))
+    encounters = _Encounters(ego, other, hit_step, step_s, around or Surroundings((), None), finds_latest)
     if not encounters.touch:
         return None
     verdicts = tuple(encounters.verdicts())
@@ -88,12 +96,36 @@ def prevention_of(
     return Prevention(
         by_braking_until_s=before["full_braking"].until_s,
         by_careful_driver=before["r157_careful"].prevents,
-        by_rss=before["rss"].prevents,
+        by_rss="rss" in before and before["rss"].prevents,
         by_fuzzy_driver=before["fsm"].prevents,
         by_steering_until_s=None if evading is None else evading.until_s,
         steering_tried=evading is not None,
         drivers=verdicts,
     )
+
+
+def drivers_that_avoid(
+    ego: Track, others: Sequence[Track], lane: Points | None, step_s: float, friction: float | None = None
+) -> tuple[DriverModelName, ...]:
+    """Return the names of UN R157's careful and fuzzy drivers that hit nothing in the ego's place.
+
+    They start as the ego does, keep its lane and initial speed until they react, and drive as long as the ego did.
+    """
+    drivers: dict[DriverModelName, ReferenceDriver] = {"r157_careful": CarefulDriver(), "fsm": FuzzyDriver()}
+    if not others:
+        return tuple(drivers)
+    count = len(ego.positions)
+    way = DriverPath.driven(ego) if lane is None else DriverPath.along(lane)
+    scene = DriverScene(
+        nominal=NominalMotion.along_lane(way, ego, count, step_s, comfortable_mps2(friction)),
+        body=ego.size_m,
+        brakes=brakes_of(ego.kind).on_road(friction),
+        met=going_on(others[0], ego.last_step, step_s),
+        met_until=others[0].last_step,
+        others=others[1:],
+        step_s=step_s,
+    )
+    return tuple(name for name, driver in drivers.items() if scene.prevents(driver))
 
 
 @dataclass(frozen=True)
@@ -105,6 +137,7 @@ class _Encounters:
     hit_step: int
     step_s: float
     around: Surroundings
+    finds_latest: bool = True
 
     @cached_property
     def _count(self) -> int:
@@ -148,8 +181,9 @@ class _Encounters:
     def touch(self) -> bool:
         """Whether the tracks show the collision."""
         scene = self._as_driven
-        drives = scene.undisturbed(self._hit + 1), scene.drive(FullBraking(), self._last)
-        return not all(scene.is_clear_of_met(drive) for drive in drives)
+        if not scene.is_clear_of_met(scene.undisturbed(self._hit + 1)):
+            return True
+        return not scene.is_clear_of_met(scene.drive(FullBraking(), self._last))
 
     @property
     def _last(self) -> int:
@@ -166,9 +200,10 @@ class _Encounters:
 
     def _verdicts_from(self, start: DriverStart, scene: DriverScene) -> Iterator[DriverVerdict]:
         yield self._full_braking(start, scene)
-        for driver in (CarefulDriver(), FuzzyDriver(), RssDriver()):
+        drivers: tuple[ReferenceDriver, ...] = (CarefulDriver(), FuzzyDriver())
+        for driver in (*drivers, RssDriver()) if self.finds_latest else drivers:
             yield self._of_driver(driver, start, scene)
-        if start == "start":
+        if start == "start" and self.finds_latest:
             yield self._of_driver(KeepLane(), start, scene)
         if self.around.road is not None:
             latest = _Steering(scene, self._hit, self.around.road, self.around.friction).latest(self._last)
@@ -182,17 +217,25 @@ class _Encounters:
 
     def _full_braking(self, start: DriverStart, scene: DriverScene) -> DriverVerdict:
         """Return the latest time from which full braking prevents the collision; each state is tried."""
-        latest = next((step for step in range(self._last, -1, -1) if scene.prevents(FullBraking(), step)), None)
+        tried = range(self._last, -1, -1) if self.finds_latest else range(1)
+        latest = next((step for step in tried if scene.prevents(FullBraking(), step)), None)
         return DriverVerdict(
             driver="full_braking",
             start=start,
             prevents=latest is not None,
-            until_s=self._time_s(latest),
+            until_s=self._time_s(latest) if self.finds_latest else None,
             reacts_at_s=0.0,
         )
 
     def _of_driver(self, driver: ReferenceDriver, start: DriverStart, scene: DriverScene) -> DriverVerdict:
         driven = scene.drive(driver)
+        if not self.finds_latest:
+            return DriverVerdict(
+                driver=driver.name,
+                start=start,
+                prevents=scene.is_clear(driven),
+                reacts_at_s=self._time_s(driven.brakes_from),
+            )
         latest = scene.latest_takeover(driver, self._last)
         return DriverVerdict(
             driver=driver.name,

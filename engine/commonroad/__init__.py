@@ -11,6 +11,8 @@
 ``ScenarioDocument``: The XML tree of a scenario file; edits replace parts of it.
 ``schema_errors``: Return a file's violations of CommonRoad's XML schema (2020a) and of its naming of benchmarks.
 ``schema_faults``: Return the violations of CommonRoad's schema (2020a) by a file's tree, with their locations.
+``EditedMotions``: What edits in memory prescribe: ids of road users, and scripts.
+``PlainStates``: The states of a trajectory after the initial one, as arrays.
 ``LoadedScenario``: A CommonRoad scenario in memory, with its planning problems and its source file.
 ``RecordedScenario``: A scenario with its recording as tracks.
 ``XmlLimits``: Limits for an XML file before any library parses it.
@@ -57,7 +59,9 @@ if TYPE_CHECKING:
         set_friction,
         without_scripts,
     )
+    from .plain_states import PlainStates
     from .reader import (
+        EditedMotions,
         LoadedScenario,
         RecordedScenario,
         XmlLimits,

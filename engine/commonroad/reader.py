@@ -41,7 +41,9 @@ from .document import (
     is_2018b,
     is_declared_utf8,
     moving_obstacle,
+    prescribed_ids,
     schema_faults,
+    script_texts,
 )
 from .lanelet_networks import scenario_of
 from .plain_states import PlainStates, cut_states, put_states, take_plain_states, take_states
@@ -76,12 +78,21 @@ class XmlLimits:
 
 
 @dataclass(frozen=True)
+class EditedMotions:
+    """What edits in memory prescribe: ids of road users with a prescribed motion, and scripts as JSON text."""
+
+    prescribed: frozenset[int]
+    scripts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class LoadedScenario:
     """A CommonRoad scenario in memory, with its planning problems and its source file.
 
     ``plain_states``: by obstacle id, the states after the initial one that were read as arrays: points and exact
     headings. ``ego_classes``: the ego's class by planning problem, without cars. ``friction``: the friction coefficient
-    of the roads, or None if the file has none.
+    of the roads, or None if the file has none. ``edited``: what edits in memory prescribe; None for a scenario as in its
+    file, which then states it.
     """
 
     scenario: "Scenario"
@@ -91,6 +102,17 @@ class LoadedScenario:
     plain_states: Mapping[int, PlainStates] = field(default_factory=dict)
     ego_classes: Mapping[int, str] = field(default_factory=dict)
     friction: float | None = None
+    edited: EditedMotions | None = None
+
+    @property
+    def prescribed_ids(self) -> frozenset[int]:
+        """The ids of road users with a motion that an edit prescribes."""
+        return prescribed_ids(self.path) if self.edited is None else self.edited.prescribed
+
+    @property
+    def script_texts(self) -> tuple[str, ...]:
+        """The scripts of motions that depend on the ego, each as JSON text."""
+        return script_texts(self.path) if self.edited is None else self.edited.scripts
 
     def ego_class(self, problem_id: int) -> str:
         """Return the class of a planning problem's ego, or a car if the file does not state it."""

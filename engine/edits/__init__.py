@@ -3,6 +3,9 @@
 ``SCENARIO_FILE``: the name of an edited scenario's file.
 ``apply_edits``: applies either all edits of a request or none, in one re-simulation; returns files and reports.
 ``Changes``: everything that a list of edits requests, before anything is simulated; immutable.
+``EditableScenario``: a base scenario that is edited in memory again and again, with the values of its files.
+``EditedScenario``: a scenario after edits, in memory.
+``NeedsFile``: raised for edits that can only be applied with files.
 ``select``: returns the ids of the vehicles that selectors match, ascending.
 ``scene_of``: returns the scene of a file with its lanes and SUMO network, cached for the next request.
 """
@@ -14,6 +17,7 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .apply import SCENARIO_FILE, apply_edits
     from .changes import Changes
+    from .in_memory import EditableScenario, EditedScenario, NeedsFile
     from .references import select
     from .scene_cache import scene_of
 

@@ -33,7 +33,7 @@ from ..vehicles import vehicle_classes
 from . import ego, moving, population, rerouting, scripted, trajectory
 from .changes import Changes, EditStep
 from .edited_scene import SimulatedEdits, SimulationResult
-from .ego_risk import EgoDrive, drive_after, shown_ego
+from .ego_risk import drive_after, shown_ego
 from .entries import check_entries, slower_entries
 from .explanations import check_not_driven_past, is_red
 from .moving import crossing_step
@@ -138,7 +138,7 @@ def _transformed(edit: Edit, xml: Path, request: ModificationRequest, output: Pa
         net = Path(name) / NET_FILE
         net.write_text(kept.scene.sumo_net, encoding="utf-8")
         setup = SimulationSetup(net, net.parent, kept.scene.step_s, kept.scene.last_step, request.seed)
-        return transformed(edit, xml, kept.scene, partial(_ego_track, kept, setup), output)
+        return transformed(edit, xml, kept.scene, partial(ego_of_base, kept, setup), output)
 
 
 def _lanelets_of_lights(edit: Edit, xml: Path) -> tuple[int, ...]:
@@ -193,13 +193,12 @@ def _apply_stage(
             next_id=first_id,
             driven=_obeying(base, stage.yielding_to),
             added_by_edit=stage.added,
-            ego_drive=partial(_ego_track, kept, setup),
+            ego_drive=partial(ego_of_base, kept, setup),
         )
-        resolved = _resolved_edits(request.edits, base, start, request.earlier, stage.first)
+        resolved = resolved_edits(request.edits, base, start, request.earlier, stage.first)
         report(0.4, "simulating")
+        simulated = simulated_edits(request, kept, setup, start, resolved)
         before = kept.ego_before(setup)
-        simulated = _Run(request, base, setup, before, start).simulate(resolved)
-        _check(request, simulated)
         report(0.8, "writing")
         notes = write_edits(document, simulated)
         files = (None, None) if request.dry_run else _write_files(request, document, net)
@@ -223,7 +222,7 @@ def _obeying(scene: Scene, lanelets: frozenset[int]) -> dict[int, DrivePlan]:
 
 
 @dataclass(frozen=True)
-class _ResolvedEdits:
+class ResolvedEdits:
     """Edits, what each of them did, the changes after the last edit, and the base scene with these changes."""
 
     edits: tuple[Edit, ...]
@@ -232,15 +231,15 @@ class _ResolvedEdits:
     scene: Scene
 
 
-def _ego_track(kept: KeptScene, setup: SimulationSetup) -> Track | None:
+def ego_of_base(kept: KeptScene, setup: SimulationSetup) -> Track | None:
     """Return the ego's motion under an ordinary driver in the base scenario; None if there is no ego."""
     drive = kept.ego_before(setup)
     return None if drive is None else drive.track
 
 
-def _resolved_edits(
+def resolved_edits(
     edits: tuple[Edit, ...], base: Scene, start: Changes, earlier: int = 0, first: int = 0
-) -> _ResolvedEdits:
+) -> ResolvedEdits:
     """Apply edits in order; one refusal refuses all. Every edit sees the scene after the previous edits.
 
     ``start``: the changes before the first edit. ``earlier``: how many edits come from earlier calls; in errors, the
@@ -271,7 +270,7 @@ def _resolved_edits(
         steps.append(replace(step, changes=changes, meant=meant))
     faults.raise_all()
     ego.check_goal(scene, changes)
-    return _ResolvedEdits(edits, tuple(steps), changes, scene)
+    return ResolvedEdits(edits, tuple(steps), changes, scene)
 
 
 def _other_faults(edit: Edit, scene: Scene, changes: Changes) -> Faults:
@@ -325,18 +324,24 @@ def _scene_after(base: Scene, changes: Changes) -> Scene:
 
 @dataclass(frozen=True)
 class _Run:
-    """Data that all simulations of a request share; ``ego_before``: the ego's drive in the base scenario, or None.
+    """Data that all simulations of a request share.
 
-    ``start``: the changes before the first edit.
+    ``start``: the changes before the first edit. ``reports_ego``: whether the ego's drive is wanted even if no vehicle
+    is simulated that could see it.
     """
 
     request: ModificationRequest
-    base: Scene
+    kept: KeptScene
     setup: SimulationSetup
-    ego_before: EgoDrive | None
     start: Changes
+    reports_ego: bool = True
 
-    def simulate(self, resolved: _ResolvedEdits) -> SimulatedEdits:
+    @property
+    def base(self) -> Scene:
+        """The scene before the edits."""
+        return self.kept.scene
+
+    def simulate(self, resolved: ResolvedEdits) -> SimulatedEdits:
         """Simulate the resolved edits.
 
         If an added vehicle without a given speed collides on entry, it enters more slowly, provided that this leaves
@@ -348,7 +353,7 @@ class _Run:
             return usual
         edits, notes = slower
         try:
-            other = self._simulate_once(_resolved_edits(edits, self.base, self.start, self.request.earlier))
+            other = self._simulate_once(resolved_edits(edits, self.base, self.start, self.request.earlier))
         except InvalidRequest:  # an edit that selects by speed ("fastest") may match no vehicle then
             other = usual
         if len(other.result.overlaps) < len(usual.result.overlaps):
@@ -356,15 +361,47 @@ class _Run:
         # The last simulation leaves its files behind; they must be those of the written motion.
         return self._simulate_once(resolved)
 
-    def _simulate_once(self, resolved: _ResolvedEdits) -> SimulatedEdits:
+    def _simulate_once(self, resolved: ResolvedEdits) -> SimulatedEdits:
         scene, changes = resolved.scene, resolved.changes
-        drive = drive_after(self.ego_before, self.base, scene, changes, self.setup)
         all_react = self.request.traffic == "reactive"
+        if not (self.reports_ego or changes.driven or all_react):
+            result = Simulation(scene, changes, self.setup).until_clear((), all_react=False)
+            if not result.plans:  # no vehicle is simulated, so it does not matter where the ego is
+                return SimulatedEdits(scene, changes, result, None, resolved.edits, resolved.steps)
+        drive = drive_after(self.kept.ego_before(self.setup), self.base, scene, changes, self.setup)
         if changes.driven or changes.replays or all_react:
             result = Simulation(scene, changes, self.setup).until_clear(shown_ego(scene, drive), all_react=all_react)
         else:  # edits that only remove vehicles or set goals leave all recordings unchanged
             result = SimulationResult({}, {}, (), ())
         return SimulatedEdits(scene, changes, result, drive, resolved.edits, resolved.steps)
+
+
+def simulated_edits(
+    request: ModificationRequest,
+    kept: KeptScene,
+    setup: SimulationSetup,
+    start: Changes,
+    resolved: ResolvedEdits,
+    *,
+    reports_ego: bool = True,
+) -> SimulatedEdits:
+    """Return resolved edits after their simulation and all checks.
+
+    Args:
+        request: what to do about collisions, and whether all vehicles react.
+        kept: the base scene.
+        setup: the simulation.
+        start: the changes before the first edit.
+        resolved: the edits.
+        reports_ego: whether the ego's drive is wanted even if no vehicle is simulated that could see it.
+
+    Raises:
+        NotPossible: a vehicle cannot be driven or would enter at an occupied position, or collisions remain and the
+            request refuses them.
+    """
+    simulated = _Run(request, kept, setup, start, reports_ego).simulate(resolved)
+    _check(request, simulated)
+    return simulated
 
 
 def _check(request: ModificationRequest, simulated: SimulatedEdits) -> None:

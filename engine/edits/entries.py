@@ -444,8 +444,8 @@ def _conflicts(simulated: SimulatedEdits) -> Iterator[_Conflict]:
     driven = simulated.changes.driven
     left_open = {
         key: index
-        for index, added in enumerate(simulated.changes.added_by_edit)
-        for key in added
+        for index, step in enumerate(simulated.steps)
+        for key in step.added
         if simulated.edits[index].speed is None and key in driven
     }
     for hit in simulated.result.overlaps:

@@ -127,6 +127,11 @@ def _judged(request: ModificationRequest, edited: EditedScene) -> tuple[tuple[To
     return checked, sum(one.feasible == other.feasible for one, other in zip(screened, checked, strict=True))
 
 
+def infeasible_vehicles(edited: EditedScene) -> tuple[int, ...]:
+    """Return the touched vehicles whose motion a vehicle of their class cannot drive (closed form), by ascending id."""
+    return tuple(one.vehicle_id for one in _touched_vehicles(edited, check_kinematics) if not one.feasible)
+
+
 def _touched_vehicles(edited: EditedScene, check: Callable[..., Feasibility]) -> tuple[TouchedVehicle, ...]:
     """Return feasibility (by a check) and hand-over of every touched vehicle, by ascending id.
 

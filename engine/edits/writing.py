@@ -14,7 +14,7 @@ from ..vehicles import Motion, nearest_class, steering_angles
 from .changes import GoalChange
 from .edited_scene import EditedScene
 
-_DECIMALS = 6
+DECIMALS = 6
 """Coordinates to a micrometre (chosen)."""
 _USUAL_FIELDS = ("position", "orientation", "time", "velocity", "acceleration")
 USUAL_GOAL_SIZE_M = (6.0, 2.0)
@@ -22,7 +22,7 @@ USUAL_GOAL_SIZE_M = (6.0, 2.0)
 _Element = etree._Element
 _INITIAL_OF = {"trajectory": "initialState", "signalSeries": "initialSignalState"}
 """The element with the first state of each list of states."""
-_AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
+AT_REST = {"yawRate": 0.0, "slipAngle": 0.0, "acceleration": 0.0}
 """Motion values for a new start of the ego, which does not specify them."""
 
 
@@ -52,10 +52,10 @@ def write_edits(document: ScenarioDocument, edited: EditedScene) -> list[str]:
         else:
             _write_touched(document, track, step_s)
     if changes.ego is not None:
-        if _starts_elsewhere(changes.ego, edited.scene.loaded):
+        if starts_elsewhere(changes.ego, edited.scene.loaded):
             _write_ego_start(document, changes.ego)
         document.set_ego_class(changes.ego.problem_id, changes.ego.vehicle_class)
-    return [] if changes.goal is None else _write_goal(document, changes.goal)
+    return [] if changes.goal is None else write_goal(document, changes.goal)
 
 
 def _write_touched(document: ScenarioDocument, track: TakenOverTrack, step_s: float) -> None:
@@ -122,7 +122,7 @@ def _obstacle_element(track: Track, motion: Motion, step_s: float, *, is_2018b: 
     return obstacle
 
 
-def _write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
+def write_goal(document: ScenarioDocument, goal: GoalChange) -> list[str]:
     """Replace the goal of a planning problem; what the edit does not give stays unchanged.
 
     Returns:
@@ -202,8 +202,8 @@ def _state_step(state: _Element) -> int:
 
 
 def _number(value: float) -> str:
-    rounded = round(value, _DECIMALS)
-    return f"{rounded + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"
+    rounded = round(value, DECIMALS)
+    return f"{rounded + 0.0:.{DECIMALS}f}".rstrip("0").rstrip(".") if rounded else "0"
 
 
 def _write_replay(document: ScenarioDocument, replay: Replay, step_s: float) -> None:
@@ -288,7 +288,7 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
     state = document.problem(ego.problem_id).find("initialState")
     if state is None:
         return
-    values = {"orientation": ego.heading_rad, "velocity": ego.speed_mps, **_AT_REST}
+    values = {"orientation": ego.heading_rad, "velocity": ego.speed_mps, **AT_REST}
     for child in [one for one in state if isinstance(one.tag, str)]:
         if child.tag == "position":
             document.replace_children(state, [child], [_point_element(ego.position)])
@@ -298,7 +298,7 @@ def _write_ego_start(document: ScenarioDocument, ego: Ego) -> None:
             document.replace_children(state, [child], [new])
 
 
-def _starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
+def starts_elsewhere(ego: Ego, loaded: LoadedScenario) -> bool:
     """Return True if an ego's position, heading or speed at the start differs from its planning problem's."""
     state = loaded.problem(ego.problem_id).initial_state
     is_there = bool(np.array_equal(ego.position, np.asarray(center_of(state.position), dtype=float)))

@@ -1,5 +1,7 @@
-"""Explores parameter spaces of scenarios: searches for failures and reduces them to what is needed.
+"""Explores how planners fare over logical scenarios: points, their evaluation in memory, boundaries and failures.
 
+``concrete_edits``: returns the edits of a logical scenario for values of its parameters.
+``Evaluator``: edits a base in memory and runs a planner until the encounter is resolved.
 ``FailureSearch``: a search for failures in a stratified space.
 ``Stratum``: a part of such a space.
 ``Point``: a proposal of the search.
@@ -13,6 +15,8 @@ from .. import lazy_face
 
 if TYPE_CHECKING:
     from .archive import Archive
+    from .concrete import concrete_edits
+    from .evaluation import Evaluator
     from .search import FailureSearch, Point, Score, Stratum
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

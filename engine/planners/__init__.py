@@ -30,6 +30,14 @@
 ``programs_named``: Registers the programs in the settings as planners while a block runs, in workers too.
 ``known_planner``: Returns a planner's registered name; raises ``UnknownName`` if there is no such planner.
 ``make_planner``: Creates a planner by its name.
+``needs_file``: Returns whether a planner is a program, which reads the scenario's file.
+``ScenarioFile``: The file of a scenario, for planners that are programs.
+``ended_after``: Ends a planner's program after a block.
+``open_traffic``: Yields the other road users of a run, as recorded or reacting to the ego.
+``DrivenRun``: The states, plans and verdict of a run.
+``driven_ego``: Returns the driven states of the ego as a track.
+``run_steps``: Returns the driven states of a run as they are stored.
+``uses_prediction``: Returns whether a planner uses predictions of others.
 ``run_planner``: An operation that runs a planner on one planning problem of a CommonRoad file.
 ``simulate``: Runs a planner on a planning problem until the judge ends the run.
 ``steering_of``: Returns the steering angle in rad at every state, the mean of those for the turns before and after it.
@@ -58,8 +66,10 @@ from .. import lazy_face
 if TYPE_CHECKING:
     from .driving.solution import steering_of, write_solution
     from .external.check import PlannerCheck, check_on
+    from .external.command import ScenarioFile
     from .external.conformance import check_planner
     from .external.found import Found, OwnPlanner, PlannerHere, is_here, planners_here, programs_named
+    from .external.program import ended_after
     from .goal import Goal, goal_with_path, progress_to_goal
     from .interface import DebugValues, EgoState, Observation, Plan, PlannedTrajectory, Planner, PlanningTask
     from .prediction import Predictor, predictor
@@ -82,14 +92,17 @@ if TYPE_CHECKING:
         check_modes,
         known_planner,
         make_planner,
+        needs_file,
+        open_traffic,
         own_planner,
         planner_names,
         planner_version,
         refused_planners,
         source_that_drives,
+        uses_prediction,
     )
     from .route_follower import RouteFollower
-    from .runs import run_planner
-    from .simulation import simulate
+    from .runs import driven_ego, run_planner, run_steps
+    from .simulation import DrivenRun, simulate
 
 __getattr__, __dir__ = lazy_face(__name__, __file__)

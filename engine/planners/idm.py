@@ -13,6 +13,7 @@ m, by default those of the rear axle's path.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,13 +60,19 @@ class _OnPath:
     speed_mps: Values
     in_corridor: NDArray[np.bool_]
 
-    def leader_at(self, index: int, look_ahead: int) -> tuple[float, float] | None:
-        """Return its rear end and speed at its first step in the corridor, at most ``look_ahead`` steps ahead."""
-        later = np.flatnonzero(self.in_corridor[index : index + look_ahead + 1])
-        if not len(later):
-            return None
-        first = index + int(later[0])
-        return float(self.rear_m[first]), float(self.speed_mps[first])
+    def leaders(self, look_ahead: int) -> list[tuple[float, float] | None]:
+        """Return, for each step, its rear end and speed at its first step in the corridor from there.
+
+        None if it does not enter the corridor within ``look_ahead`` steps.
+        """
+        count = len(self.in_corridor)
+        entries = np.where(self.in_corridor, np.arange(count), count + look_ahead)
+        following = np.minimum.accumulate(entries[::-1])[::-1]
+        rears, speeds = self.rear_m.tolist(), self.speed_mps.tolist()
+        return [
+            (rears[first], speeds[first]) if first <= index + look_ahead else None
+            for index, first in enumerate(following.tolist())
+        ]
 
 
 def _first_near(squared_m2: Values) -> NDArray[np.intp]:
@@ -122,13 +129,14 @@ class IntelligentDriver:
         """Return the distance in m and the speed, per step, of a rear axle that starts at a station."""
         step_s, vehicle = self._task.step_s, self._task.vehicle
         here = self._path.center_station(station)
-        others = [self._on_path(obstacle, here) for obstacle in observation.obstacles if len(obstacle.positions)]
+        others = self._on_path([one for one in observation.obstacles if len(one.positions)], here)
         desired, look_ahead = self._desired_speed.at(observation.ego), round(_LOOK_AHEAD_S / step_s)
+        on_way = [other.leaders(look_ahead) for other in others]
         travelled, speeds = np.zeros(self._steps + 1), np.full(self._steps + 1, observation.ego.speed_mps)
         for i in range(self._steps):
             speed, rear_axle_m = float(speeds[i]), station + float(travelled[i])
             center_m = self._path.center_station(rear_axle_m)
-            ahead = (other.leader_at(i, look_ahead) for other in others)
+            ahead = (other[i] for other in on_way if i < len(other))
             leaders = [leader for leader in ahead if leader is not None and leader[0] > center_m]
             acceleration = self._free(speed, min(desired, self._allowed(center_m), vehicle.maximum_speed_mps))
             if leaders:
@@ -179,25 +187,38 @@ class IntelligentDriver:
         left = max(self._goal_m[0] - station, 0.0)
         return math.sqrt(self._goal.speed_mps**2 + 2.0 * self._weights["deceleration_mps2"] * left)
 
-    def _on_path(self, obstacle: PredictedObstacle, here_m: float) -> _OnPath:
-        """Return the projection onto the nearest point of the path; its points are about one metre apart.
+    def _on_path(self, obstacles: Sequence[PredictedObstacle], here_m: float) -> list[_OnPath]:
+        """Return the projections onto the nearest points of the path of the obstacles that enter the ego's corridor.
 
-        If the path passes the obstacle more than once, the next passage ahead of the ego counts.
+        The path's points are about one metre apart. If the path passes an obstacle more than once, the next passage
+        ahead of the ego counts. All obstacles are projected together, because each of them takes little time.
         """
-        path = self._task.reference.points
-        gaps = path[None, :, :] - obstacle.positions[:, None, :]
-        squared = (gaps**2).sum(axis=2)
+        if not obstacles:
+            return []
+        path, step_s = self._task.reference.points, self._task.step_s
+        counts = [len(obstacle.positions) for obstacle in obstacles]
+        positions = np.concatenate([obstacle.positions for obstacle in obstacles])
         behind = max(int(np.searchsorted(self._stations, here_m - _LOOKED_BACK_M)), 0)
-        nearest = behind + _first_near(squared[:, behind:])
-        heading, offset = self._headings[nearest], -gaps[np.arange(len(nearest)), nearest]
+        # Coordinate by coordinate, because numpy is slow at reducing axes of two.
+        away_x = path[None, behind:, 0] - positions[:, None, 0]
+        away_y = path[None, behind:, 1] - positions[:, None, 1]
+        nearest = behind + _first_near(away_x * away_x + away_y * away_y)
+        heading, offset = self._headings[nearest], positions - path[nearest]
         along = offset[:, 0] * np.cos(heading) + offset[:, 1] * np.sin(heading)
         aside = offset[:, 1] * np.cos(heading) - offset[:, 0] * np.sin(heading)
-        turned = wrap_angles(obstacle.headings_rad - heading)
+        turned = wrap_angles(np.concatenate([obstacle.headings_rad for obstacle in obstacles]) - heading)
         cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
-        half_along = (obstacle.length_m * cos + obstacle.width_m * sin) / 2
-        half_across = (obstacle.length_m * sin + obstacle.width_m * cos) / 2
-        stations = self._stations[nearest] + along
+        length = np.repeat([obstacle.length_m for obstacle in obstacles], counts)
+        width = np.repeat([obstacle.width_m for obstacle in obstacles], counts)
+        rears = self._stations[nearest] + along
+        half_along, half_across = (length * cos + width * sin) / 2, (length * sin + width * cos) / 2
         room = self._task.vehicle.width_m / 2 + half_across + _CORRIDOR_MARGIN_M
-        on_path = (nearest > 0) & (nearest < len(path) - 1)
-        moving = np.gradient(stations, self._task.step_s) if len(stations) > 1 else np.zeros(1)
-        return _OnPath(stations - half_along, moving, (np.abs(aside) < room) & on_path)
+        in_corridor = (np.abs(aside) < room) & (nearest > 0) & (nearest < len(path) - 1)
+        found, end = [], 0
+        for count in counts:
+            begin, end = end, end + count
+            if in_corridor[begin:end].any():
+                stations = rears[begin:end]
+                moving = np.gradient(stations, step_s) if count > 1 else np.zeros(1)
+                found.append(_OnPath(stations - half_along[begin:end], moving, in_corridor[begin:end]))
+        return found

@@ -139,6 +139,16 @@ def make_planner(name: str, scenario: "ScenarioFile | None" = None) -> "Planner"
     return program_driver(folded, found.command, scenario)
 
 
+def needs_file(name: str) -> bool:
+    """Return True if a planner is a program, which reads the scenario's file.
+
+    Raises:
+        UnknownName: No such planner.
+    """
+    folded = known_planner(name)
+    return folded not in PLANNERS and own_planner(folded).command is not None
+
+
 def planner_version(name: str) -> str:
     """Return a digest of a user-supplied planner's source; empty for built-in planners, which have our version."""
     folded = known_planner(name)

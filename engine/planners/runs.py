@@ -100,7 +100,7 @@ def run_planner(request: RunRequest, report: ProgressReporter) -> RunResponse:
         success_rule="accepted@2",
         refusal=ending.refusal,
         beyond_vehicle=tuple(
-            exceeded_limits(_ego_track(driven.states, vehicle), vehicle, loaded.step_s, driven.steering_rad)
+            exceeded_limits(driven_ego(driven.states, vehicle), vehicle, loaded.step_s, driven.steering_rad)
         ),
         ego_length_m=vehicle.length_m,
         ego_width_m=vehicle.width_m,
@@ -224,7 +224,7 @@ def metrics_of(driven: DrivenRun, vehicle: VehicleParameters, step_s: float) -> 
     if driven.final.outcome == "invalid":
         return None
     total_costs = [sum(plan.costs.values()) for plan in driven.plans if plan.kind != "standstill" and plan.costs]
-    ego = _ego_track(driven.states, vehicle)
+    ego = driven_ego(driven.states, vehicle)
     angles = driven.steering_rad
     if angles is None:
         angles = steering_of(ego.headings_rad, ego.speeds_mps, step_s, vehicle.wheelbase_m)
@@ -248,7 +248,7 @@ def _largest(values: Values) -> float:
     return largest if abs(largest) >= _ROUNDING else 0.0
 
 
-def _ego_track(states: list[EgoState], vehicle: VehicleParameters) -> Track:
+def driven_ego(states: list[EgoState], vehicle: VehicleParameters) -> Track:
     """Return the driven states as a track with the ego's size; no obstacle has its id."""
     return Track(
         obstacle_id=-1,

@@ -1,7 +1,7 @@
 """The loop for every planner: observe, plan, follow the plan for some steps, judge."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -37,7 +37,8 @@ _BEYOND_HORIZON_M = 40.0
 class DrivenRun:
     """The states, plans and verdict of a run.
 
-    ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``task``: the
+    ``plan_s`` and ``rejections`` include a last attempt without a trajectory; ``plans`` does not. ``verdict``: None if
+    the run was stopped before the judge ended it. ``task``: the
     planner's task, or None if the planner was not called. ``blended_over_m``: the length of the curve by which the
     reference path leads the ego onto its route, if it needs one (``eased_over_m`` of the record).
     """
@@ -93,12 +94,14 @@ def simulate(
     report: ProgressReporter,
     traffic: Traffic | None = None,
     vehicle: VehicleParameters | None = None,
+    is_over: Callable[[DrivenRun], bool] | None = None,
 ) -> DrivenRun:
     """Run a planner on a planning problem until the judge ends it.
 
     A problem that no planner can solve (initial collision, off the road, no route, too little time) ends as ``invalid``
     with a code and without a plan. The traffic is the recorded one by default; reactive traffic must be at the ego's
-    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car.
+    first step. ``vehicle``: the ego's vehicle; None selects the configuration's car. ``is_over``: called after every
+    step that the judge does not end; True stops the run without a verdict.
     """
     ego = EgoState.of(problem.initial_state)
     run = DrivenRun([ego], traffic or RecordedTraffic(scenario))
@@ -110,7 +113,7 @@ def simulate(
     run.verdict = judge.before_the_run(ego)
     if run.verdict is None:
         predict = predictor(prediction, scenario.lanelet_network)
-        loop = _Loop(planner, predict, report)
+        loop = _Loop(planner, predict, report, is_over)
         loop.drive(task, run, judge)
         if run.has_not_begun:
             run = loop.drive_blended(task, run)
@@ -154,6 +157,7 @@ class _Loop:
     planner: Planner
     predict: Predictor
     report: ProgressReporter
+    is_over: Callable[[DrivenRun], bool] | None = None
 
     def drive(self, task: PlanningTask, run: DrivenRun, judge: Judge) -> None:
         """Observe, plan, follow and judge until there is a verdict."""
@@ -180,7 +184,7 @@ class _Loop:
                 run.states.append(following)
                 run.traffic.advance(following)
                 run.verdict = judge.after_step(following)
-                if run.verdict is not None:
+                if run.verdict is not None or (self.is_over is not None and self.is_over(run)):
                     return
 
     def drive_blended(self, task: PlanningTask, stuck: DrivenRun) -> DrivenRun:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....schemas.errors import NotPossible
-from ...commonroad import LoadedScenario, prescribed_ids
+from ...commonroad import LoadedScenario
 from ...cosimulation import Actor, Script, all_actors, lane_hint, not_drivable, recorded_plan
 from ...geometry import Points, point_at, project
 from ...network import NetLayout
@@ -54,7 +54,7 @@ class TrafficRoles:
         """Match all road users with the lanes and decide which are driven from the ego's first step."""
         scripts = scripts_of(loaded)
         scene = _scene(loaded, RecordedTraffic.of(loaded), scripts)
-        trajectories, prescribed = loaded.tracks, prescribed_ids(loaded.path) | scripts.keys()
+        trajectories, prescribed = loaded.tracks, loaded.prescribed_ids | scripts.keys()
         keys = [
             key
             for key, track in trajectories.items()

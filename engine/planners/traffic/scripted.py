@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from ....schemas.runs import TriggerOutcome
-from ...commonroad import LoadedScenario, Track, script_texts
+from ...commonroad import LoadedScenario, Track
 from ...cosimulation import Script, ScriptPart, SpeedAct, beyond, scripted_track
 from ...geometry import Points, oriented_rectangle, rectangles_overlap
 from ...scene import Scene
@@ -32,7 +32,7 @@ def scripts_of(loaded: LoadedScenario) -> dict[int, Script]:
     Raises:
         UnsafeInput: The file has an unreadable script.
     """
-    found = (Script.read(text, loaded.tracks) for text in script_texts(loaded.path))
+    found = (Script.read(text, loaded.tracks) for text in loaded.script_texts)
     return {script.base.obstacle_id: script for script in found if script is not None}
 
 

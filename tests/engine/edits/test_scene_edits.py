@@ -123,3 +123,10 @@ def test_new_vehicles_keep_their_number_across_an_edit_of_the_scene(apply: Apply
     applied = apply(added, {"op": "mirror"}, {"op": "cut_in", "vehicles": ["new:0"], "gap_s": 1.5}, builder=FREE)
     (key,) = applied.outcome.edits[0].vehicles
     assert applied.outcome.edits[2].vehicles == (key,)
+
+
+def test_a_vehicle_that_enters_too_fast_after_a_change_of_the_scene_enters_more_slowly(apply: Apply) -> None:
+    wet = {"op": "set_weather", "params": ["friction=0.3"]}
+    car = {"op": "add_vehicle", "vehicle_class": "car", "at": "1", "position": "80m"}
+    behind = town_road().with_vehicles(driving(31, (60, 0), 12.0, 101))
+    assert apply(wet, car, builder=behind).outcome.edits[1].done

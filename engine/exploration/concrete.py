@@ -1,0 +1,95 @@
+"""Concrete scenarios: values of a logical scenario's parameters give a list of ordinary edits."""
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from ...schemas.errors import InvalidRequest
+from ...schemas.exploration import LogicalScenario
+from ...schemas.modification import Edit
+
+DECIMALS = 4
+"""Values are rounded to this many decimals, below what any actor's motion shows, so that they are short in edits."""
+_REFERENCE = re.compile(r"\$(?:\{(\w+)\}|(\w+))")
+_OPERATORS: Mapping[type, Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
+
+
+def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tuple[Edit, ...]:
+    """Return the edits of a logical scenario for values of its parameters; a missing one has its base value.
+
+    Raises:
+        InvalidRequest: there is no such parameter, or a template does not give a valid edit.
+    """
+    unknown = sorted(values.keys() - {one.name for one in logical.parameters})
+    if unknown:
+        raise InvalidRequest(
+            f"{logical.name} has no parameter {', '.join(unknown)}", valid=[one.name for one in logical.parameters]
+        )
+    known = {one.name: round(values.get(one.name, one.base_value), DECIMALS) for one in logical.parameters}
+    for name, formula in logical.derived.items():
+        known[name] = round(_value(formula, known, logical), DECIMALS)
+    edits = []
+    for number, template in enumerate(logical.edits):
+        filled = {name: _filled(value, known, logical) for name, value in template.items()}
+        try:
+            edits.append(Edit.model_validate(filled))
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(map(str, first["loc"]))
+            raise InvalidRequest(
+                f"edit {number} of {logical.name} does not fit: {where}: {first['msg']}",
+                next_step="correct the template or the parameter's range",
+            ) from error
+    return tuple(edits)
+
+
+def _filled(value: Any, known: Mapping[str, float], logical: LogicalScenario) -> Any:
+    if isinstance(value, list | tuple):
+        return [_filled(one, known, logical) for one in value]
+    if not isinstance(value, str):
+        return value
+    whole = _REFERENCE.fullmatch(value)
+    if whole is not None:
+        return _known(whole[1] or whole[2], known, logical)
+    return _REFERENCE.sub(lambda found: _text(_known(found[1] or found[2], known, logical)), value)
+
+
+def _known(name: str, known: Mapping[str, float], logical: LogicalScenario) -> float:
+    if name not in known:
+        raise InvalidRequest(f"{logical.name} refers to ${name}, which is not a parameter", valid=list(known))
+    return known[name]
+
+
+def _text(value: float) -> str:
+    return f"{value:.{DECIMALS}f}".rstrip("0").rstrip(".") or "0"
+
+
+def _value(formula: str, known: Mapping[str, float], logical: LogicalScenario) -> float:
+    """Return the value of a formula of numbers, names, ``+ - * /`` and parentheses."""
+    try:
+        return _computed(ast.parse(formula, mode="eval").body, known, logical)
+    except (SyntaxError, ZeroDivisionError) as error:
+        raise InvalidRequest(f"{logical.name}: the formula '{formula}' cannot be computed: {error}") from error
+
+
+def _computed(node: ast.expr, known: Mapping[str, float], logical: LogicalScenario) -> float:
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        return _OPERATORS[type(node.op)](_computed(node.left, known, logical), _computed(node.right, known, logical))
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return -_computed(node.operand, known, logical)
+    if isinstance(node, ast.Name):
+        return _known(node.id, known, logical)
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return float(node.value)
+    raise InvalidRequest(
+        f"{logical.name}: '{ast.unparse(node)}' is not allowed in a formula", valid=["numbers, parameters, + - * / ( )"]
+    )

@@ -1,0 +1,404 @@
+"""Evaluates points: edits a base in memory, runs the planner until the encounter is resolved, and judges the outcome.
+
+The edits and the run are those of ``modify_scenario`` and ``run_planner``: the driven states are equal bit for bit to
+those of the stored scenario's run, up to the step at which this run is stopped. A run is stopped after the horizon, or
+once all other road users are gone, are behind the ego and not faster, or stand while it stands too.
+"""
+
+import math
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...schemas.errors import InvalidRequest
+from ...schemas.exploration import AvoidingDriver, EncounterSetting, Evaluation
+from ...schemas.modification import Edit, EditOperation, ModificationRequest
+from ...schemas.reviews import Contact, DriverModelName
+from ...schemas.runs import RunRecord, RunSteps
+from ..analysis import contact_in, driven_tracks, drivers_that_avoid
+from ..commonroad import LoadedScenario, Track, kept_recording, static_tracks
+from ..criticality import encounters, gaps_m, times_to_collision_s
+from ..edits import EditableScenario, NeedsFile, apply_edits
+from ..execution import silent
+from ..planners import (
+    DrivenRun,
+    EgoState,
+    ScenarioFile,
+    check_modes,
+    driven_ego,
+    ended_after,
+    lane_line,
+    make_planner,
+    needs_file,
+    open_traffic,
+    predictor,
+    run_steps,
+    simulate,
+    uses_prediction,
+)
+from ..vehicles import STANDING_MPS, VehicleParameters, vehicle_of
+
+if TYPE_CHECKING:
+    from commonroad.planning.planning_problem import PlanningProblem
+
+_OVER_S, _LOOKED_AT_S = 1.0, 0.2
+"""The encounter is over if it looked like that for the first time, at intervals of the second (chosen)."""
+_BEHIND_M = 2.0
+"""The least gap behind the ego to a road user that it has passed (chosen)."""
+_FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
+"""Contacts in which another road user drives into the ego: recorded and prescribed ones do not brake for it."""
+_RECORDED = "recorded"
+
+
+@dataclass(frozen=True)
+class _Point:
+    """An edited scenario: its file if there is one, and which edits prescribe the motion of which road user."""
+
+    loaded: LoadedScenario
+    manoeuvres: Mapping[int, str]
+    infeasible: tuple[int, ...]
+    path: Path | None = None
+
+
+class Evaluator:
+    """Evaluates points of one base and one planner. Use it in a ``with`` block.
+
+    Args:
+        setting: what all points share.
+
+    Raises:
+        InvalidRequest: the prediction does not fit the traffic.
+        UnknownName: no such planner.
+    """
+
+    def __init__(self, setting: EncounterSetting) -> None:
+        check_modes(setting.traffic, setting.prediction)
+        self._setting = setting
+        self._reads_file = needs_file(setting.configuration.planner)
+
+    def __enter__(self) -> "Evaluator":
+        """Read the base."""
+        setting = self._setting
+        with ExitStack() as stack:
+            self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            self._base = stack.enter_context(EditableScenario(setting.xml, setting.problem_id, setting.seed))
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Release the base."""
+        self._stack.close()
+
+    def evaluate(self, edits: Sequence[Edit]) -> Evaluation:
+        """Return how the planner fares after edits of the base; they follow those that the base already has.
+
+        Raises:
+            PlannerFailure: a user-supplied planner broke its contract.
+            WorkerFailure: SUMO stopped.
+        """
+        return self.driven(edits)[0]
+
+    def driven(self, edits: Sequence[Edit]) -> tuple[Evaluation, DrivenRun | None]:
+        """Return how the planner fares, as ``evaluate`` does, with the run; None if there was no run.
+
+        Raises:
+            PlannerFailure: a user-supplied planner broke its contract.
+            WorkerFailure: SUMO stopped.
+        """
+        earlier = self._setting.earlier
+        try:
+            point = self._edited((*earlier, *(edit.numbered_after(len(earlier)) for edit in edits)))
+        except InvalidRequest as refusal:
+            return Evaluation(outcome="implausible", reason=refusal.message, end="not_run"), None
+        if point.infeasible:
+            reason = f"no vehicle of its class can drive the motion of {', '.join(map(str, point.infeasible))}"
+            return Evaluation(outcome="implausible", reason=reason, end="not_run"), None
+        return self._run(point)
+
+    def _edited(self, edits: tuple[Edit, ...]) -> _Point:
+        if not self._reads_file:
+            try:
+                edited = self._base.edited(edits)
+            except NeedsFile:
+                return self._written(edits)
+            simulated = edited.simulated
+            done = ((edit.op, step.vehicles) for edit, step in zip(simulated.edits, simulated.steps, strict=True))
+            return _Point(edited.loaded, _manoeuvres(done), edited.infeasible)
+        return self._written(edits)
+
+    def _written(self, edits: tuple[Edit, ...]) -> _Point:
+        """Apply edits with files, for edits and planners that need them."""
+        setting = self._setting
+        if not edits:
+            return _Point(self._base.loaded, {}, (), setting.xml)
+        request = ModificationRequest(
+            xml=setting.xml,
+            edits=edits,
+            benchmark_id=self._base.loaded.benchmark_id,
+            output=self._folder,
+            problem_id=setting.problem_id,
+            on_conflict="refuse",
+            seed=setting.seed,
+        )
+        outcome = apply_edits(request, silent)
+        path = outcome.xml or setting.xml
+        infeasible = tuple(one.vehicle_id for one in outcome.touched if not one.feasible)
+        done = ((report.op, report.vehicles) for report in outcome.edits)
+        return _Point(kept_recording(path, keep=False).loaded, _manoeuvres(done), infeasible, path)
+
+    def _run(self, point: _Point) -> tuple[Evaluation, DrivenRun]:
+        setting, loaded = self._setting, point.loaded
+        problem = loaded.problem(setting.problem_id)
+        vehicle = vehicle_of(setting.configuration.settings, loaded.ego_class(int(problem.planning_problem_id)))
+        vehicle = vehicle.on_road(loaded.friction)
+        file = None if point.path is None else ScenarioFile(point.path, loaded.benchmark_id)
+        ending = _Ending(round(setting.horizon_s / loaded.step_s), loaded.step_s)
+        with (
+            ended_after(make_planner(setting.configuration.planner, file)) as planner,
+            open_traffic(setting.traffic, loaded, problem, vehicle, setting.seed) as traffic,
+        ):
+            run = simulate(
+                loaded.scenario,
+                problem,
+                setting.configuration,
+                planner,
+                setting.prediction,
+                silent,
+                traffic,
+                vehicle,
+                is_over=ending.is_over,
+            )
+        return _Judged(setting, point, problem, vehicle, run).evaluation(ending), run
+
+
+def _manoeuvres(done: Iterable[tuple[EditOperation, Sequence[int]]]) -> dict[int, str]:
+    """Return the operations that prescribe the motion of each road user, as text; those after adding it count more."""
+    found: dict[int, list[str]] = {}
+    for op, vehicles in done:
+        for key in vehicles:
+            found.setdefault(key, []).append(op)
+    return {
+        key: "+".join(dict.fromkeys(ops[1:] if len(ops) > 1 and ops[0] == "add_vehicle" else ops))
+        for key, ops in found.items()
+    }
+
+
+class _Ending:
+    """Decides when a run is stopped: after the horizon, or once the encounter is over."""
+
+    def __init__(self, steps: int, step_s: float) -> None:
+        self.by_horizon = self.by_encounter = False
+        self._steps, self._every = steps, max(round(_LOOKED_AT_S / step_s), 1)
+        self._needed = math.ceil(_OVER_S / _LOOKED_AT_S)
+        self._seen = 0
+
+    def is_over(self, run: DrivenRun) -> bool:
+        """Return True if the run may stop."""
+        driven = len(run.states) - 1
+        self.by_horizon = driven >= self._steps
+        if not self.by_horizon and driven % self._every == 0:
+            self._seen = self._seen + 1 if self._all_apart(run) else 0
+            self.by_encounter = self._seen > self._needed
+        return self.by_horizon or self.by_encounter
+
+    def _all_apart(self, run: DrivenRun) -> bool:
+        ego, length_m = run.states[-1], _length_m(run)
+        if run.traffic.triggers and any(one.code == "trigger_not_fired" for one in run.traffic.triggers):
+            return False
+        if any(track.first_step > ego.step for track in run.traffic.moving):
+            return False
+        return all(_is_apart(track, ego, length_m) for track in run.traffic.moving) and all(
+            _is_passed(track.positions[0], track, ego, length_m) or ego.speed_mps < STANDING_MPS
+            for track in run.traffic.standing
+        )
+
+
+def _length_m(run: DrivenRun) -> float:
+    return 5.0 if run.task is None else run.task.vehicle.length_m
+
+
+def _is_apart(track: Track, ego: EgoState, length_m: float) -> bool:
+    """Return True if a road user is gone, is behind the ego and never faster, or stands like the ego."""
+    at = track.index_at(ego.step)
+    if at is None:
+        return True
+    fastest = float(track.speeds_mps[at:].max())
+    if fastest < STANDING_MPS and ego.speed_mps < STANDING_MPS:
+        return True
+    return fastest <= ego.speed_mps and _is_passed(track.positions[at], track, ego, length_m)
+
+
+def _is_passed(position: "np.ndarray", track: Track, ego: EgoState, length_m: float) -> bool:
+    away = position - ego.position
+    ahead_m = float(away[0]) * math.cos(ego.heading_rad) + float(away[1]) * math.sin(ego.heading_rad)
+    return ahead_m < -(length_m / 2 + math.hypot(*track.size_m) / 2 + _BEHIND_M)
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """A run at a point, judged by the reference drivers."""
+
+    setting: EncounterSetting
+    point: _Point
+    problem: "PlanningProblem"
+    vehicle: VehicleParameters
+    run: DrivenRun
+
+    def evaluation(self, ending: _Ending) -> Evaluation:
+        """Return how the planner fared."""
+        verdict = self.run.verdict
+        if verdict is not None and verdict.outcome == "invalid":
+            contact = verdict.invalid_reason == "initial_collision"
+            return Evaluation(
+                outcome="implausible" if contact else "invalid",
+                reason=verdict.reason,
+                run_outcome="invalid",
+                end="not_run",
+            )
+        found = self._nearest()
+        if verdict is None:
+            end = "encounter_over" if ending.by_encounter else "horizon"
+            return found.model_copy(update={"end": end, "reason": _STOPPED[end]})
+        found = found.model_copy(update={"run_outcome": verdict.outcome, "reason": verdict.reason})
+        if verdict.outcome == "collision":
+            return self._after_contact(found)
+        if verdict.outcome in ("off_road", "infeasible"):
+            return self._after_failure(found)
+        return found
+
+    @property
+    def _step_s(self) -> float:
+        return self.point.loaded.step_s
+
+    def _nearest(self) -> Evaluation:
+        """Return the least gap and time to collision of a run without a failure."""
+        ego, traffic = driven_ego(self.run.states, self.vehicle), self.run.traffic
+        others = (*traffic.moving, *traffic.standing)
+        met = encounters(ego, traffic.moving, traffic.standing)
+        safe = Evaluation(outcome="safe", reason="", steps=len(self.run.states) - 1)
+        if not len(met.state):
+            return safe
+        gaps, times = gaps_m(met), times_to_collision_s(met.ego, met.other)
+        nearest, soonest = int(np.argmin(np.round(gaps, 9))), float(times.min())
+        other = others[int(met.track[nearest])]
+        return safe.model_copy(
+            update={
+                "counterpart_id": other.obstacle_id,
+                "counterpart_class": other.kind,
+                "manoeuvre": self.point.manoeuvres.get(other.obstacle_id, _RECORDED),
+                "least_gap_m": float(gaps[nearest]),
+                "least_time_to_collision_s": soonest if math.isfinite(soonest) else None,
+                "ego_speed_mps": float(met.ego.speeds_mps[nearest]),
+                "other_speed_mps": float(met.other.speeds_mps[nearest]),
+            }
+        )
+
+    def _after_failure(self, found: Evaluation) -> Evaluation:
+        """Return a run that left the road or had no trajectory: avoidable if a reference driver hits nothing."""
+        ego, loaded = driven_ego(self.run.states, self.vehicle), self.point.loaded
+        others = (*self.run.traffic.moving, *static_tracks(loaded.scenario, ego.last_step).values())
+        lane = lane_line(loaded.scenario, self.problem, self.vehicle)
+        drivers = drivers_that_avoid(ego, others, lane, self._step_s, loaded.friction)
+        return found.model_copy(
+            update={
+                "outcome": "failed_avoidably" if drivers else "failed_unavoidably",
+                "time_s": round((len(self.run.states) - 1) * self._step_s, 9),
+                "prevented_by": tuple(AvoidingDriver(driver=name, start="start") for name in drivers),
+            }
+        )
+
+    def _after_contact(self, found: Evaluation) -> Evaluation:
+        """Return a collision with its contact and the verdicts of the reference drivers."""
+        contact = self._contact()
+        if contact is None:
+            return found.model_copy(update={"outcome": "failed_unavoidably"})
+        key = contact.obstacle_id
+        return found.model_copy(
+            update={
+                "outcome": "failed_avoidably" if _is_avoidable(contact) else "failed_unavoidably",
+                "time_s": contact.time_s,
+                "counterpart_id": key,
+                "counterpart_class": contact.obstacle_class,
+                "manoeuvre": "" if key is None else self.point.manoeuvres.get(key, _RECORDED),
+                "contact": contact.kind,
+                "ego_side": contact.ego_side,
+                "other_side": contact.other_side,
+                "ego_speed_mps": contact.ego_speed_mps,
+                "other_speed_mps": contact.other_speed_mps,
+                "cause": contact.laid_to,
+                "least_gap_m": 0.0,
+                "least_time_to_collision_s": 0.0,
+                "prevented_by": _preventing(contact),
+            }
+        )
+
+    def _contact(self) -> Contact | None:
+        """Return how the collision came about, from the same data as the review of a stored run."""
+        loaded, setting, steps = self.point.loaded, self.setting, run_steps(self.run)
+        record = self._record(steps)
+        last = steps.first_step + len(steps.x_m)
+        tracks = static_tracks(loaded.scenario, last) | loaded.tracks | driven_tracks(steps)
+        predict = predictor(setting.prediction, loaded.scenario.lanelet_network)
+        return contact_in(record, steps, tracks, predict, lane_line(loaded.scenario, self.problem, self.vehicle))
+
+    def _record(self, steps: RunSteps) -> RunRecord:
+        """Return the record of the run, as far as the review of a collision needs it."""
+        setting, verdict = self.setting, self.run.final
+        return RunRecord(
+            run_id="",
+            scenario_id="",
+            problem_id=int(self.problem.planning_problem_id),
+            config_id=setting.configuration.config_id,
+            config_name=setting.configuration.name,
+            planner=setting.configuration.planner,
+            prediction=setting.prediction,
+            traffic=setting.traffic,
+            seed=setting.seed,
+            step_s=self._step_s,
+            outcome=verdict.outcome,
+            reason=verdict.reason,
+            collision=verdict.collision,
+            rejected_candidates={},
+            metrics=None,
+            ego_length_m=self.vehicle.length_m,
+            ego_width_m=self.vehicle.width_m,
+            ego_class=self.vehicle.vehicle_class,
+            friction=self.vehicle.friction,
+            uses_prediction=uses_prediction(setting.configuration.planner),
+        )
+
+
+_STOPPED = {
+    "encounter_over": "the encounter is over: all others are gone, passed, or stand",
+    "horizon": "nothing happened up to the horizon",
+}
+"""Reasons of runs that were stopped."""
+
+
+def _preventing(contact: Contact) -> tuple[AvoidingDriver, ...]:
+    verdicts = () if contact.prevention is None else contact.prevention.drivers
+    return tuple(
+        AvoidingDriver(driver=one.driver, start=one.start)
+        for one in verdicts
+        if one.prevents and one.driver != "evading"
+    )
+
+
+def _is_avoidable(contact: Contact) -> bool:
+    """Return True if UN R157's careful or fuzzy driver prevents a collision.
+
+    If the ego cut in, drivers on the path that it drove come too late, so only those that keep its lane count.
+    """
+    if contact.prevention is None or contact.kind in _FROM_BEHIND:
+        return False
+    if contact.kind == "cut_in_by_ego":
+        return any(contact.prevention.prevented_by(name, "start") for name in _CAREFUL)
+    return contact.prevention.attributable
+
+
+_CAREFUL: tuple[DriverModelName, ...] = ("r157_careful", "fsm")
