@@ -90,7 +90,7 @@ async def modified_once(arguments: ModifyScenarioArguments, context: WorkflowCon
     """Return the edited scenario. If it was edited before, all edits are applied to its base again."""
     open_catalogue(context.workspace, with_starter=context.services.with_starter)
     given, named_problem = one_scenario(arguments.scenario_id, context)
-    base_id, earlier = _base_and_edits(given)
+    base_id, earlier = base_and_edits(given)
     problem_id = _problem(given, named_problem)
     edits = (*earlier, *(edit.numbered_after(len(earlier)) for edit in arguments.edits))
     seed = arguments.seed if "seed" in arguments.model_fields_set or not earlier else given.recipe.seed
@@ -180,7 +180,7 @@ def _problem(given: Artifact, requested: int | None) -> int | None:
     return before
 
 
-def _base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
+def base_and_edits(artifact: Artifact) -> tuple[str, tuple[Edit, ...]]:
     """Return the scenario that all edits start from, and the edits so far."""
     if artifact.recipe.tool != _TOOL:
         return artifact.artifact_id, ()

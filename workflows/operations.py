@@ -29,6 +29,16 @@ from ..schemas.artifacts import (
     SuccessRequest,
 )
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
+from ..schemas.failures import (
+    EvaluatedPoints,
+    PointsRequest,
+    ProposalsRequest,
+    ProposedPoints,
+    SearchSpace,
+    ShrinkRequest,
+    Shrunk,
+    SpaceRequest,
+)
 from ..schemas.generation import (
     ConvertedMap,
     ConvertMapRequest,
@@ -115,6 +125,14 @@ SENSITIVITY_DESIGN = Operation(
 SENSITIVITY_EFFECTS = Operation(
     "plannerforge.engine.tuning:sensitivity_effects", EffectsRequest, Effects, timeout_s=120.0
 )
+
+# Searches for failures
+OPEN_SPACE = Operation("plannerforge.engine.exploration:open_space", SpaceRequest, SearchSpace, timeout_s=300.0)
+PROPOSE_POINTS = Operation("plannerforge.engine.exploration:propose_points", ProposalsRequest, ProposedPoints)
+EVALUATE_POINTS = Operation(
+    "plannerforge.engine.exploration:evaluate_points", PointsRequest, EvaluatedPoints, timeout_s=600.0
+)
+SHRINK_FAILURE = Operation("plannerforge.engine.exploration:shrink_failure", ShrinkRequest, Shrunk, timeout_s=600.0)
 
 # Pictures and pages
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)

@@ -501,8 +501,17 @@ def _across(scene: Scene, place: Place) -> Points:
     """Return the line (2, 2) from the right edge of the road to its left edge, across all adjacent lanes."""
     point, heading = place.pose(scene)
     left = np.array([-np.sin(heading), np.cos(heading)])
-    offsets = [offset for key in _side_by_side(scene, place.lanelet_id) for offset in _bounds(scene, key, point, left)]
-    return np.array([point + left * (min(offsets) - _KERB_M), point + left * (max(offsets) + _KERB_M)])
+    return np.array([point + left * offset for offset in road_across(scene, place.lanelet_id, point, heading)])
+
+
+def road_across(scene: Scene, lanelet_id: int, point: Points, heading_rad: float) -> tuple[float, float]:
+    """Return where one who crosses the road at a point of a lanelet starts and ends: metres to the left of the point.
+
+    The first is on the right of the road, and usually negative.
+    """
+    left = np.array([-np.sin(heading_rad), np.cos(heading_rad)])
+    offsets = [offset for key in _side_by_side(scene, lanelet_id) for offset in _bounds(scene, key, point, left)]
+    return min(offsets) - _KERB_M, max(offsets) + _KERB_M
 
 
 def _side_by_side(scene: Scene, lanelet_id: int) -> list[int]:

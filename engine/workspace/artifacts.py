@@ -48,6 +48,7 @@ _OWN_FOLDERS = frozenset(
     {
         *("scratch", "index", "logs", "recordings", "journal", "pictures", "views", "answers", "extracts", "looks"),
         "taken_out",
+        "explored",
         *(f"{kind}s" for kind in get_args(ArtifactKind)),
     }
 )

@@ -29,6 +29,7 @@ METHODS = {
     "cancel_job": "cancel_job",
     "analyze_results": "analyse",
     "compare_results": "compare",
+    "find_failures": "find_failures",
     "optimize_planner": "optimise",
     "render": "render",
     "list_artifacts": "artifacts",
