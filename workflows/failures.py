@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import anyio
+
 from ..engine.execution import JobProgress
 from ..engine.workspace import Recipe, versions_of, write_text
 from ..schemas.base import Model

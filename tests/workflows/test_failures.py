@@ -127,7 +127,7 @@ async def test_a_larger_budget_goes_on_and_a_smaller_one_has_the_first_part(
 async def test_a_base_that_fails_already_is_refused_with_its_failure(tmp_path: Path) -> None:
     standing = driving(31, (70, 0), 0.0, 151)
     workspace = workspace_with(tmp_path, town_road().with_vehicles(standing))
-    with pytest.raises(NotPossible, match="already fails .* without a change: collided with obstacle 31") as refusal:
+    with pytest.raises(NotPossible, match=r"already fails .* without a change: collided with obstacle 31") as refusal:
         await searched(workspace, progress())
     assert refusal.value.reason.startswith("base_failed")
     workspace.close()
