@@ -27,6 +27,7 @@ from ..schemas.artifacts import (
     ListArtifactsResult,
 )
 from ..schemas.base import Arguments
+from ..schemas.boundaries import ExploreBoundaryArguments, ExploreBoundaryResult
 from ..schemas.catalog import DescribeCatalogArguments, DescribeCatalogResult, FindScenariosArguments
 from ..schemas.errors import InvalidRequest, NotPossible
 from ..schemas.failures import FindFailuresArguments, FindFailuresResult
@@ -50,7 +51,7 @@ from ..server.arguments.checking import read_arguments
 from ..server.settings import Settings
 from ..server.suites import read_suite
 from ..workflows import artifacts as artifact_work
-from ..workflows import catalog, exporting, failures, importing, modification, rendering
+from ..workflows import boundaries, catalog, exporting, failures, importing, modification, rendering
 from ..workflows import planners as planning
 from ..workflows import scenarios as scenario_work
 from ..workflows.analysis import comparison, figures, optimization
@@ -257,6 +258,18 @@ class Workspace:
         given = {"scenario_id": str(scenario), "config": self._register(planner), **arguments}
         request = read_arguments(FindFailuresArguments, given)
         return self._wait_for(failures.find_failures, request)
+
+    def explore_boundary(
+        self,
+        scenario: str | Path = "lead_braking",
+        configs: "Sequence[AnyPlanner] | AnyPlanner" = "current",
+        **arguments: Any,
+    ) -> ExploreBoundaryResult:
+        """Map where planners begin to fail over two parameters, and wait for the map (``explore_boundary``)."""
+        planners = [self._register(one) for one in _as_list(configs)]
+        given = {"scenario": str(scenario), "configs": planners, **arguments}
+        request = read_arguments(ExploreBoundaryArguments, given)
+        return self._wait_for(boundaries.explore_boundary, request)
 
     def render(self, *things: "str | Scenario | Run | Runs", **arguments: Any) -> tuple[Picture, ...]:
         """Draw pictures, animations and charts (``render``)."""

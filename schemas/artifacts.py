@@ -37,7 +37,9 @@ CostFunctionId = Literal["JB1", "SA1", "WX1", "SM1", "SM2", "SM3", "MW1", "TR1",
 class ListArtifactsArguments(Arguments):
     """Artifacts of this workspace, newest first; batches with their success rates."""
 
-    kind: Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study", "job"] | None = None
+    kind: Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study", "boundary", "job"] | None = (
+        None
+    )
     """List only artifacts of this kind."""
     parent: str | None = Field(None, description="id it was made from")
     text: str | None = Field(None, description="in ids, names and recipes")

@@ -76,7 +76,8 @@ class LogicalScenario(Model):
     ``base``: the id of a stored scenario, or the name of a road. An edit template is an edit whose values may refer to
     parameters: ``"$gap_s"`` is a parameter's value, ``"${speed_mps}m/s"`` a text that contains it. ``derived``: further
     values by name, as formulas of parameters with ``+ - * /``, parentheses and earlier derived values, or as curves.
-    ``horizon_s``: how long the encounter lasts at most. ``source``: where parameters and ranges come from.
+    ``horizon_s``: how long the encounter lasts at most. ``traffic``: reactive if edits have triggers, which then
+    respond to the planner's ego. ``source``: where the parameters come from.
     """
 
     name: str
@@ -86,6 +87,7 @@ class LogicalScenario(Model):
     derived: dict[str, str | Curve] = Field(default_factory=dict)
     edits: tuple[dict[str, Any], ...] = Field(min_length=1)
     horizon_s: float = Field(8.0, gt=0.0, le=60.0)
+    traffic: Traffic = "recorded"
     source: str = ""
 
     def parameter(self, name: str) -> Parameter:

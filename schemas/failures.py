@@ -59,7 +59,7 @@ class ProposedPoints(Model):
     points: tuple[SpacePoint, ...]
 
 
-class PointsRequest(Model):
+class SpacePointsRequest(Model):
     """Points to evaluate; ``strata``: at least those of the points; ``recorded``: the base's road users by id."""
 
     setting: EncounterSetting

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from .analysis.optimization import StudyRecord
 from .base import Arguments, Model
+from .boundaries import BoundaryRecord
 from .results import ConfigWeights
 from .runs import BatchRecord, Lineage, RunSource, ScenarioSource
 
@@ -28,6 +29,7 @@ PictureKind = Literal[
     "profile",
     "timeline",
     "search",
+    "boundary",
 ]
 
 
@@ -74,8 +76,8 @@ class RenderRequest(Model):
     """The request of the drawing operation: files, records and the folder for the pictures.
 
     ``scenarios`` are in drawing order, ``runs`` may be empty, and ``folder`` exists. ``study`` is the search that a
-    search chart shows. ``lineage`` lists edited scenarios with their originals; each original and its edits count as
-    one in every rate.
+    search chart shows, ``boundary`` the map that a boundary chart shows. ``lineage`` lists edited scenarios with their
+    originals; each original and its edits count as one in every rate.
     """
 
     kind: PictureKind
@@ -86,6 +88,7 @@ class RenderRequest(Model):
     time_s: float | None = None
     focus: int | None = Field(None, exclude_if=lambda focus: focus is None)
     study: StudyRecord | None = Field(None, exclude_if=lambda study: study is None)
+    boundary: BoundaryRecord | None = Field(None, exclude_if=lambda boundary: boundary is None)
     folder: str
 
 

@@ -126,7 +126,7 @@ def _shaped(result: Result | ImageAnswer, call: ToolCall) -> CallToolResult:
     )
 
 
-_RESULT_ID = re.compile(r"\b(?:run|batch|study)_[0-9a-f]{12}\b")
+_RESULT_ID = re.compile(r"\b(?:run|batch|study|boundary)_[0-9a-f]{12}\b")
 
 
 def _imported_in(text: str, call: ToolCall) -> list[str]:

@@ -134,6 +134,7 @@ TOOLS: tuple[ToolSpec, ...] = (
         "find_failures", "Find failures", "planners", essential=False, view="board", looks=(_SCENARIOS, _PLANNERS)
     ),
     ToolSpec("optimize_planner", "Optimise a planner", "planners", essential=False, looks=(_PLANNERS,)),
+    ToolSpec("explore_boundary", "Map a boundary", "exploration", essential=False, looks=(_PLANNERS,)),
     ToolSpec("render", "Draw", "results", read_only=True, trial=(), view="board", looks=(_ARTIFACTS,)),
     ToolSpec(
         "list_artifacts", "List artifacts", "artifacts", read_only=True, essential=False, trial=(), looks=(_ARTIFACTS,)

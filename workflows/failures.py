@@ -22,11 +22,11 @@ from ..schemas.failures import (
     FindFailuresResult,
     FoundFailure,
     PointScore,
-    PointsRequest,
     ProposalsRequest,
     SearchSpace,
     ShrinkRequest,
     ShrunkFailure,
+    SpacePointsRequest,
     SpaceRequest,
 )
 from ..schemas.modification import Edit, ModifyScenarioArguments
@@ -35,7 +35,7 @@ from ..schemas.text import counted
 from .configurations import resolve_configuration
 from .context import WorkflowContext
 from .modification import base_and_edits, modified_once
-from .operations import EVALUATE_POINTS, OPEN_SPACE, PROPOSE_POINTS, SHRINK_FAILURE
+from .operations import EVALUATE_IN_SPACE, OPEN_SPACE, PROPOSE_POINTS, SHRINK_FAILURE
 from .runs import Cell, own_versions, run_cell
 from .scenarios import one_scenario
 
@@ -160,8 +160,10 @@ class _Search:
         async def evaluate(number: int) -> None:
             named = {point.stratum for point in parts[number]}
             strata = tuple(stratum for stratum in space.strata if stratum.name in named)
-            request = PointsRequest(setting=self.setting, strata=strata, points=parts[number], recorded=space.recorded)
-            done[number] = (await self.context.services.workers.run(EVALUATE_POINTS, request)).points
+            request = SpacePointsRequest(
+                setting=self.setting, strata=strata, points=parts[number], recorded=space.recorded
+            )
+            done[number] = (await self.context.services.workers.run(EVALUATE_IN_SPACE, request)).points
 
         async with anyio.create_task_group() as tasks:
             for number in range(workers):

@@ -28,15 +28,17 @@ from ..schemas.artifacts import (
     SuccessRates,
     SuccessRequest,
 )
+from ..schemas.boundaries import DescribeLogicalRequest, DrawRoadRequest, PointsRequest, PointsResponse, RoadDrawn
 from ..schemas.catalog import BuildIndexRequest, BuildIndexResponse, RankRequest, RankResponse
+from ..schemas.exploration import LogicalScenario
 from ..schemas.failures import (
     EvaluatedPoints,
-    PointsRequest,
     ProposalsRequest,
     ProposedPoints,
     SearchSpace,
     ShrinkRequest,
     Shrunk,
+    SpacePointsRequest,
     SpaceRequest,
 )
 from ..schemas.generation import (
@@ -129,10 +131,19 @@ SENSITIVITY_EFFECTS = Operation(
 # Searches for failures
 OPEN_SPACE = Operation("plannerforge.engine.exploration:open_space", SpaceRequest, SearchSpace, timeout_s=300.0)
 PROPOSE_POINTS = Operation("plannerforge.engine.exploration:propose_points", ProposalsRequest, ProposedPoints)
-EVALUATE_POINTS = Operation(
-    "plannerforge.engine.exploration:evaluate_points", PointsRequest, EvaluatedPoints, timeout_s=600.0
+EVALUATE_IN_SPACE = Operation(
+    "plannerforge.engine.exploration:evaluate_in_space", SpacePointsRequest, EvaluatedPoints, timeout_s=600.0
 )
 SHRINK_FAILURE = Operation("plannerforge.engine.exploration:shrink_failure", ShrinkRequest, Shrunk, timeout_s=600.0)
+
+# Explorations
+READ_LOGICAL_SCENARIO = Operation(
+    "plannerforge.engine.exploration:read_logical_scenario", DescribeLogicalRequest, LogicalScenario
+)
+DRAW_ROAD = Operation("plannerforge.engine.exploration:draw_road", DrawRoadRequest, RoadDrawn)
+EVALUATE_POINTS = Operation(
+    "plannerforge.engine.exploration:evaluate_points", PointsRequest, PointsResponse, timeout_s=600.0, reads=("xml",)
+)
 
 # Pictures and pages
 RENDER = Operation("plannerforge.engine.rendering:render", RenderRequest, Rendered, timeout_s=50.0)

@@ -12,6 +12,7 @@ from ..engine.planners import planner_version
 from ..engine.rendering import filled_page
 from ..engine.workspace import VIEWED_KINDS, Artifact, versions_of, write_whole
 from ..schemas.analysis.optimization import StudyRecord
+from ..schemas.boundaries import BoundaryRecord
 from ..schemas.errors import Faults, InvalidRequest, PlannerForgeError, UnknownName
 from ..schemas.planning import PlannerConfiguration, Replayed, ReplayRequest, RunRequest
 from ..schemas.rendering import (
@@ -59,15 +60,16 @@ class Drawing:
 
 
 async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawing:
-    """Draw scenarios, runs, batches or a study.
+    """Draw scenarios, runs, batches, a study or a map of a boundary.
 
     Raises:
         UnknownName: an unknown id.
         InvalidRequest: an artifact that cannot be drawn.
         NotPossible: the kind of picture needs data that these artifacts do not have.
     """
-    study = _study(arguments.ids, context)
-    scenario_ids, run_ids, viewed = ([], [], ()) if study is not None else _resolved_ids(arguments.ids, context)
+    study, boundary = _study(arguments.ids, context), _boundary(arguments.ids, context)
+    alone = study is not None or boundary is not None
+    scenario_ids, run_ids, viewed = ([], [], ()) if alone else _resolved_ids(arguments.ids, context)
     made = await draw(
         context,
         arguments.kind,
@@ -76,6 +78,7 @@ async def render(arguments: RenderArguments, context: WorkflowContext) -> Drawin
         time_s=arguments.time_s,
         focus=arguments.focus,
         study=study,
+        boundary=boundary,
     )
     return Drawing(made, viewed)
 
@@ -86,6 +89,14 @@ def _study(words: list[str], context: WorkflowContext) -> StudyRecord | None:
     if len(words) > 1 or not word.startswith("study_"):
         return None
     return context.workspace.get(word, "study").read(StudyRecord)
+
+
+def _boundary(words: list[str], context: WorkflowContext) -> BoundaryRecord | None:
+    """Return the map to draw, or None if the words refer to something else."""
+    word = words[0].strip()
+    if len(words) > 1 or not word.startswith("boundary_"):
+        return None
+    return context.workspace.get(word, "boundary").read(BoundaryRecord)
 
 
 def _resolved_ids(words: list[str], context: WorkflowContext) -> tuple[list[str], list[str], tuple[str, ...]]:
@@ -142,8 +153,9 @@ async def draw(
     time_s: float | None = None,
     focus: int | None = None,
     study: StudyRecord | None = None,
+    boundary: BoundaryRecord | None = None,
 ) -> Rendered:
-    """Draw scenarios and runs, or a study, into the workspace's pictures, named after their content.
+    """Draw scenarios and runs, a study or a boundary into the workspace's pictures, named after their content.
 
     Raises:
         NotPossible: the kind needs missing data.
@@ -160,6 +172,7 @@ async def draw(
         time_s=time_s,
         focus=focus,
         study=study,
+        boundary=boundary,
         folder="",
     )
     note = context.workspace.root / FOLDER / f"{_digest(request)}.json"

@@ -67,16 +67,23 @@ _ONCOMING_RAD = math.radians(120.0)
 
 
 def prescribed(
-    scene: Scene, changes: Changes, vehicle_id: int, part: ScriptPart, *, dodges: bool = False
+    scene: Scene,
+    changes: Changes,
+    vehicle_id: int,
+    part: ScriptPart,
+    *,
+    dodges: bool = False,
+    motion: "tuple[Track, tuple[Act, ...]] | None" = None,
 ) -> tuple[Changes, Track, Track]:
     """Return the changes with a vehicle's motion as prescribed by acts, and its tracks before and after.
 
-    ``dodges``: whether it brakes in reactive traffic before it would hit the ego.
+    ``dodges``: whether it brakes in reactive traffic before it would hit the ego. ``motion``: its ``motion_of``, if the
+    caller knows it.
 
     Raises:
         NotPossible: the vehicle cannot be driven, was rerouted by an earlier edit, or has no motion left.
     """
-    base, earlier = motion_of(scene, changes, vehicle_id)
+    base, earlier = motion or motion_of(scene, changes, vehicle_id)
     ahead = beyond(scene, base)
     track = scripted_track(base, (*earlier, *part.acts), ahead, scene.last_step, scene.step_s)
     if track is None:
@@ -285,7 +292,8 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
         )
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
-        base, _ = motion_of(scene, changes, vehicle_id)
+        motion = motion_of(scene, changes, vehicle_id)
+        base = motion[0]
         step, trigger = _begin_of(edit, scene, changes, base)
         now_mps = float(base.speeds_mps[step - base.first_step])
         wanted = wanted_speed(edit.speed or "", now_mps)
@@ -293,7 +301,7 @@ def scripted_speed(edit: Edit, scene: Scene, changes: Changes, vehicles: Iterabl
             wanted, class_of(base.kind).maximum_speed_mps, f"a {base.kind} cannot drive {edit.speed}", "go slower"
         )
         part = ScriptPart(step, (SpeedAct(step, wanted, rate),), trigger)
-        changes, _, track = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
+        changes, _, track = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, wanted, track
 
     def measured(edited: EditedScene) -> tuple[Achieved, ...]:
@@ -356,11 +364,12 @@ def scripted_lane_change(edit: Edit, scene: Scene, changes: Changes, vehicles: I
     vehicles, duration_s = tuple(vehicles), CUT_IN_S if edit.lateral_s is None else edit.lateral_s
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
-        base, _ = motion_of(scene, changes, vehicle_id)
+        motion = motion_of(scene, changes, vehicle_id)
+        base = motion[0]
         step, trigger = _begin_of(edit, scene, changes, base)
         aside_m = _aside_to_lane(scene, base, step, str(edit.lane))
         part = ScriptPart(step, (LateralAct(step, aside_m, duration_s),), trigger)
-        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
+        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
     when = _since(edit, made, scene.step_s)
     what = f"{named_vehicles(vehicles)} moved one lane to the {edit.lane} within {duration_s:g} s{when}, prescribed"
@@ -422,12 +431,13 @@ def swerve(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     hold_s = _SWERVE_HOLD_S if edit.duration_s is None else edit.duration_s
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
-        base, _ = motion_of(scene, changes, vehicle_id)
+        motion = motion_of(scene, changes, vehicle_id)
+        base = motion[0]
         step, trigger = _begin_of(edit, scene, changes, base)
         back = step + round((duration_s + hold_s) / scene.step_s)
         acts = LateralAct(step, aside_m, duration_s), LateralAct(back, -aside_m, duration_s)
         part = ScriptPart(step, acts, trigger)
-        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
+        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
     side = "right" if edit.side == "right" else "left"
     when = _since(edit, made, scene.step_s)
@@ -668,11 +678,12 @@ def _sent_wrong_way(edit: Edit, scene: Scene, changes: Changes) -> EditStep:
     vehicles, duration_s = select(edit.vehicles, scene, changes), edit.lateral_s or CUT_IN_S
     made: dict[int, tuple[int, float, Track]] = {}
     for vehicle_id in vehicles:
-        base, _ = motion_of(scene, changes, vehicle_id)
+        motion = motion_of(scene, changes, vehicle_id)
+        base = motion[0]
         step, trigger = _begin_of(edit, scene, changes, base)
         aside_m = _aside_to_oncoming(scene, base, step)
         part = ScriptPart(step, (LateralAct(step, aside_m, duration_s),), trigger)
-        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge))
+        changes, before, _ = prescribed(scene, changes, vehicle_id, part, dodges=bool(edit.dodge), motion=motion)
         made[vehicle_id] = step, aside_m, before
     when = _since(edit, made, scene.step_s)
     what = f"{named_vehicles(vehicles)} moves to the oncoming lane within {duration_s:g} s{when} and stays there"

@@ -19,7 +19,7 @@ from ...schemas.errors import InvalidRequest
 from ...schemas.exploration import AvoidingDriver, EncounterSetting, Evaluation
 from ...schemas.modification import Edit, EditOperation, ModificationRequest
 from ...schemas.reviews import Contact, DriverModelName
-from ...schemas.runs import RunRecord, RunSteps
+from ...schemas.runs import RunRecord
 from ..analysis import contact_in, driven_tracks, drivers_that_avoid
 from ..commonroad import LoadedScenario, Track, kept_recording, static_tracks
 from ..criticality import encounters, gaps_m, times_to_collision_s
@@ -51,8 +51,10 @@ _OVER_S, _LOOKED_AT_S = 1.0, 0.2
 """The encounter is over if it looked like that for the first time, at intervals of the second (chosen)."""
 _BEHIND_M = 2.0
 """The least gap behind the ego to a road user that it has passed (chosen)."""
-_FROM_BEHIND = ("rear_end_by_other", "onto_standing_ego")
-"""Contacts in which another road user drives into the ego: recorded and prescribed ones do not brake for it."""
+_INTO_EGO = ("rear_end_by_other", "onto_standing_ego")
+"""Contacts in which another drives into the ego; if from behind, it is not the ego's failure, because recorded and
+prescribed road users do not brake.
+"""
 _RECORDED = "recorded"
 
 
@@ -354,13 +356,13 @@ class _Judged:
     def _contact(self) -> Contact | None:
         """Return how the collision came about, from the same data as the review of a stored run."""
         loaded, setting, steps = self.point.loaded, self.setting, run_steps(self.run)
-        record = self._record(steps)
+        record = self._record()
         last = steps.first_step + len(steps.x_m)
         tracks = static_tracks(loaded.scenario, last) | loaded.tracks | driven_tracks(steps)
         predict = predictor(setting.prediction, loaded.scenario.lanelet_network)
         return contact_in(record, steps, tracks, predict, lane_line(loaded.scenario, self.problem, self.vehicle))
 
-    def _record(self, steps: RunSteps) -> RunRecord:
+    def _record(self) -> RunRecord:
         """Return the record of the run, as far as the review of a collision needs it."""
         setting, verdict = self.setting, self.run.final
         return RunRecord(
@@ -408,7 +410,7 @@ def _is_avoidable(contact: Contact) -> bool:
 
     If the ego cut in, drivers on the path that it drove come too late, so only those that keep its lane count.
     """
-    if contact.prevention is None or contact.kind in _FROM_BEHIND:
+    if contact.prevention is None or (contact.kind in _INTO_EGO and contact.ego_side == "rear"):
         return False
     if contact.kind == "cut_in_by_ego":
         return any(contact.prevention.prevented_by(name, "start") for name in _CAREFUL)

@@ -16,13 +16,13 @@ from ...schemas.failures import (
     EvaluatedPoint,
     EvaluatedPoints,
     PointScore,
-    PointsRequest,
     ProposalsRequest,
     ProposedPoints,
     SearchSpace,
     ShrinkRequest,
     Shrunk,
     SpacePoint,
+    SpacePointsRequest,
     SpaceRequest,
 )
 from ...schemas.modification import Edit
@@ -95,7 +95,7 @@ def propose_points(request: ProposalsRequest, report: ProgressReporter) -> Propo
     return ProposedPoints(points=tuple(SpacePoint(stratum=one.stratum, shares=one.values) for one in points))
 
 
-def evaluate_points(request: PointsRequest, report: ProgressReporter) -> EvaluatedPoints:
+def evaluate_in_space(request: SpacePointsRequest, report: ProgressReporter) -> EvaluatedPoints:
     """Return how the planner fares at points."""
     strata = {stratum.name: stratum for stratum in request.strata}
     done = []

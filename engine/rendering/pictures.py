@@ -13,6 +13,7 @@ from ..analysis import RunSet, review_runs
 from ..commonroad import kept_recording
 from ..execution import ProgressReporter, silent
 from .animation import Moment, animate
+from .boundary_chart import boundary_chart
 from .canvas import Drawing, image_at, write_png
 from .charts import CHARTS
 from .content import DrivenPath, ScenarioContent, ScenarioView, content_of, driven_path, short_names
@@ -35,6 +36,8 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
     kind = request.kind
     if kind == "auto" and request.study is not None:
         kind = "search"
+    elif kind == "auto" and request.boundary is not None:
+        kind = "boundary"
     elif kind == "auto":
         kind = "outcomes" if len({source.record.scenario_id for source in request.runs}) > 1 else "picture"
     _check_look(request, kind)
@@ -54,6 +57,8 @@ def render(request: RenderRequest, report: ProgressReporter) -> Rendered:
             drawing = draw_picture(views)
         elif kind == "search":
             drawing = _search(request)
+        elif kind == "boundary":
+            drawing = _boundary(request)
         elif request.runs:
             drawing = CHARTS[kind](RunSet(request.runs, request.configs, request.scenarios, request.lineage))
         else:
@@ -98,6 +103,16 @@ def _search(request: RenderRequest) -> Drawing:
             remedies=[with_values(kind=None)],
         )
     return study_chart(request.study)
+
+
+def _boundary(request: RenderRequest) -> Drawing:
+    if request.boundary is None:
+        raise NotPossible(
+            "kind boundary shows an exploration, but ids contains no boundary",
+            next_step="pass the id that explore_boundary gave",
+            remedies=[with_values(kind=None)],
+        )
+    return boundary_chart(request.boundary)
 
 
 _DECIDING_GAP_M = 5.0

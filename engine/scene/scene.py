@@ -79,7 +79,8 @@ class Scene:
     lanes and paths through junctions; ``matcher``, for queries by position; ``tracks``, recorded vehicles with a
     trajectory, by id; ``standing``, static obstacles as tracks of one pose; ``regions``, dynamic obstacles without a
     trajectory as bounding tracks, which block all others; ``matches``, the lanelets of each moving or standing track
-    that is near any; ``last_step``, the recording's last step; ``ego``, the start of the planning problem (None if
+    that is near any; ``last_step``, the recording's last step (without
+    moving road users, the last step of the goal); ``ego``, the start of the planning problem (None if
     there is no problem).
 
     Computed on first use and cached: the graphs (``lanelet_graph``, ``driven_graph``, ``edge_graph``), the speeds of
@@ -109,7 +110,7 @@ class Scene:
         layout = NetLayout.of(network)
         matcher = MapMatcher.of(layout, network)
         tracks = loaded.tracks
-        last = last_recorded_step(loaded.scenario)
+        last = last_recorded_step(loaded.scenario) or _last_goal_step(loaded)
         standing = static_tracks(loaded.scenario, last)
         matches = matcher.match_all(tracks | standing)
         ego, regions = _ego(loaded, matcher, problem_id), _regions(loaded, matcher)
@@ -208,6 +209,13 @@ class Scene:
     def sumo_net(self) -> str:
         """The XML text of SUMO's network for the lanelets."""
         return sumo_net(self.layout, self.driven_speeds_mps, self.signals)
+
+
+def _last_goal_step(loaded: LoadedScenario) -> int:
+    """Return the last step of any goal: a scenario without moving road users lasts until then; 0 without a goal."""
+    problems = loaded.planning_problems.planning_problem_dict.values()
+    steps = [getattr(state, "time_step", 0) for problem in problems for state in problem.goal.state_list]
+    return max((int(getattr(step, "end", step)) for step in steps), default=0)
 
 
 def _ego(loaded: LoadedScenario, matcher: MapMatcher, problem_id: int | None) -> Ego | None:

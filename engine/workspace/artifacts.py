@@ -26,7 +26,7 @@ from ...schemas.text import cited
 from .database import Database, make_private, still_runs, stored_json
 from .recipe import Recipe
 
-ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study"]
+ArtifactKind = Literal["scenario", "search", "config", "run", "batch", "map", "plan", "study", "boundary"]
 ARTIFACT_KINDS: tuple[str, ...] = get_args(ArtifactKind)
 VIEWED_KINDS: tuple[ArtifactKind, ...] = ("scenario", "run", "batch")
 """The kinds with a view: player or board."""
@@ -42,6 +42,7 @@ _MAKERS: dict[ArtifactKind, str] = {
     "map": "call describe_catalog with facet maps",
     "plan": "call generate_scenarios with cover",
     "study": "call optimize_planner",
+    "boundary": "call explore_boundary",
 }
 """The call that creates an artifact of each kind, for the next step of a refusal."""
 _OWN_FOLDERS = frozenset(

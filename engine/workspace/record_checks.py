@@ -1,8 +1,8 @@
 """Checks that a stored artifact matches its record, its recipe and its files, in archives and workspaces.
 
-An id identifies content. The id of a run, batch, search, plan, study or map is the digest of its recipe, that of a
-configuration the digest of its weights, and a scenario's record has the digest of its file. Mismatches are rejected.
-Whether a run really happened as recorded is not verifiable, so runs of an archive are marked as imported
+An id identifies content. The id of a run, batch, search, plan, study, map or boundary is the digest of its recipe,
+that of a configuration the digest of its weights, and a scenario's record has the digest of its file. Mismatches are
+rejected. Whether a run really happened as recorded is not verifiable, so runs of an archive are marked as imported
 (:meth:`Workspace.mark_imported`).
 """
 
@@ -18,7 +18,7 @@ from ...schemas.text import cited, one_line, printable, shown_name
 from .artifacts import ArtifactKind
 from .recipe import Recipe, content_digest
 
-_FROM_RECIPE: tuple[ArtifactKind, ...] = ("run", "batch", "search", "plan", "study", "map")
+_FROM_RECIPE: tuple[ArtifactKind, ...] = ("run", "batch", "search", "plan", "study", "map", "boundary")
 """Kinds with ids of the form ``kind_digest``."""
 _TEXTS_ON_ONE_LINE: tuple[ArtifactKind, ...] = ("run", "batch", "map", "scenario", "config")
 """Kinds of records with texts from files and programs, or with our own sentences, which are all on one line."""
@@ -31,6 +31,7 @@ _LONGEST_RECORD_TEXT = LONGEST_PATH
 def record_type(kind: ArtifactKind) -> type[Model]:
     """Return the model that the record of an artifact of this kind must satisfy."""
     from ...schemas.analysis.optimization import StudyRecord
+    from ...schemas.boundaries import BoundaryRecord
     from ...schemas.catalog import SearchRecord
     from ...schemas.generation import MapFacts, PlanRecord
     from ...schemas.planning import PlannerConfiguration
@@ -46,6 +47,7 @@ def record_type(kind: ArtifactKind) -> type[Model]:
         "map": MapFacts,
         "plan": PlanRecord,
         "study": StudyRecord,
+        "boundary": BoundaryRecord,
     }
     return types[kind]
 

@@ -41,6 +41,10 @@ CALLS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("list_artifacts", {"kind": "config"}),
     ("find_failures", {"config": "keep_lane", "runs": 8}),
     ("optimize_planner", {"scenarios": ["preset:3"], "base": "idm", "vary": ["time_headway_s"], "max_trials": 5}),
+    (
+        "explore_boundary",
+        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 40, "references": False, "wait_s": 50},
+    ),
     ("cancel_job", {"job_id": "latest"}),
 )
 

@@ -42,6 +42,10 @@ MAKING: tuple[tuple[str, dict[str, Any]], ...] = (
             "wait_s": 50,
         },
     ),
+    (
+        "explore_boundary",
+        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False, "seed": 5, "wait_s": 50},
+    ),
 )
 MAKES_NOTHING_TO_LINK = {"cancel_job", "export_artifacts"}
 """The one stops what is being made, the other copies what is there."""

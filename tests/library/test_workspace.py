@@ -31,6 +31,7 @@ METHODS = {
     "compare_results": "compare",
     "find_failures": "find_failures",
     "optimize_planner": "optimise",
+    "explore_boundary": "explore_boundary",
     "render": "render",
     "list_artifacts": "artifacts",
     "export_artifacts": "export",

@@ -261,6 +261,20 @@ CASES: dict[str, Case] = {
             Bad({"pareto": True, "method": "cmaes", "objective": ["success", "time"]}, ("front", "pareto=false")),
         ),
     ),
+    "explore_boundary": Case(
+        {"scenario": "cut_in", "configs": ["keep_lane"], "points": 30, "references": False},
+        (
+            Bad({"scenario": "cut_inn"}, ("cut_inn", "cut_in")),
+            Bad({"scenario": "cut_in", "over": ["gap=1..2"]}, ("'gap'", "gap_m")),
+            Bad({"scenario": "cut_in", "over": ["gap_m=9..3"]}, ("gap_m",)),
+            Bad(
+                {"scenario": "cut_in", "over": ["gap_m=5", "closing_mps=2", "lateral_mps=1"]},
+                ("two parameters", "gap_m=4..60"),
+            ),
+            Bad({"configs": ["frenetiks"]}, ("frenetiks", "frenetix")),
+            Bad({"base": "DEU_Nowhere-1_1_T-1"}, ("DEU_Nowhere-1_1_T-1",)),
+        ),
+    ),
     "compare_results": Case(
         {"results": ["<batch>"]},
         (

@@ -1,0 +1,332 @@
+"""Adaptive refinement of the edges between classes over two parameters.
+
+The search knows nothing of driving: points of a square lattice have labels, and the search asks for the points that it
+needs. It starts with a coarse grid and splits cells whose corners have different labels into four. Once they are small,
+it bisects their sides between points of different labels, since an edge is nearly straight inside a small cell; then it
+splits them again. At last it checks some cells that seem uniform by their centres, because a small island may lie
+between the corners. The sequence depends only on labels and seed, so an interrupted search continues from the labels
+that it has.
+"""
+
+import random
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from statistics import NormalDist
+
+Place = tuple[int, int]
+"""A point of the lattice."""
+
+START, LEVELS = 4, 4
+"""Cells along each side of the first grid, and how often a cell may be halved: 64 cells along a side (chosen)."""
+SIZE = START * 2**LEVELS
+"""Cells of the finest lattice along each side."""
+_BISECTED = SIZE // 8
+"""Cells of this size are small enough to bisect their sides (chosen): an eighth of a range."""
+_CHECKED_SHARE = 0.1
+"""Share of the points with which uniform cells are checked (chosen)."""
+_CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A square cell of the lattice: its lower corner and its size."""
+
+    low: Place
+    size: int
+
+    @property
+    def corners(self) -> tuple[Place, ...]:
+        """The four corners."""
+        (x, y), size = self.low, self.size
+        return ((x, y), (x + size, y), (x, y + size), (x + size, y + size))
+
+    @property
+    def center(self) -> Place:
+        """The centre; a cell of size 1 has none on the lattice."""
+        return self.low[0] + self.size // 2, self.low[1] + self.size // 2
+
+    @property
+    def area(self) -> float:
+        """The share of the whole square."""
+        return (self.size / SIZE) ** 2
+
+    def halves(self) -> tuple["Cell", ...]:
+        """Return the four cells that it splits into."""
+        half = self.size // 2
+        return tuple(Cell((self.low[0] + dx, self.low[1] + dy), half) for dx in (0, half) for dy in (0, half))
+
+
+@dataclass
+class BoundarySearch:
+    """A search for the edges between labels: ask for points, tell their labels, until ``ask`` returns no points.
+
+    ``budget``: the most points. ``ranks``: how much an edge matters, by its pair of labels (sorted); lower is refined
+    first, 1 without an entry. ``seed``: chooses which uniform cells are checked.
+    """
+
+    budget: int
+    ranks: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    seed: int = 0
+    labels: dict[Place, str] = field(default_factory=dict)
+    _cells: list[Cell] = field(default_factory=list)
+    _checked: dict[Cell, bool] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Begin with the coarse grid."""
+        step = SIZE // START
+        self._cells = [Cell((x * step, y * step), step) for x in range(START) for y in range(START)]
+        self._random = random.Random(self.seed)  # noqa: S311 - a choice of cells, no secret
+
+    def ask(self) -> tuple[Place, ...]:
+        """Return the next points without labels; empty if the search has ended."""
+        left = self.budget - len(self.labels)
+        missing = self._missing(self._cells)
+        if missing or left <= 0:
+            return missing[: max(left, 0)]
+        reserve = round(self.budget * _CHECKED_SHARE) - len(self._checked)
+        smallest = _BISECTED
+        while smallest >= 1 and left > reserve:
+            found = self._halved_cells(smallest, left - reserve) or self._bisected(smallest, left - reserve)
+            if found:
+                return found
+            smallest //= 2
+        return self._next_check(min(left, reserve))
+
+    def tell(self, labels: Mapping[Place, str]) -> None:
+        """Set the labels of points."""
+        self.labels.update(labels)
+        for cell, was_uniform in list(self._checked.items()):
+            if was_uniform and cell.center in self.labels:
+                self._checked[cell] = self.labels[cell.center] == self.labels[cell.low]
+
+    def _missing(self, cells: Iterable[Cell]) -> tuple[Place, ...]:
+        places = dict.fromkeys(place for cell in cells for place in cell.corners)
+        return tuple(place for place in places if place not in self.labels)
+
+    def _halved_cells(self, smallest: int, most: int) -> tuple[Place, ...]:
+        """Split the largest mixed cells above a size; return the points that they need, at most so many."""
+        while True:
+            mixed = [cell for cell in self._cells if cell.size > smallest and self._is_mixed(cell)]
+            if not mixed:
+                return ()
+            largest = max(cell.size for cell in mixed)
+            wanted, split = dict[Place, None](), False
+            for cell in sorted((one for one in mixed if one.size == largest), key=self._rank):
+                more = dict.fromkeys(self._missing(cell.halves()))
+                if len(wanted | more) > most:
+                    continue
+                place = self._cells.index(cell)
+                self._cells[place : place + 1] = cell.halves()
+                wanted, split = wanted | more, True
+            if wanted or not split:
+                return tuple(wanted)
+
+    def _bisected(self, smallest: int, most: int) -> tuple[Place, ...]:
+        """Return the middles of the longest stretches of sides between points of different labels."""
+        gaps: dict[Place, tuple[int, int]] = {}
+        for cell in self._cells:
+            if cell.size > smallest or not self._is_mixed(cell):
+                continue
+            for side in self.known_sides(cell):
+                for one, other in pairwise(side):
+                    length = abs(one[0] - other[0]) + abs(one[1] - other[1])
+                    if length > 1 and self.labels[one] != self.labels[other]:
+                        middle = (one[0] + other[0]) // 2, (one[1] + other[1]) // 2
+                        pair = sorted((self.labels[one], self.labels[other]))
+                        gaps[middle] = -length, self.ranks.get((pair[0], pair[1]), 1)
+        order = sorted(gaps, key=lambda place: (gaps[place], place))
+        first = gaps[order[0]][0] if order else 0
+        return tuple(place for place in order if gaps[place][0] == first)[:most]
+
+    def known_sides(self, cell: Cell) -> tuple[tuple[Place, ...], ...]:
+        """Return the points with labels on each side of a cell, from corner to corner."""
+        (x, y), size = cell.low, cell.size
+        steps = range(size + 1)
+        sides = (
+            [(x + step, y) for step in steps],
+            [(x + size, y + step) for step in steps],
+            [(x + size - step, y + size) for step in steps],
+            [(x, y + size - step) for step in steps],
+        )
+        return tuple(tuple(place for place in side if place in self.labels) for side in sides)
+
+    def _next_check(self, most: int) -> tuple[Place, ...]:
+        """Return the centres of some uniform cells, chosen by their area."""
+        cells = [cell for cell in self._cells if cell.size > 1 and not self._is_mixed(cell)]
+        cells = [cell for cell in cells if cell not in self._checked]
+        if most <= 0 or not cells:
+            return ()
+        weights = [cell.area for cell in cells]
+        chosen = dict.fromkeys(self._random.choices(cells, weights=weights, k=min(most, START)))
+        self._checked |= {cell: self.labels_of(cell) == {self.labels.get(cell.center)} for cell in chosen}
+        fresh = tuple(cell.center for cell in chosen if cell.center not in self.labels)
+        self._checked |= dict.fromkeys((cell for cell in chosen if cell.center in fresh), True)
+        return fresh or self._next_check(most)
+
+    def labels_of(self, cell: Cell) -> set[str]:
+        """Return the labels of a cell's corners and centre."""
+        places = (*cell.corners, cell.center)
+        return {self.labels[place] for place in places if place in self.labels}
+
+    def _is_mixed(self, cell: Cell) -> bool:
+        return len(self.labels_of(cell)) > 1
+
+    def _rank(self, cell: Cell) -> int:
+        """Return the rank of the most important edge in a cell."""
+        found = sorted(self.labels_of(cell))
+        pairs = ((one, other) for at, one in enumerate(found) for other in found[at + 1 :])
+        return min((self.ranks.get(pair, 1) for pair in pairs), default=1)
+
+    @property
+    def cells(self) -> tuple[Cell, ...]:
+        """The cells so far."""
+        return tuple(self._cells)
+
+    @property
+    def checks(self) -> tuple[int, int]:
+        """How many uniform cells were checked by their centres, and how many of them were not uniform."""
+        return len(self._checked), sum(not uniform for uniform in self._checked.values())
+
+
+@dataclass(frozen=True)
+class Area:
+    """The share of the square with a label, and its bounds.
+
+    Inside a mixed cell, the edge is a chord between its crossings of the sides; if the edge is monotonic there, the
+    area differs from the chord's by at most half of the rectangle around the chord. A cell that is crossed otherwise
+    counts whole or not at all. The upper bound also contains what uniform cells of other labels may hide: their area
+    times the upper end of a 95 % Wilson interval of the share of checked cells that were not uniform.
+    """
+
+    share: float
+    low: float
+    high: float
+
+
+def area_of(label: str, search: BoundarySearch) -> Area:
+    """Return the area of a label; cells without any known point may belong to it."""
+    share = low = high = hidden = 0.0
+    for cell in search.cells:
+        known = {search.labels[place] for place in (*cell.corners, cell.center) if place in search.labels}
+        if label not in known:
+            if known:
+                hidden += cell.area if len(known) == 1 else 0.0
+            else:
+                high += cell.area
+            continue
+        own = cell.area * _share_in(label, cell, search)
+        chord = _chord(cell, search)
+        spread = cell.area if len(known) > 1 else 0.0
+        if chord is not None:
+            (x1, y1), (x2, y2) = chord
+            spread = abs((x2 - x1) * (y2 - y1)) / SIZE**2 / 2 + cell.size / SIZE**2
+        share += own
+        low += max(own - spread, 0.0)
+        high += min(own + spread, cell.area)
+    checked, odd = search.checks
+    unseen = hidden * _upper_share(odd, checked) if checked else hidden
+    return Area(share, low, min(high + unseen, 1.0))
+
+
+_SAMPLES = 8
+"""A mixed cell's area is measured on so many points along each side (chosen)."""
+
+
+def _share_in(label: str, cell: Cell, search: BoundarySearch) -> float:
+    if len({search.labels.get(place) for place in (*cell.corners, cell.center)} - {None}) == 1:
+        return 1.0
+    steps = [(index + 0.5) / _SAMPLES * cell.size for index in range(_SAMPLES)]
+    found = [_label_in(cell, (cell.low[0] + x, cell.low[1] + y), search) for x in steps for y in steps]
+    return found.count(label) / len(found)
+
+
+_Spot = tuple[float, float]
+
+
+def _chord(cell: Cell, search: BoundarySearch) -> tuple[_Spot, _Spot] | None:
+    """Return the two places where the edge between two labels crosses the sides of a cell; None if it is otherwise."""
+    around = [place for side in search.known_sides(cell) for place in side[:-1]]
+    labels = [search.labels[place] for place in around]
+    if len(around) < len(cell.corners) or len(set(labels)) != 2:
+        return None
+    crossed = [index for index in range(len(around)) if labels[index] != labels[index - 1]]
+    if len(crossed) != 2:
+        return None
+    spots = [
+        ((around[index][0] + around[index - 1][0]) / 2, (around[index][1] + around[index - 1][1]) / 2)
+        for index in crossed
+    ]
+    return spots[0], spots[1]
+
+
+def _label_in(cell: Cell, place: _Spot, search: BoundarySearch) -> str | None:
+    """Return the label at a place inside a cell: by the chord if there is one, else of the nearest known point."""
+    sides = search.known_sides(cell)
+    around = [one for side in sides for one in side]
+    center = [cell.center] if cell.size > 1 and cell.center in search.labels else []
+    chord = _chord(cell, search)
+    if chord is not None and not center:
+        own = _side_of(chord, place)
+        same = [one for one in around if _side_of(chord, one) * own > 0]
+        return _nearest(place, same or around, search.labels)
+    return _nearest(place, [*around, *center], search.labels)
+
+
+def _side_of(chord: tuple[_Spot, _Spot], place: _Spot) -> float:
+    (x1, y1), (x2, y2) = chord
+    return (x2 - x1) * (place[1] - y1) - (y2 - y1) * (place[0] - x1)
+
+
+def _upper_share(count: int, of: int) -> float:
+    """Return the upper end of the Wilson interval of a share."""
+    z = NormalDist().inv_cdf(0.5 + _CONFIDENCE / 2)
+    share = count / of
+    middle, spread = share + z * z / (2 * of), z * ((share * (1 - share) + z * z / (4 * of)) / of) ** 0.5
+    return (middle + spread) / (1 + z * z / of)
+
+
+def label_at(x: float, y: float, search: BoundarySearch) -> str | None:
+    """Return the label of a point with coordinates from 0 to 1; None if nothing is known about its cell."""
+    place = x * SIZE, y * SIZE
+    for cell in search.cells:
+        if all(low <= at <= low + cell.size for low, at in zip(cell.low, place, strict=True)):
+            return _label_in(cell, place, search)
+    return None
+
+
+def _nearest(place: tuple[float, float], known: Sequence[Place], labels: Mapping[Place, str]) -> str | None:
+    there = [one for one in known if one in labels]
+    best = min(there, key=lambda one: ((one[0] - place[0]) ** 2 + (one[1] - place[1]) ** 2, one), default=None)
+    return None if best is None else labels[best]
+
+
+def counts_of(search: BoundarySearch) -> dict[str, int]:
+    """Return the number of points of each label."""
+    return dict(Counter(search.labels.values()))
+
+
+def labels_on(
+    labels: Mapping[Place, str], cells: Iterable[tuple[int, int, int]], pixels: int
+) -> list[list[str | None]]:
+    """Return the labels at the centres of pixels × pixels squares, rows upwards, of a map that was searched before.
+
+    Args:
+        labels: the labels of its points.
+        cells: lower corner and size of each of its cells.
+        pixels: squares along each side.
+    """
+    search = BoundarySearch(0, labels=dict(labels))
+    found: list[list[str | None]] = [[None] * pixels for _ in range(pixels)]
+    for x, y, size in cells:
+        cell = Cell((x, y), size)
+        known = search.labels_of(cell)
+        begin, end = x * pixels // SIZE, (x + size) * pixels // SIZE
+        low, high = y * pixels // SIZE, (y + size) * pixels // SIZE
+        only = next(iter(known)) if len(known) == 1 else None
+        for row in range(low, high):
+            for column in range(begin, end):
+                place = (column + 0.5) * SIZE / pixels, (row + 0.5) * SIZE / pixels
+                found[row][column] = only if only is not None or not known else _label_in(cell, place, search)
+    return found

@@ -1,0 +1,307 @@
+"""Roads for logical scenarios: CommonRoad files with a road and an ego, but without other road users.
+
+The roads are drawn from numbers here, so that a file has the same bytes wherever it is written. Widths are those of
+German guidelines: 3.5 m for lanes of rural roads and of the main carriageways of motorways with reduced cross-section
+(RAL 2012, RQ 11; RAA 2008, RQ 28), which also fits towns. x leads east, y north; lengths are in m.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...schemas.errors import UnknownName, closest
+
+LANE_M = 3.5
+_POINT_EVERY_M = 25.0
+"""Distance between points of straight lanelets (chosen); curves have one per metre."""
+_STEP_S = 0.1
+_LAST_STEP = 200
+"""A road's scenario lasts 20 s, longer than any horizon of the catalogue."""
+_Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class _Lane:
+    """A lanelet along a centre line. ``left`` and ``right``: the neighbour's id and whether it leads the same way."""
+
+    key: int
+    center: tuple[_Point, ...]
+    successors: tuple[int, ...] = ()
+    predecessors: tuple[int, ...] = ()
+    left: tuple[int, bool] | None = None
+    right: tuple[int, bool] | None = None
+    light: int | None = None
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """A goal region (centre, length, width, heading) and its time steps."""
+
+    center: _Point
+    size: tuple[float, float]
+    heading_rad: float
+    steps: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class _Road:
+    """A road with an ego (x, y, heading, speed). Without a goal region, the ego drives on until the scenario ends."""
+
+    name: str
+    summary: str
+    lanes: tuple[_Lane, ...]
+    ego: tuple[float, float, float, float]
+    goal: _Goal | None = None
+    lights: Mapping[int, str] = field(default_factory=dict)
+
+    def xml(self) -> str:
+        """Return the file's text (format 2020a)."""
+        name = "".join(word.capitalize() for word in self.name.split("_"))
+        lines = [
+            "<?xml version='1.0' encoding='UTF-8'?>",
+            f'<commonRoad timeStepSize="{_STEP_S}" commonRoadVersion="2020a" benchmarkID="ZAM_{name}-1_1_T-1"',
+            '  author="PlannerForge" affiliation="" source="drawn" date="2026-01-01">',
+            "  <location><geoNameId>-999</geoNameId><gpsLatitude>999</gpsLatitude>",
+            "  <gpsLongitude>999</gpsLongitude></location>",
+            "  <scenarioTags><simulated/></scenarioTags>",
+            *(_lanelet(lane) for lane in self.lanes),
+            *(_light(key, colour, self._end_before(key)) for key, colour in self.lights.items()),
+            self._problem(),
+            "</commonRoad>",
+            "",
+        ]
+        return "\n".join(lines)
+
+    def _end_before(self, light: int) -> _Point:
+        return next(lane.center[-1] for lane in self.lanes if lane.light == light)
+
+    def _problem(self) -> str:
+        x, y, heading, speed = self.ego
+        goal, steps = "", (_LAST_STEP, _LAST_STEP)
+        if self.goal is not None:
+            (gx, gy), (length, width), turned = self.goal.center, self.goal.size, self.goal.heading_rad
+            steps = self.goal.steps
+            goal = (
+                f"<position><rectangle><length>{length:g}</length><width>{width:g}</width><orientation>{turned:.6f}"
+                f"</orientation><center><x>{gx:g}</x><y>{gy:g}</y></center></rectangle></position>"
+            )
+        return (
+            f'  <planningProblem id="900">\n    <initialState><position><point><x>{x:.4f}</x><y>{y:.4f}</y></point>'
+            f"</position><orientation><exact>{heading:.6f}</exact></orientation><time><exact>0</exact></time>"
+            f"<velocity><exact>{speed:g}</exact></velocity><acceleration><exact>0.0</exact></acceleration>"
+            f"<yawRate><exact>0.0</exact></yawRate><slipAngle><exact>0.0</exact></slipAngle></initialState>\n"
+            f"    <goalState>{goal}<time><intervalStart>{steps[0]}</intervalStart><intervalEnd>{steps[1]}</intervalEnd>"
+            f"</time></goalState>\n  </planningProblem>"
+        )
+
+
+def _lanelet(lane: _Lane) -> str:
+    sides = {"leftBound": 1.0, "rightBound": -1.0}
+    parts = [f'  <lanelet id="{lane.key}">']
+    for name, side in sides.items():
+        points = "".join(f"<point><x>{x:.4f}</x><y>{y:.4f}</y></point>" for x, y in _aside(lane.center, side))
+        parts.append(f"    <{name}>{points}</{name}>")
+    parts += [f'    <predecessor ref="{key}"/>' for key in lane.predecessors]
+    parts += [f'    <successor ref="{key}"/>' for key in lane.successors]
+    for name, beside in (("adjacentLeft", lane.left), ("adjacentRight", lane.right)):
+        if beside is not None:
+            parts.append(f'    <{name} ref="{beside[0]}" drivingDir="{"same" if beside[1] else "opposite"}"/>')
+    parts.append("    <laneletType>urban</laneletType>")
+    if lane.light is not None:
+        parts.append(f'    <trafficLightRef ref="{lane.light}"/>')
+    return "\n".join([*parts, "  </lanelet>"])
+
+
+def _aside(center: tuple[_Point, ...], side: float) -> list[_Point]:
+    """Return the points of a bound; ``side``: 1 for the left one, −1 for the right one."""
+    found = []
+    for index, (x, y) in enumerate(center):
+        before, after = center[max(index - 1, 0)], center[min(index + 1, len(center) - 1)]
+        angle = math.atan2(after[1] - before[1], after[0] - before[0])
+        found.append((x - side * math.sin(angle) * LANE_M / 2, y + side * math.cos(angle) * LANE_M / 2))
+    return found
+
+
+def _light(key: int, colour: str, position: _Point) -> str:
+    return (
+        f'  <trafficLight id="{key}"><cycle><cycleElement><duration>{2 * _LAST_STEP}</duration><color>{colour}</color>'
+        f"</cycleElement></cycle><position><point><x>{position[0]:g}</x><y>{position[1]:g}</y></point></position>"
+        f"<active>true</active></trafficLight>"
+    )
+
+
+def _line(start: _Point, end: _Point) -> tuple[_Point, ...]:
+    count = max(round(math.dist(start, end) / _POINT_EVERY_M), 2)
+    shares = [index / count for index in range(count + 1)]
+    return tuple((start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share) for share in shares)
+
+
+def _curve(start: _Point, start_rad: float, end: _Point, end_rad: float) -> tuple[_Point, ...]:
+    """Return a cubic curve that leaves a point and reaches another in given directions."""
+    reach = math.dist(start, end) * 0.4
+    one = start[0] + reach * math.cos(start_rad), start[1] + reach * math.sin(start_rad)
+    two = end[0] - reach * math.cos(end_rad), end[1] - reach * math.sin(end_rad)
+    count = max(round(math.dist(start, end)), 4)
+    points = []
+    for index in range(count + 1):
+        t = index / count
+        shares = (1 - t) ** 3, 3 * (1 - t) ** 2 * t, 3 * (1 - t) * t**2, t**3
+        nodes = (start, one, two, end)
+        points.append(
+            (
+                sum(share * node[0] for share, node in zip(shares, nodes, strict=True)),
+                sum(share * node[1] for share, node in zip(shares, nodes, strict=True)),
+            )
+        )
+    return tuple(points)
+
+
+def _arc(radius_m: float, begin_deg: float, end_deg: float) -> tuple[_Point, ...]:
+    """Return points on a circle around the origin."""
+    count = max(round(radius_m * math.radians(abs(end_deg - begin_deg))), 4)
+    angles = [math.radians(begin_deg + (end_deg - begin_deg) * index / count) for index in range(count + 1)]
+    return tuple((radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles)
+
+
+def _three_lanes() -> _Road:
+    lanes = tuple(
+        _Lane(
+            key,
+            _line((0.0, y), (1300.0, y)),
+            left=(key + 1, True) if key < 3 else None,
+            right=(key - 1, True) if key > 1 else None,
+        )
+        for key, y in ((1, -LANE_M), (2, 0.0), (3, LANE_M))
+    )
+    return _Road(
+        "three_lanes", "a straight road of three lanes, with the ego in the middle one", lanes, (300, 0, 0, 25)
+    )
+
+
+def _two_way() -> _Road:
+    lanes = (
+        _Lane(1, _line((0.0, 0.0), (1200.0, 0.0)), left=(2, False)),
+        _Lane(2, _line((1200.0, LANE_M), (0.0, LANE_M)), left=(1, False)),
+    )
+    return _Road("two_way", "a straight road with one lane in each direction", lanes, (200, 0, 0, 13.9))
+
+
+_HALF_M, _ARM_M = 12.0, 220.0
+"""Half the size of a crossing, and where its arms end."""
+
+
+def _crossing(name: str, summary: str, goal: _Goal, *, lights: bool = False) -> _Road:
+    """Return a crossing: arm k (south, east, north, west) has the lanes 10k + 1 to the crossing and 10k + 2 from it."""
+    half, far, off = _HALF_M, _ARM_M, LANE_M / 2
+    inward = {11: ((off, -far), (off, -half)), 21: ((far, off), (half, off))}
+    inward |= {31: ((-off, far), (-off, half)), 41: ((-far, -off), (-half, -off))}
+    outward = {12: ((-off, -half), (-off, -far)), 22: ((half, -off), (far, -off))}
+    outward |= {32: ((off, half), (off, far)), 42: ((-half, off), (-far, off))}
+    turns = {51: (11, 32), 52: (21, 42), 53: (31, 12), 54: (41, 22), 55: (11, 42)}
+    lit = {11: 101, 31: 101, 21: 102, 41: 102} if lights else {}
+    lanes = []
+    for key, (start, end) in inward.items():
+        following = tuple(turn for turn, (begin, _) in turns.items() if begin == key)
+        light = lit.get(key)
+        lanes.append(_Lane(key, _line(start, end), successors=following, left=(key + 1, False), light=light))
+    for key, (start, end) in outward.items():
+        before = tuple(turn for turn, (_, last) in turns.items() if last == key)
+        lanes.append(_Lane(key, _line(start, end), predecessors=before, left=(key - 1, False)))
+    for turn, (begin, last) in turns.items():
+        start, end = inward[begin][1], outward[last][0]
+        center = _line(start, end) if turn != 55 else _curve(start, math.pi / 2, end, math.pi)
+        lanes.append(_Lane(turn, center, (last,), (begin,)))
+    colours = {101: "green", 102: "red"} if lights else {}
+    return _Road(name, summary, tuple(lanes), (off, -72.0, math.pi / 2, 12.0), goal, colours)
+
+
+def _straight_over() -> _Road:
+    goal = _Goal((LANE_M / 2, 170.0), (60.0, LANE_M), math.pi / 2, (150, 250))
+    return _crossing("crossing_straight", "a crossing, with the ego going straight on", goal)
+
+
+def _left_turn() -> _Road:
+    goal = _Goal((-170.0, LANE_M / 2), (60.0, LANE_M), math.pi, (200, 300))
+    return _crossing("crossing_left", "a crossing, with the ego turning left", goal)
+
+
+def _with_lights() -> _Road:
+    goal = _Goal((LANE_M / 2, 170.0), (60.0, LANE_M), math.pi / 2, (150, 250))
+    summary = "a crossing with traffic lights: green for the ego, which goes straight on, red for crossing traffic"
+    return _crossing("crossing_lights", summary, goal, lights=True)
+
+
+def _merge() -> _Road:
+    y = -LANE_M
+    lanes = (
+        _Lane(1, _line((0.0, 0.0), (300.0, 0.0)), successors=(2,), left=(11, True)),
+        _Lane(2, _line((300.0, 0.0), (600.0, 0.0)), (3,), (1,), left=(12, True), right=(21, True)),
+        _Lane(3, _line((600.0, 0.0), (1300.0, 0.0)), predecessors=(2,), left=(13, True)),
+        _Lane(11, _line((0.0, LANE_M), (300.0, LANE_M)), successors=(12,), right=(1, True)),
+        _Lane(12, _line((300.0, LANE_M), (600.0, LANE_M)), (13,), (11,), right=(2, True)),
+        _Lane(13, _line((600.0, LANE_M), (1300.0, LANE_M)), predecessors=(12,), right=(3, True)),
+        _Lane(20, _curve((100.0, -30.0), 0.15, (300.0, y), 0.0), successors=(21,)),
+        _Lane(21, _line((300.0, y), (600.0, y)), predecessors=(20,), left=(2, True)),
+    )
+    return _Road("merge", "a road of two lanes with an on-ramp, with the ego in the right lane", lanes, (220, 0, 0, 25))
+
+
+_RING_M = 18.0
+
+
+def _roundabout() -> _Road:
+    off, far = LANE_M / 2, 150.0
+    at = {"in_south": -68.0, "out_north": 68.0, "in_west": -158.0, "out_south": -112.0}
+    node = {name: _on_ring(angle) for name, angle in at.items()}
+    lanes = (
+        _Lane(11, _line((off, -far), (off, -32.0)), successors=(51,)),
+        _Lane(41, _line((-far, -off), (-32.0, -off)), successors=(54,)),
+        _Lane(32, _line((off, 32.0), (off, far)), predecessors=(52,)),
+        _Lane(12, _line((-off, -32.0), (-off, -far)), predecessors=(53,)),
+        _Lane(51, _curve((off, -32.0), math.pi / 2, node["in_south"], _along_ring(at["in_south"])), (63,), (11,)),
+        _Lane(54, _curve((-32.0, -off), 0.0, node["in_west"], _along_ring(at["in_west"])), (61,), (41,)),
+        _Lane(52, _curve(node["out_north"], _along_ring(at["out_north"]), (off, 32.0), math.pi / 2), (32,), (63,)),
+        _Lane(53, _curve(node["out_south"], _along_ring(at["out_south"]), (-off, -32.0), -math.pi / 2), (12,), (61,)),
+        _Lane(61, _arc(_RING_M, at["in_west"], at["out_south"]), (62, 53), (54, 64)),
+        _Lane(62, _arc(_RING_M, at["out_south"], at["in_south"]), (63,), (61,)),
+        _Lane(63, _arc(_RING_M, at["in_south"], at["out_north"]), (52, 64), (62, 51)),
+        _Lane(64, _arc(_RING_M, at["out_north"], 360.0 + at["in_west"]), (61,), (63,)),
+    )
+    goal = _Goal((off, 120.0), (40.0, LANE_M), math.pi / 2, (200, 300))
+    return _Road(
+        "roundabout", "a roundabout, with the ego going straight on", lanes, (off, -92.0, math.pi / 2, 8.0), goal
+    )
+
+
+def _on_ring(angle_deg: float) -> _Point:
+    return _RING_M * math.cos(math.radians(angle_deg)), _RING_M * math.sin(math.radians(angle_deg))
+
+
+def _along_ring(angle_deg: float) -> float:
+    return math.radians(angle_deg) + math.pi / 2
+
+
+_DRAWN: Mapping[str, Callable[[], _Road]] = {
+    "three_lanes": _three_lanes,
+    "two_way": _two_way,
+    "crossing_straight": _straight_over,
+    "crossing_left": _left_turn,
+    "crossing_lights": _with_lights,
+    "merge": _merge,
+    "roundabout": _roundabout,
+}
+ROADS: tuple[str, ...] = tuple(_DRAWN)
+"""The names of all roads."""
+
+
+def write_road(name: str, path: Path) -> Path:
+    """Write the CommonRoad file of a road, and return its path.
+
+    Raises:
+        UnknownName: there is no such road.
+    """
+    if name not in _DRAWN:
+        raise UnknownName(f"there is no road '{name}'", valid=closest(name, ROADS) or list(ROADS))
+    path.write_text(_DRAWN[name]().xml(), encoding="utf-8")
+    return path

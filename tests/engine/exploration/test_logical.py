@@ -1,0 +1,68 @@
+"""The catalogue of logical scenarios: each stands on its road, and its ordinary encounter is mastered."""
+
+from pathlib import Path
+
+import pytest
+
+from plannerforge.engine.commonroad.document import schema_errors
+from plannerforge.engine.exploration.concrete import concrete_edits
+from plannerforge.engine.exploration.evaluation import Evaluator
+from plannerforge.engine.exploration.logical import catalogue, logical_scenario, logical_scenario_in
+from plannerforge.engine.exploration.roads import ROADS, write_road
+from plannerforge.engine.tuning.configurations import preset_configuration
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.exploration import EncounterSetting
+
+
+@pytest.fixture(scope="module")
+def roads(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("roads")
+    return {name: write_road(name, folder / f"{name}.xml") for name in ROADS}
+
+
+def test_roads_follow_commonroads_schema(roads: dict[str, Path]) -> None:
+    assert {name: schema_errors(path) for name, path in roads.items()} == {name: [] for name in ROADS}
+
+
+def test_a_road_has_the_same_bytes_each_time(roads: dict[str, Path], tmp_path: Path) -> None:
+    assert write_road("merge", tmp_path / "again.xml").read_bytes() == roads["merge"].read_bytes()
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_the_ordinary_encounter_is_plausible_and_mastered(name: str, roads: dict[str, Path]) -> None:
+    logical = catalogue()[name]
+    setting = EncounterSetting(
+        xml=roads[logical.base],
+        configuration=preset_configuration("idm"),
+        traffic=logical.traffic,
+        horizon_s=logical.horizon_s,
+    )
+    with Evaluator(setting) as evaluator:
+        evaluation = evaluator.evaluate(concrete_edits(logical, {}))
+    assert evaluation.outcome == "safe", evaluation.reason
+    assert evaluation.counterpart_id is not None
+    assert all(one.low <= one.base_value <= one.high for one in logical.parameters)
+    assert logical.source
+
+
+def test_a_name_is_found_however_it_is_written() -> None:
+    assert logical_scenario("Cut-in").name == "cut_in"
+    with pytest.raises(UnknownName) as refusal:
+        logical_scenario("cut_inn")
+    assert "cut_in" in refusal.value.valid
+
+
+def test_a_file_of_ones_own_has_the_same_form(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "- name: slow\n  summary: a slow lead\n  base: three_lanes\n  parameters:\n"
+        "    - {name: gap_s, low: 1, high: 2}\n  edits:\n"
+        "    - {op: add_vehicle, vehicle_class: car, at: ego, gap_s: $gap_s}\n",
+        encoding="utf-8",
+    )
+    assert logical_scenario_in(path).parameters[0].base_value == 1.5
+    with pytest.raises(UnknownName):
+        logical_scenario_in(path, "fast")
+    path.write_text("- name: slow\n", encoding="utf-8")
+    with pytest.raises(InvalidRequest, match="entry 0"):
+        logical_scenario_in(path)

@@ -1,0 +1,146 @@
+"""Maps of boundaries: made in batches, resumed after an interruption, repeated by ordinary edits, and drawn."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from support.tree import CHECKOUT
+
+from benchmarks.harness import call_in_process
+from plannerforge.engine.execution.executor import silent
+from plannerforge.engine.exploration.logical import catalogue
+from plannerforge.engine.planners.runs import run_planner
+from plannerforge.engine.workspace import Workspace
+from plannerforge.schemas.boundaries import BoundaryRecord, ExploreBoundaryArguments, PointsRequest
+from plannerforge.schemas.errors import InvalidRequest, UnknownName
+from plannerforge.schemas.modification import ModifyScenarioArguments
+from plannerforge.schemas.planning import RunRequest
+from plannerforge.schemas.rendering import RenderArguments
+from plannerforge.workflows import boundaries
+from plannerforge.workflows.context import WorkflowContext
+from plannerforge.workflows.modification import modify_scenario
+from plannerforge.workflows.rendering import render
+
+SMALL: dict[str, Any] = {
+    "scenario": "cut_in",
+    "over": ["gap_m=4..30", "closing_mps=0..12"],
+    "configs": ["keep_lane"],
+    "points": 30,
+    "references": False,
+}
+
+
+class Counting:
+    """An executor in this process that counts the points that it evaluates."""
+
+    capacity = 1
+
+    def __init__(self, inner: Any) -> None:
+        self._inner, self.points = inner, 0
+
+    async def run(self, operation: Any, request: Any, **given: Any) -> Any:
+        self.points += len(request.points) if isinstance(request, PointsRequest) else 0
+        return await self._inner.run(operation, request, **given)
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WorkflowContext]:
+    workspace = Workspace(tmp_path_factory.mktemp("explored"))
+    services = call_in_process(workspace).services
+    yield WorkflowContext(replace(services, workers=Counting(services.workers)))
+    workspace.close()
+
+
+async def explored(context: WorkflowContext, **given: Any) -> tuple[BoundaryRecord, int]:
+    """Return a map, and the number of points that were evaluated for it."""
+    plan = await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), context)
+    progress: Any = SimpleNamespace(report=lambda share, message: None)
+    before = context.services.workers.points  # type: ignore[attr-defined]
+    record = await boundaries._Exploration(plan, plan.recipe(), context, progress).record()
+    return record, context.services.workers.points - before  # type: ignore[attr-defined]
+
+
+@pytest.mark.anyio
+async def test_a_map_has_bounded_areas_and_an_example_that_edits_repeat(context: WorkflowContext) -> None:
+    record, evaluated = await explored(context)
+    only = record.maps[0]
+    assert 25 <= evaluated == len(only.points) <= 30
+    avoidable = only.area("failed_avoidably")
+    assert avoidable is not None
+    assert 0.0 < avoidable.low <= avoidable.share <= avoidable.high < 1.0
+    result = await boundaries._finished(record, context)
+    example = result.examples[0]
+    edits = ModifyScenarioArguments.model_validate({"scenario_id": example.base_id, "edits": list(example.edits)})
+    edited = await modify_scenario(edits, context)
+    plan = await boundaries._plan(ExploreBoundaryArguments(**SMALL), context)
+    request = RunRequest(
+        run_id="run_1",
+        scenario_path=str(context.workspace.file("scenario", edited.scenario_id or "", "scenario.xml")),
+        scenario_id=edited.scenario_id or "",
+        configuration=plan.configurations[0],
+    )
+    run = run_planner(request, silent).record
+    nearest = record.nearest_to_base(only.failures)
+    assert nearest is not None
+    assert run.collision is not None
+    assert run.collision.time_s == nearest.evaluation.time_s
+    assert len(result.answer().to_text()) < 2000
+
+
+@pytest.mark.anyio
+async def test_an_interrupted_exploration_continues_with_the_points_that_are_kept(context: WorkflowContext) -> None:
+    whole, _ = await explored(context)
+    plan = await boundaries._plan(ExploreBoundaryArguments(**SMALL), context)
+    path = context.workspace.root / "explored" / f"{plan.recipe().digest}.jsonl"
+    kept = path.read_text(encoding="utf-8").splitlines()
+    assert len(kept) == len(whole.maps[0].points)
+    path.write_text("\n".join([*kept[:-9], kept[-9][:40]]), encoding="utf-8")
+    resumed, again = await explored(context)
+    assert again == 9
+    assert resumed == whole
+
+
+@pytest.mark.anyio
+async def test_the_other_parameters_are_slices(context: WorkflowContext) -> None:
+    over = [*SMALL["over"], "ego_speed_mps=20,25", "lateral_mps=1.5"]
+    plan = await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, "over": over}), context)
+    assert [axis.name for axis in plan.axes] == ["gap_m", "closing_mps"]
+    assert plan.slices == ({"lateral_mps": 1.5, "ego_speed_mps": 20.0}, {"lateral_mps": 1.5, "ego_speed_mps": 25.0})
+
+
+@pytest.mark.anyio
+async def test_a_map_is_drawn(context: WorkflowContext) -> None:
+    record, _ = await explored(context)
+    plan = await boundaries._plan(ExploreBoundaryArguments(**SMALL), context)
+    context.workspace.put("boundary", record.boundary_id, recipe=plan.recipe(), record=record, name="cut_in")
+    drawing = await render(RenderArguments(ids=[record.boundary_id]), context)
+    assert drawing.made.kind == "boundary"
+    assert "failed avoidably" in drawing.made.images[0].alt_text
+    assert Path(drawing.made.images[0].path).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        ({"scenario": "cut_inn"}, UnknownName),
+        ({"over": ["gap=4..9"]}, UnknownName),
+        ({"over": ["gap_m=9..4"]}, InvalidRequest),
+        ({"over": ["gap_m=5", "closing_mps=3", "lateral_mps=1"]}, InvalidRequest),
+        ({"over": [*SMALL["over"], "ego_speed_mps=1,2,3,4,5,6,7"]}, InvalidRequest),
+        ({"base": "DEU_Nowhere-1_1_T-1"}, UnknownName),
+    ],
+)
+@pytest.mark.anyio
+async def test_what_cannot_be_mapped_is_refused(
+    given: dict[str, Any], error: type[Exception], context: WorkflowContext
+) -> None:
+    with pytest.raises(error):
+        await boundaries._plan(ExploreBoundaryArguments(**{**SMALL, **given}), context)
+
+
+def test_every_logical_scenario_is_documented() -> None:
+    page = (CHECKOUT / "docs" / "boundaries.md").read_text(encoding="utf-8")
+    assert [name for name in catalogue() if f"| `{name}` |" not in page] == []

@@ -1,0 +1,450 @@
+"""Map where planners begin to fail over two parameters of a logical scenario.
+
+An exploration is a job. Points are evaluated in batches on all workers; every evaluated batch is kept in the workspace,
+so an interrupted exploration continues where it stopped. The order of batches does not change the map.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import anyio
+
+from ..engine.catalog import open_catalogue
+from ..engine.execution import JobProgress
+from ..engine.exploration import ROADS, BoundarySearch, area_of, concrete_edits
+from ..engine.planners import planner_version
+from ..engine.workspace import Artifact, Recipe, versions_of
+from ..schemas.boundaries import (
+    LATTICE,
+    BoundaryMap,
+    BoundaryRecord,
+    DescribeLogicalRequest,
+    DrawRoadRequest,
+    ExploreBoundaryArguments,
+    ExploreBoundaryResult,
+    FailureExample,
+    MapArea,
+    MapPoint,
+    MapSummary,
+    PointsRequest,
+)
+from ..schemas.errors import InvalidRequest, UnknownName
+from ..schemas.exploration import Evaluation, LogicalScenario, Parameter
+from ..schemas.grammar import parse_interval, parse_quantity
+from ..schemas.modification import Edit
+from ..schemas.planning import PlannerConfiguration
+from ..schemas.runs import Traffic
+from .configurations import resolve_configuration
+from .context import WorkflowContext
+from .modification import base_and_edits
+from .operations import DRAW_ROAD, EVALUATE_POINTS, READ_LOGICAL_SCENARIO
+from .results import version_key
+from .scenario_storage import store_scenario
+from .scenarios import one_scenario
+
+_TOOL = "explore_boundary"
+_FOLDER = "explored"
+"""The folder of evaluated batches in the workspace."""
+_BATCH = 8
+"""Points of a batch (chosen): a few seconds of work, so progress is steady and an interruption loses little."""
+_REFERENCES = ("r157_careful", "fsm")
+_MOST_SLICES = 6
+"""The most maps of one planner (chosen), since each is a whole exploration."""
+_SHOWN_REASONS = 2
+_RANKS = {
+    ("failed_avoidably", "safe"): 0,
+    ("failed_unavoidably", "safe"): 0,
+    ("failed_avoidably", "failed_unavoidably"): 1,
+    ("implausible", "safe"): 2,
+    ("failed_avoidably", "implausible"): 2,
+    ("failed_unavoidably", "implausible"): 2,
+}
+"""Edges between failing and not failing matter most, those of what is plausible least (chosen)."""
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """All resolved arguments of an exploration. ``slices``: values of the parameters that are not mapped."""
+
+    logical: LogicalScenario
+    axes: tuple[Parameter, Parameter]
+    slices: tuple[dict[str, float], ...]
+    base: Artifact
+    xml: Path
+    earlier: tuple[Edit, ...]
+    problem_id: int | None
+    configurations: tuple[PlannerConfiguration, ...]
+    references: tuple[PlannerConfiguration, ...]
+    traffic: Traffic
+    arguments: ExploreBoundaryArguments
+
+    def recipe(self) -> Recipe:
+        """Return the recipe; its digest is the map's id."""
+        given = self.arguments
+        everyone = (*self.configurations, *self.references)
+        own = {version_key(one.planner): planner_version(one.planner) for one in everyone}
+        return Recipe(
+            tool=_TOOL,
+            arguments={
+                "scenario": self.logical.model_dump(mode="json"),
+                "axes": [axis.model_dump(mode="json") for axis in self.axes],
+                "slices": list(self.slices),
+                "base": self.base.artifact_id,
+                "problem": self.problem_id,
+                "configs": [one.config_id for one in self.configurations],
+                "references": [one.config_id for one in self.references],
+                "points": given.points,
+                "prediction": given.prediction,
+                "traffic": self.traffic,
+            },
+            parents=(self.base.artifact_id, *dict.fromkeys(one.config_id for one in self.configurations)),
+            seed=given.seed,
+            versions=versions_of("frenetix", "commonroad-io", "commonroad-drivability-checker", "libsumo")
+            | {name: version for name, version in own.items() if version},
+        )
+
+
+async def explore_boundary(arguments: ExploreBoundaryArguments, context: WorkflowContext) -> ExploreBoundaryResult:
+    """Map where planners fail, or return the stored map.
+
+    Raises:
+        UnknownName: there is no such logical scenario, parameter, base or configuration.
+        InvalidRequest: not two parameters are left to map, or a value is outside its form.
+    """
+    plan = await _plan(arguments, context)
+    recipe = plan.recipe()
+    stored = context.workspace.find_by_recipe("boundary", recipe)
+    if stored is not None:
+        return await _finished(stored.read(BoundaryRecord), context)
+
+    async def work(progress: JobProgress) -> None:
+        own = WorkflowContext(context.services)
+        record = await _Exploration(plan, recipe, own, progress).record()
+        name = f"{record.scenario.name} {' '.join(one.name for one in plan.configurations)}"
+        own.workspace.put("boundary", record.boundary_id, recipe=recipe, record=record, name=name)
+        progress.add_result(record.boundary_id)
+        (own.workspace.root / _FOLDER / f"{recipe.digest}.jsonl").unlink(missing_ok=True)
+        progress.report(1.0, f"mapped; render {record.boundary_id}")
+
+    job = context.start_job("boundary", recipe, work)
+    context.made("job", job.job_id)
+    job = await context.wait_for(job.job_id, arguments.wait_s)
+    stored = context.workspace.find_by_recipe("boundary", recipe)
+    if stored is not None:
+        return await _finished(stored.read(BoundaryRecord), context)
+    return ExploreBoundaryResult(
+        state=job.state,
+        job_id=job.job_id,
+        message=job.error or job.message,
+        next_step=f"get_job with job_id '{job.job_id}', then repeat explore_boundary: evaluated points are kept",
+    )
+
+
+async def _plan(arguments: ExploreBoundaryArguments, context: WorkflowContext) -> _Plan:
+    open_catalogue(context.workspace, with_starter=context.services.with_starter)
+    logical = await _logical(arguments.scenario, context)
+    axes, fixed = _axes(arguments.over, logical)
+    base, problem_id = await _base(arguments.base or logical.base, context)
+    base_id, earlier = base_and_edits(base)
+    configurations = tuple(resolve_configuration(text, context) for text in arguments.configs)
+    named = {one.planner for one in configurations}
+    references = tuple(
+        resolve_configuration(name, context) for name in _REFERENCES if arguments.references and name not in named
+    )
+    return _Plan(
+        logical=logical,
+        axes=axes,
+        slices=fixed,
+        base=base,
+        xml=context.workspace.file("scenario", base_id, "scenario.xml"),
+        earlier=earlier,
+        problem_id=problem_id,
+        configurations=configurations,
+        references=references,
+        traffic=arguments.traffic or logical.traffic,
+        arguments=arguments,
+    )
+
+
+async def _logical(text: str, context: WorkflowContext) -> LogicalScenario:
+    if text.lower().endswith((".yaml", ".yml")):
+        path = context.allowed_path(text)
+        return await context.run(READ_LOGICAL_SCENARIO, DescribeLogicalRequest(path=str(path)))
+    return await context.run(READ_LOGICAL_SCENARIO, DescribeLogicalRequest(name=text))
+
+
+def _axes(
+    over: Sequence[str], logical: LogicalScenario
+) -> tuple[tuple[Parameter, Parameter], tuple[dict[str, float], ...]]:
+    """Return the two mapped parameters with their ranges, and the values of the others, one entry per slice.
+
+    Without any range, the first parameters of the logical scenario are mapped.
+    """
+    names = [one.name for one in logical.parameters]
+    ranged: dict[str, Parameter] = {}
+    valued: dict[str, list[float]] = {}
+    for text in over:
+        name, _, value = (part.strip() for part in text.partition("="))
+        if name not in names:
+            raise UnknownName(f"{logical.name} has no parameter '{name}'", valid=names, given=name)
+        parameter = logical.parameter(name)
+        if not value:
+            ranged[name] = parameter
+        elif "," in value or not any(mark in value for mark in ("..", "±", ">", "<")):
+            valued[name] = [parse_quantity(one) for one in value.split(",")]
+        else:
+            interval = parse_interval(value)
+            low = parameter.low if interval.low is None else interval.low
+            high = parameter.high if interval.high is None else interval.high
+            if low >= high:
+                raise InvalidRequest(f"{name}: {low:g} to {high:g} is not a range", valid=[f"{name}=LOW..HIGH"])
+            ranged[name] = parameter.model_copy(update={"low": low, "high": high})
+    for name in names:
+        if len(ranged) < 2 and name not in ranged and name not in valued:
+            ranged[name] = logical.parameter(name)
+    if len(ranged) != 2:
+        raise InvalidRequest(
+            f"a map needs two parameters with ranges, not {len(ranged)}",
+            valid=[f"{one.name}={one.low:g}..{one.high:g}" for one in logical.parameters],
+            next_step="give two ranges in 'over', and values for the others",
+        )
+    one, other = ranged.values()
+    others = {name: valued.get(name, [logical.parameter(name).base_value]) for name in names if name not in ranged}
+    slices = tuple(dict(zip(others, values, strict=True)) for values in product(*others.values()))
+    if len(slices) > _MOST_SLICES:
+        raise InvalidRequest(
+            f"these values give {len(slices)} slices", valid=[f"at most {_MOST_SLICES}"], next_step="give fewer values"
+        )
+    return (one, other), slices
+
+
+async def _base(text: str, context: WorkflowContext) -> tuple[Artifact, int | None]:
+    """Return a stored scenario, or that of a road, which is drawn and stored at its first use."""
+    if text not in ROADS:
+        return one_scenario(text, context)
+    recipe = Recipe(tool=_TOOL, arguments={"road": text}, parents=(), seed=0, versions=versions_of())
+    stored = context.workspace.find_by_recipe("scenario", recipe)
+    if stored is None:
+        with context.workspace.scratch() as folder:
+            path = folder / "scenario.xml"
+            await context.run(DRAW_ROAD, DrawRoadRequest(road=text, path=str(path)))
+            stored = await store_scenario(context, xml=path, net=None, recipe=recipe, origin="generated")
+    return stored, None
+
+
+@dataclass(frozen=True)
+class _Exploration:
+    """One exploration: all its maps, made from the points that are kept and those that workers evaluate."""
+
+    plan: _Plan
+    recipe: Recipe
+    context: WorkflowContext
+    progress: JobProgress
+
+    async def record(self) -> BoundaryRecord:
+        """Make all maps."""
+        plan = self.plan
+        kept = self._kept()
+        wanted = [
+            (configuration, at, configuration in plan.references)
+            for configuration in (*plan.configurations, *plan.references)
+            for at in plan.slices
+        ]
+        maps = []
+        for number, (configuration, at, is_reference) in enumerate(wanted):
+            maps.append(await self._map(configuration, at, kept, (number, len(wanted)), is_reference=is_reference))
+        return BoundaryRecord(
+            boundary_id=f"boundary_{self.recipe.digest}",
+            scenario=plan.logical,
+            base_id=plan.base.artifact_id,
+            axes=plan.axes,
+            prediction=plan.arguments.prediction,
+            traffic=plan.traffic,
+            seed=plan.arguments.seed,
+            maps=tuple(maps),
+        )
+
+    async def _map(
+        self,
+        configuration: PlannerConfiguration,
+        at: dict[str, float],
+        kept: dict[str, Evaluation],
+        part: tuple[int, int],
+        *,
+        is_reference: bool,
+    ) -> BoundaryMap:
+        budget = self.plan.arguments.points
+        search = BoundarySearch(budget, _RANKS, self.plan.arguments.seed)
+        found: dict[tuple[int, int], Evaluation] = {}
+
+        def done(place: tuple[int, int], evaluation: Evaluation) -> None:
+            found[place] = evaluation
+            share = (part[0] + min(len(found) / budget, 1.0)) / part[1]
+            self.progress.report(share, f"{configuration.name}: {len(found)} of at most {budget} points")
+
+        while places := search.ask():
+            known = {place: kept[key] for place in places if (key := _key(configuration, at, place)) in kept}
+            for place, evaluation in known.items():
+                done(place, evaluation)
+            missing = [place for place in places if place not in known]
+            await self._evaluate(configuration, at, missing, done)
+            search.tell({place: found[place].outcome for place in places})
+        outcomes = dict.fromkeys(search.labels[place] for place in found)
+        areas = (
+            MapArea(outcome=outcome, share=area.share, low=area.low, high=area.high)
+            for outcome in sorted({*outcomes, "failed_avoidably"})
+            for area in [area_of(outcome, search)]
+        )
+        return BoundaryMap(
+            config_id=configuration.config_id,
+            config_name=configuration.name,
+            planner=configuration.planner,
+            is_reference=is_reference,
+            at=at,
+            points=tuple(MapPoint(place=place, evaluation=found[place]) for place in sorted(found)),
+            cells=tuple((*cell.low, cell.size) for cell in search.cells),
+            areas=tuple(areas),
+        )
+
+    async def _evaluate(
+        self,
+        configuration: PlannerConfiguration,
+        at: dict[str, float],
+        places: Sequence[tuple[int, int]],
+        done: Callable[[tuple[int, int], Evaluation], None],
+    ) -> None:
+        """Evaluate places in batches on all workers, and keep each batch as soon as it is done."""
+        waiting = [places[begin : begin + _BATCH] for begin in range(0, len(places), _BATCH)]
+
+        async def work() -> None:
+            while waiting:
+                batch = waiting.pop(0)
+                request = self._request(configuration, at, batch)
+                response = await self.context.services.workers.run(EVALUATE_POINTS, request)
+                self._keep(configuration, at, batch, response.evaluations)
+                for place, evaluation in zip(batch, response.evaluations, strict=True):
+                    done(place, evaluation)
+
+        async with anyio.create_task_group() as tasks:
+            for _ in range(min(self.context.services.workers.capacity, len(waiting))):
+                tasks.start_soon(work)
+
+    def _request(
+        self, configuration: PlannerConfiguration, at: dict[str, float], batch: Sequence[tuple[int, int]]
+    ) -> PointsRequest:
+        plan = self.plan
+        return PointsRequest(
+            xml=plan.xml,
+            configuration=configuration,
+            problem_id=plan.problem_id,
+            earlier=plan.earlier,
+            traffic=plan.traffic,
+            prediction=plan.arguments.prediction,
+            seed=plan.arguments.seed,
+            horizon_s=plan.logical.horizon_s,
+            logical=plan.logical,
+            points=tuple(_values(plan.axes, place, at) for place in batch),
+        )
+
+    @property
+    def _path(self) -> Path:
+        return self.context.workspace.root / _FOLDER / f"{self.recipe.digest}.jsonl"
+
+    def _kept(self) -> dict[str, Evaluation]:
+        """Return the evaluations that an interrupted exploration kept; an unfinished last line is ignored."""
+        found: dict[str, Evaluation] = {}
+        if self._path.is_file():
+            for line in self._path.read_text(encoding="utf-8").splitlines():
+                try:
+                    entry = json.loads(line)
+                    found[entry["key"]] = Evaluation.model_validate(entry["evaluation"])
+                except (ValueError, KeyError, TypeError):
+                    continue
+        return found
+
+    def _keep(
+        self,
+        configuration: PlannerConfiguration,
+        at: dict[str, float],
+        batch: Sequence[tuple[int, int]],
+        evaluations: Sequence[Evaluation],
+    ) -> None:
+        lines = [
+            json.dumps({"key": _key(configuration, at, place), "evaluation": one.model_dump(mode="json")}) + "\n"
+            for place, one in zip(batch, evaluations, strict=True)
+        ]
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("a", encoding="utf-8") as stream:
+            stream.write("".join(lines))
+
+
+def _values(axes: tuple[Parameter, Parameter], place: tuple[int, int], at: dict[str, float]) -> dict[str, float]:
+    mapped = {axis.name: round(axis.at_share(step / LATTICE), 4) for axis, step in zip(axes, place, strict=True)}
+    return at | mapped
+
+
+def _key(configuration: PlannerConfiguration, at: dict[str, float], place: tuple[int, int]) -> str:
+    return json.dumps([configuration.config_id, sorted(at.items()), place])
+
+
+async def _finished(record: BoundaryRecord, context: WorkflowContext) -> ExploreBoundaryResult:
+    context.made("boundary", record.boundary_id)
+    examples = []
+    for one in record.maps:
+        nearest = record.nearest_to_base(one.failures)
+        if nearest is not None and not one.is_reference:
+            examples.append(_example(record, one, nearest))
+    reasons = Counter(
+        point.evaluation.reason
+        for one in record.maps
+        if not one.is_reference
+        for point in one.points
+        if point.evaluation.outcome == "implausible"
+    )
+    return ExploreBoundaryResult(
+        state="done",
+        boundary_id=record.boundary_id,
+        headline=_headline(record),
+        maps=tuple(_summary(one) for one in record.maps),
+        examples=tuple(examples),
+        implausible=tuple(f"{reason} ({count})" for reason, count in reasons.most_common(_SHOWN_REASONS)),
+        next_step=f"render ids ['{record.boundary_id}'] for the map"
+        + ("; modify_scenario with an example's edits repeats it" if examples else ""),
+    ).with_record(record)
+
+
+def _headline(record: BoundaryRecord) -> str:
+    ranges = (f"{axis.name} {axis.low:g} to {axis.high:g} {axis.unit}".rstrip() for axis in record.axes)
+    return f"{record.scenario.name} over {' × '.join(ranges)}, on {record.base_id}"
+
+
+def _summary(one: BoundaryMap) -> MapSummary:
+    return MapSummary(
+        config_id=one.config_id,
+        config_name=one.config_name,
+        is_reference=one.is_reference,
+        at=one.at,
+        points=len(one.points),
+        areas=one.areas,
+    )
+
+
+def _example(record: BoundaryRecord, one: BoundaryMap, point: MapPoint) -> FailureExample:
+    values = record.values_at(point.place, one.at)
+    shown = ", ".join(f"{name} {value:g}" for name, value in values.items())
+    evaluation = point.evaluation
+    met = f" ({evaluation.contact.replace('_', ' ')})" if evaluation.contact else ""
+    when = "" if evaluation.time_s is None else f" at {evaluation.time_s:.1f} s"
+    return FailureExample(
+        config_id=one.config_id,
+        values=values,
+        what=f"{one.config_name}: {shown}: {evaluation.run_outcome or 'failure'}{met}{when}",
+        base_id=record.base_id,
+        edits=tuple(
+            edit.model_dump(mode="json", exclude_defaults=True) for edit in concrete_edits(record.scenario, values)
+        ),
+    )
