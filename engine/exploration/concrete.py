@@ -43,9 +43,10 @@ def concrete_edits(logical: LogicalScenario, values: Mapping[str, float]) -> tup
             texts[name] = found
         else:
             known[name] = round(found, DECIMALS)
+    words: dict[str, float | str] = {**known, **texts}
     edits = []
     for number, template in enumerate(logical.edits):
-        filled = {name: _filled(value, known | texts, logical) for name, value in template.items()}
+        filled = {name: _filled(value, words, logical) for name, value in template.items()}
         try:
             edits.append(Edit.model_validate(filled))
         except ValidationError as error:

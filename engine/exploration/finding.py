@@ -45,6 +45,8 @@ UNAVOIDABLE = 0.25
 _FASTEST_MPS = 30.0
 SLOW_MPS, FAST_MPS = 3.0, 10.0
 """Bounds of the speed bands: walking pace, and an urban street's speed (chosen)."""
+_Candidate = tuple[tuple[int, ...], tuple[float, ...], float | None]
+"""A reduced failure: the recorded road users that stay besides those that it needs, values, and the end of its time."""
 _AFTER_S = 0.5
 """A reduced failure ends this long after its failure."""
 
@@ -200,18 +202,28 @@ def shrunk(evaluator: Evaluator, request: ShrinkRequest, report: ProgressReporte
         )
     needed = {*named_vehicles_of(stratum), *([] if first.counterpart_id is None else [first.counterpart_id])}
     others = [key for key in request.recorded if key not in needed]
-    trials: Trials[tuple[tuple[int, ...], tuple[float, ...], float | None]] = Trials(
-        lambda candidate: _remains(evaluator, stratum, request.recorded, needed, first, candidate), request.most_runs
-    )
+    ended_s: dict[_Candidate, float | None] = {}
+
+    def remains(candidate: _Candidate) -> bool:
+        try:
+            edits = _reduced(stratum, request.recorded, needed, candidate)
+        except InvalidRequest:
+            return False
+        again = evaluator.evaluate(edits)
+        ended_s[candidate] = again.time_s
+        return is_same_failure(first, again)
+
+    trials: Trials[_Candidate] = Trials(remains, request.most_runs)
     report(0.1, "leaving out road users")
     subset = minimal_subset(others, lambda kept: trials((kept, values, None)))
     report(0.5, "moving parameters back")
     base = tuple(round(parameter.base_value, 4) for parameter in stratum.parameters)
     near = nearest_values(values, base, lambda tried: trials((subset.items, tried, None)))
     duration = None
-    if first.time_s is not None:
+    failed_s = ended_s.get((subset.items, near.values, None), first.time_s)
+    if failed_s is not None:
         report(0.8, "cutting the time")
-        until = round(first.time_s + _AFTER_S, 2)
+        until = round(failed_s + _AFTER_S, 2)
         duration = smallest([until], lambda one: trials((subset.items, near.values, one)))
     edits = _reduced(stratum, request.recorded, needed, (subset.items, near.values, duration))
     evaluation = evaluator.evaluate(edits)
@@ -237,10 +249,7 @@ def _edits(stratum: LogicalScenario, values: Sequence[float]) -> tuple[Edit, ...
 
 
 def _reduced(
-    stratum: LogicalScenario,
-    recorded: Sequence[int],
-    needed: set[int],
-    candidate: tuple[tuple[int, ...], tuple[float, ...], float | None],
+    stratum: LogicalScenario, recorded: Sequence[int], needed: set[int], candidate: _Candidate
 ) -> tuple[Edit, ...]:
     """Return the edits with only some of the road users, other values, and perhaps an earlier end."""
     kept, values, duration = candidate
@@ -251,21 +260,6 @@ def _reduced(
     if duration is not None:
         edits.append(Edit(op="crop", duration_s=duration))
     return tuple(edits)
-
-
-def _remains(
-    evaluator: Evaluator,
-    stratum: LogicalScenario,
-    recorded: Sequence[int],
-    needed: set[int],
-    first: Evaluation,
-    candidate: tuple[tuple[int, ...], tuple[float, ...], float | None],
-) -> bool:
-    try:
-        edits = _reduced(stratum, recorded, needed, candidate)
-    except InvalidRequest:
-        return False
-    return is_same_failure(first, evaluator.evaluate(edits))
 
 
 def is_same_failure(first: Evaluation, second: Evaluation) -> bool:

@@ -65,6 +65,8 @@ _TRIES = ((0.5, 0.5), (0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75), (0
 _CYCLIST_MPS2 = 1.0
 """The acceleration with which an added cyclist sets off (``engine/edits/population.py``)."""
 _SAMPLED_S = 0.2
+_KERB_S = 0.3
+"""One who crosses stands at the kerb for at least this long, and meets the ego this long before the horizon."""
 _REACH = "time to reach it at the start"
 
 
@@ -372,7 +374,6 @@ class SpaceBuilder:
             right, left = road_across(self.scene, lanelet, point, float(heading))
             rooms.append((-right if side == "right" else left) - _EGO_HALF_M)
         room_m = max(float(np.median(rooms)), 0.3)
-        waits = _range("waits_s", 0.3, max(self.horizon_s - 2.5, 1.0), "s", summary="how long it stands at the kerb")
         early = _range("early_s", -0.8, 2.0, "s", base=-0.8, summary="how much earlier it is in the ego's way")
         common: dict[str, str | Curve] = {"along_m": self._driven("meet_s"), "place_m": f"along_m + {_EGO_FRONT_M:g}"}
         common |= way.curves("place_m") | {"station_m": "place_m + origin_m"}
@@ -384,21 +385,36 @@ class SpaceBuilder:
             "speed": "${speed_mps}m/s",
             "duration_s": "$waits_s",
         }
-        yield self._made(
-            f"pedestrian crosses from the {side}",
-            f"a pedestrian crosses from the {side}",
-            [waits, early, _range("speed_mps", *_WALKS_MPS, "m/s", base=1.4, summary="walking speed")],
-            {"meet_s": f"waits_s + early_s + {room_m:.2f} / speed_mps", **common},
-            edit | {"vehicle_class": "pedestrian"},
-        )
+        slowest_mps = max(_WALKS_MPS[0], room_m / (self.horizon_s - 2 * _KERB_S))
+        if slowest_mps < _WALKS_MPS[1]:
+            speed = _range(
+                "speed_mps", slowest_mps, _WALKS_MPS[1], "m/s", base=max(slowest_mps, 1.4), summary="walking"
+            )
+            yield self._made(
+                f"pedestrian crosses from the {side}",
+                f"a pedestrian crosses from the {side}",
+                [self._waits(2.0 * room_m / (slowest_mps + _WALKS_MPS[1])), early, speed],
+                {"meet_s": f"waits_s + early_s + {room_m:.2f} / speed_mps", **common},
+                edit | {"vehicle_class": "pedestrian"},
+            )
         gains_s = math.sqrt(2.0 * room_m / _CYCLIST_MPS2)
-        yield self._made(
-            f"cyclist crosses from the {side}",
-            f"a cyclist crosses from the {side}",
-            [waits, early, _range("speed_mps", *_CYCLES_MPS, "m/s", base=3.0, summary="largest speed")],
-            {"meet_s": f"waits_s + early_s + {gains_s:.2f}", **common},
-            edit | {"vehicle_class": "bicycle"},
-        )
+        if gains_s < self.horizon_s - 2 * _KERB_S:
+            yield self._made(
+                f"cyclist crosses from the {side}",
+                f"a cyclist crosses from the {side}",
+                [
+                    self._waits(gains_s),
+                    early,
+                    _range("speed_mps", *_CYCLES_MPS, "m/s", base=3.0, summary="largest speed"),
+                ],
+                {"meet_s": f"waits_s + early_s + {gains_s:.2f}", **common},
+                edit | {"vehicle_class": "bicycle"},
+            )
+
+    def _waits(self, crosses_s: float) -> Parameter:
+        """How long one who crosses stands at the kerb, so that it meets the ego before the horizon."""
+        longest_s = max(self.horizon_s - crosses_s - _KERB_S, 2 * _KERB_S)
+        return _range("waits_s", _KERB_S, longest_s, "s", summary="how long it stands at the kerb")
 
     @cached_property
     def _room_m(self) -> float:

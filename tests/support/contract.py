@@ -247,7 +247,7 @@ CASES: dict[str, Case] = {
             Bad({"scenario_id": "<scenario>x"}, ("<scenario>",)),
             Bad({"scenario_id": "<scenario>", "config": "idn"}, ("idn", "idm")),
             Bad({"scenario_id": "<scenario>", "runs": 0}, ("runs", "from 1")),
-            Bad({"scenario_id": "<scenario>", "horizon": 6}, ("horizon", "horizon_s")),
+            Bad({"scenario_id": "<scenario>", "horizon_s": 600}, ("horizon_s", "30")),
         ),
     ),
     "optimize_planner": Case(
