@@ -139,14 +139,14 @@ class _Search:
         """Search until the budget is used, store the failures, and return the record."""
         space = await self.open()
         while not self.is_done:
-            await self._batch(space)
+            await self.evaluate_batch(space)
             self.keep()
             share = min(self.runs / self.arguments.runs, 1.0)
             found = len(self.cells(self.points))
             progress.report(0.9 * share, f"{self.runs} of {self.arguments.runs} runs, {found} distinct failures")
         return await self._record(space, progress)
 
-    async def _batch(self, space: SearchSpace) -> None:
+    async def evaluate_batch(self, space: SearchSpace) -> None:
         """Propose and evaluate one batch, on as many workers as there are."""
         sizes = tuple((stratum.name, len(stratum.parameters)) for stratum in space.strata)
         scores = tuple(PointScore(value=one.score.value, cell=one.score.cell) for one in self.points)
@@ -199,12 +199,12 @@ class _Search:
         """Store the clearest failure of a cell as a scenario with its run."""
         best = min(hits, key=lambda hit: hit.score.value or 0.0)
         stratum = next(one for one in space.strata if one.name == best.point.stratum)
-        scenario_id, run_id = await self._made(best.edits)
+        scenario_id, run_id = await self.store(best.edits)
         shrunk = None
         if self.arguments.shrink:
             request = ShrinkRequest(setting=self.setting, stratum=stratum, point=best.point, recorded=space.recorded)
             reduced = await self.context.run(SHRINK_FAILURE, request)
-            small_id, small_run = await self._made(reduced.edits)
+            small_id, small_run = await self.store(reduced.edits)
             units = {parameter.name: parameter.unit for parameter in stratum.parameters}
             shrunk = ShrunkFailure(
                 scenario_id=small_id,
@@ -236,7 +236,7 @@ class _Search:
             shrunk=shrunk,
         )
 
-    async def _made(self, edits: Sequence[Edit]) -> tuple[str, str]:
+    async def store(self, edits: Sequence[Edit]) -> tuple[str, str]:
         """Store an edited scenario and the planner's run on it, and return their ids."""
         arguments = ModifyScenarioArguments(
             scenario_id=self._base, edits=list(edits), on_conflict="refuse", seed=self.arguments.seed

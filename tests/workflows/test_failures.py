@@ -51,7 +51,7 @@ def stored(monkeypatch: pytest.MonkeyPatch) -> list[Sequence[Edit]]:
         made.append(edits)
         return f"scenario{len(made)}", f"run{len(made)}"
 
-    monkeypatch.setattr(failures._Search, "_made", store)
+    monkeypatch.setattr(failures._Search, "store", store)
     return made
 
 
@@ -93,13 +93,13 @@ async def test_an_interrupted_search_goes_on_and_ends_as_one_that_was_not(
     with pytest.raises(Stopped):
         await searched(stopped, progress(stop_after=3))
     asked = []
-    run = failures._Search._batch
+    run = failures._Search.evaluate_batch
 
     async def batch(self: Any, space: Any) -> None:
         asked.append(len(self.points))
         await run(self, space)
 
-    monkeypatch.setattr(failures._Search, "_batch", batch)
+    monkeypatch.setattr(failures._Search, "evaluate_batch", batch)
     record, _ = await searched(stopped, progress())
     assert asked[0] == 12
     assert [one.edits for one in record.failures] == [one.edits for one in expected.failures]
